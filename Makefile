@@ -1,0 +1,89 @@
+# What a newcomer, a developer and CI type; `make` alone prints it.
+SHELL := bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+MAKEFLAGS += --no-builtin-rules --no-print-directory
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+LOCK := .ci/requirements.lock
+# The report and the tests render without a display.
+export MUJOCO_GL ?= egl
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# More arguments for pytest: make test ARGS='-k recipe -x'
+ARGS ?=
+
+.PHONY: help setup demo test test-all check format lint type layers package bench docs lock clean clean-all
+
+help: ## Print this list
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | while IFS=$$'\t' read -r name what; do \
+		printf '  make %-10s %s\n' "$$name" "$$what"; done
+
+setup: $(VENV)/.installed ## Create .venv with everything that `make demo` and `make test` need
+	@.ci/system libraries
+
+demo: setup ## Build twin/laptop_scene and write its report
+	$(BIN)/dxb build twin/laptop_scene
+	$(BIN)/dxb report
+
+test: setup ## Run the tests that take less than ten seconds each
+	$(BIN)/python -m pytest -n 2 -m 'not slow' $(ARGS)
+
+test-all: setup ## Run every test, those in a browser included
+	@.ci/system browser
+	$(BIN)/python -m pytest -n 2 $(ARGS)
+
+check: setup lint type layers docs package ## Run what CI runs beside `make test`
+
+format: setup ## Format the code and mend what ruff can mend
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+lint: setup ## Check format and style
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+
+type: setup ## Check types
+	$(BIN)/mypy
+
+layers: setup ## Check which module may import which
+	$(BIN)/lint-imports --no-cache
+
+package: setup ## Build wheel and sdist, install each alone and use it
+	$(BIN)/python -m pytest tests/packaging $(ARGS)
+
+bench: setup ## Measure: print the tables of tests/benchmarks and recipes/benchmark
+	$(BIN)/python -m pytest tests/benchmarks -s $(ARGS)
+
+docs: setup ## Build the docs pages into site/
+	$(BIN)/python -m sphinx -W --keep-going -q -b html dextera_build/docs site
+	@echo "docs: site/index.html"
+
+lock: setup ## Write the lock from the versions that .venv holds now
+	$(BIN)/python .ci/lock.py > $(LOCK).new
+	mv $(LOCK).new $(LOCK)
+
+clean: ## Remove what the checks and builds wrote; .venv and the store stay
+	rm -rf dist build site .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
+
+clean-all: clean ## Remove .venv too
+	rm -rf $(VENV)
+
+$(VENV)/.created:
+	@.ci/system python '$(PYTHON)'
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+# torch goes first and by its exact version, so that a wheel which pip is configured to find locally is taken.
+$(VENV)/.locked: $(LOCK) $(VENV)/.created
+	$(BIN)/python -m pip install --quiet --constraint $(LOCK) torch==2.13.0
+	$(BIN)/python -m pip install --quiet --no-deps --requirement $(LOCK)
+	@touch $@
+
+$(VENV)/.installed: pyproject.toml $(VENV)/.locked
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable '.[twin,learn,view]'
+	$(BIN)/python -m pip check
+	@touch $@

@@ -1,0 +1,88 @@
+"""Surfaces: textured triangle meshes and convex pieces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from dextera_build.artifacts.base import Array, Artifact
+from dextera_build.artifacts.image import Image, png
+from dextera_build.errors import ArtifactError
+
+
+class Mesh(Artifact):
+    """A triangle mesh with a texture."""
+
+    vertices: Annotated[np.ndarray, Array("V 3", "float32", unit="m", frame="object")]
+    """Corner positions (a background's are in the world frame)."""
+    faces: Annotated[np.ndarray, Array("F 3", "int32")]
+    """Vertex indices, counter-clockwise seen from outside."""
+    uv: Annotated[np.ndarray, Array("F 3 2", "float32")] | None = None
+    """Texture coordinates of each face's corners, origin at the lower left, v up; None without a texture."""
+    texture: Image | None = None
+    """Texture, or None for a plain colour."""
+    colour: tuple[float, float, float] = (0.7, 0.7, 0.7)
+    """sRGB 0..1 where there is no texture."""
+
+    @model_validator(mode="after")
+    def _check_indices(self) -> Self:
+        if len(self.faces) and (self.faces.min() < 0 or self.faces.max() >= len(self.vertices)):
+            raise ArtifactError("Mesh.faces: an index lies outside the vertices", code="DXB-A301")
+        if (self.uv is None) != (self.texture is None):
+            raise ArtifactError("Mesh: `uv` and `texture` go together", code="DXB-A302")
+        return self
+
+    @property
+    def extent(self) -> np.ndarray:
+        """Size of the axis-aligned bounding box, (3,) [m]."""
+        return np.asarray(self.vertices.max(axis=0) - self.vertices.min(axis=0))
+
+    @property
+    def is_closed(self) -> bool:
+        """Every edge is shared by exactly two faces with opposite directions (vertices merged by position)."""
+        edges = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]).astype(np.int64)
+        if not len(edges):
+            return False
+        count = np.int64(len(self.vertices))
+        forward = np.sort(edges[:, 0] * count + edges[:, 1])
+        backward = np.sort(edges[:, 1] * count + edges[:, 0])
+        return bool((forward[1:] != forward[:-1]).all() and (forward == backward).all())
+
+    def export(self, folder: Path, stem: str) -> list[Path]:
+        """Write `stem.obj` with `stem.mtl` and `stem.png`."""
+        folder.mkdir(parents=True, exist_ok=True)
+        written = [folder / f"{stem}.obj"]
+        written[0].write_text(obj_text(self, f"{stem}.mtl"))
+        material = folder / f"{stem}.mtl"
+        red, green, blue = self.colour
+        lines = ["newmtl surface", f"Kd {red:.4f} {green:.4f} {blue:.4f}"]
+        if self.texture is not None:
+            (folder / f"{stem}.png").write_bytes(png(self.texture.pixels))
+            lines += ["Kd 1 1 1", f"map_Kd {stem}.png"]
+            written.append(folder / f"{stem}.png")
+        material.write_text("\n".join(lines) + "\n")
+        return [*written, material]
+
+
+class Hull(Artifact):
+    """A convex piece, given by its corner points."""
+
+    vertices: Annotated[np.ndarray, Array("V 3", "float32", unit="m", frame="object")]
+    """Points whose convex hull the piece is; at least four, not in one plane."""
+
+
+def obj_text(mesh: Mesh, material_file: str | None = None) -> str:
+    """Wavefront OBJ text of `mesh`; nine significant digits keep float32 exactly."""
+    lines = [f"mtllib {material_file}", "usemtl surface"] if material_file else []
+    lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in mesh.vertices.tolist()]
+    if mesh.uv is None:
+        lines += [f"f {a} {b} {c}" for a, b, c in (mesh.faces + 1).tolist()]
+        return "\n".join(lines) + "\n"
+    lines += [f"vt {u:.6f} {v:.6f}" for u, v in mesh.uv.reshape(-1, 2).tolist()]
+    lines += [
+        f"f {a}/{3 * i + 1} {b}/{3 * i + 2} {c}/{3 * i + 3}" for i, (a, b, c) in enumerate((mesh.faces + 1).tolist())
+    ]
+    return "\n".join(lines) + "\n"

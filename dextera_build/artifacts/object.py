@@ -1,0 +1,243 @@
+"""One object on its way from pixels to a simulation-ready asset."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+
+from dextera_build.artifacts.base import Array, Artifact, Value
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.geometry import Hull, Mesh
+from dextera_build.artifacts.image import DepthImage, Image, LabelImage
+
+
+class Element(Value):
+    """One thing that parsing found in the photograph (mission row B1)."""
+
+    name: str
+    """Unique, lower case, words joined by `_`: the label of everything that is made of it."""
+    category: str
+    """What kind of thing it is: `box`, `cylinder`, `bowl`, `mug`, `laptop`, `support`, `robot`, `room`, `object`."""
+    phrase: str
+    """A short noun phrase for grounding: `blue mug`."""
+    body_type: Literal["rigid", "articulated"] = "rigid"
+    """Whether it has joints."""
+    interactive: bool = True
+    """True: a foreground asset. False: part of the static background."""
+    box: tuple[int, int, int, int] | None = None
+    """left, top, right, bottom [px], right and bottom excluded; None where it is not known yet."""
+    material: str = "plastic"
+    """Key of the material table."""
+
+
+class Elements(Artifact):
+    """What parsing found (mission rows B1, B2)."""
+
+    elements: tuple[Element, ...]
+    """Every element, interactive and static."""
+    source: str
+    """`proposed` or `scene.yaml`."""
+
+
+class Support(Artifact):
+    """The plane that objects stand on, and the metric world frame that it defines.
+
+    World: origin on the plane at the middle of the seen support, z along the plane's normal (up), x the camera's
+    right projected onto the plane, y = z cross x (away from the camera).
+    """
+
+    world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    """T_world_camera, camera in OpenCV axes."""
+    polygon: Annotated[np.ndarray, Array("P 2", "float64", unit="m", frame="world")]
+    """Convex outline of the seen support, counter-clockwise."""
+    residual_m: float
+    """Root mean square distance of the inliers to the plane [m]."""
+    inlier_fraction: float
+    """Part of the valid depth pixels that lie on the plane."""
+
+
+class ObjectView(Artifact):
+    """All that the camera saw of one object: a crop. The name is not part of it, so renaming rebuilds nothing."""
+
+    rgb: Image
+    """Crop of the photograph around the mask, with a margin."""
+    depth: DepthImage
+    """The same crop of the depth [m]."""
+    mask: Annotated[np.ndarray, Array("H W", "bool")]
+    """Visible pixels of the object, in the crop."""
+    occluder: Annotated[np.ndarray, Array("H W", "bool")]
+    """Pixels of the crop where something nearer may hide the object; nothing is known there."""
+    camera: Camera
+    """Intrinsics of the crop."""
+    world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    """T_world_camera; the support is z = 0."""
+    category: str
+    """See `Element.category`."""
+    body_type: Literal["rigid", "articulated"]
+    """See `Element.body_type`."""
+    material: str
+    """See `Element.material`."""
+
+
+class Segmentation(Artifact):
+    """Every object's view and the label map that they were cut from (mission rows B3-B5)."""
+
+    items: dict[str, ObjectView]
+    """Element name -> view; what `each` opens."""
+    names: tuple[str, ...]
+    """Name of label 1, 2, ... of `labels`."""
+    labels: LabelImage
+    """Instance labels in the full photograph; 0 is everything else."""
+    fixed: Annotated[np.ndarray, Array("H W", "bool")]
+    """Pixels above the support that belong to no object: the robot, things cut by the image border."""
+
+
+class Shape(Artifact):
+    """A closed, textured mesh of one object and how well it explains what was seen (mission rows B7, B9)."""
+
+    mesh: Mesh
+    """Object frame: origin at the middle of the base, z up as it stands, closed."""
+    walls: tuple[Hull, ...] = ()
+    """Exact convex pieces where the hypothesis knows them (walls of a hollow body), object frame; else empty."""
+    world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    """First guess of the pose, T_world_object; `align.object` refines it."""
+    hypothesis: str
+    """The one that won: `box`, `cylinder`, `revolved`, `extruded`, `mirrored`, ..."""
+    hollow: bool
+    """Whether the mesh has a cavity that is open upwards."""
+    residual_m: float
+    """Median absolute depth difference between the render and the view on their common pixels [m]."""
+    mask_iou: float
+    """Intersection over union of the rendered and the seen mask (occluded pixels left out)."""
+    unseen_fraction: float
+    """Part of the surface area that the camera did not see."""
+    scores: dict[str, float]
+    """Hypothesis -> render score, higher is better."""
+
+
+class Joint(Value):
+    """One joint between two links, in the object frame at joint position 0."""
+
+    name: str
+    """Unique in the body."""
+    type: Literal["revolute", "prismatic"]
+    """Kind of motion."""
+    parent: str
+    """Link nearer to the root."""
+    child: str
+    """Link that moves."""
+    origin: tuple[float, float, float]
+    """A point on the axis [m]."""
+    axis: tuple[float, float, float]
+    """Unit direction; positive motion follows the right-hand rule."""
+    lower: float
+    """Lower limit [rad or m]."""
+    upper: float
+    """Upper limit [rad or m]."""
+    position: float
+    """Where it stands in the photograph [rad or m]."""
+
+
+class Link(Artifact):
+    """One rigid part. Geometry is in the object frame with every joint at position 0."""
+
+    mesh: Mesh
+    """Closed surface."""
+    walls: tuple[Hull, ...] = ()
+    """See `Shape.walls`."""
+
+
+class Body(Artifact):
+    """An object's links and joints (mission rows B9, B10). A rigid object has one link, `base`, and no joint."""
+
+    links: dict[str, Link]
+    """Name -> link; `base` is the root."""
+    joints: tuple[Joint, ...] = ()
+    """A tree over the links."""
+    world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    """First guess of the pose of the object frame."""
+    hollow: bool = False
+    """See `Shape.hollow`."""
+
+
+class Inertial(Value):
+    """Mass properties of one link with what is known of them; per-link frame is the object frame at joints 0."""
+
+    mass_kg: float
+    """Best estimate [kg]."""
+    mass_low_kg: float
+    """Lower end of the 90 % interval [kg]."""
+    mass_high_kg: float
+    """Upper end of the 90 % interval [kg]."""
+    centre: tuple[float, float, float]
+    """Centre of mass [m]."""
+    inertia: tuple[float, float, float, float, float, float]
+    """ixx, iyy, izz, ixy, ixz, iyz about the centre of mass [kg m^2]; scales with the mass."""
+    source: str
+    """`material table: ceramic, solid volume`."""
+
+
+class Physics(Artifact):
+    """Mass, inertia and contact properties of every link (mission rows B8, D3)."""
+
+    links: dict[str, Inertial]
+    """Link -> mass properties."""
+    friction: float
+    """Sliding friction coefficient."""
+    friction_sigma: float
+    """Standard deviation of `friction`."""
+    restitution: float
+    """Coefficient of restitution."""
+    material: str
+    """Key of the material table."""
+
+
+class Pieces(Artifact):
+    """Convex pieces of one link."""
+
+    hulls: tuple[Hull, ...]
+    """At least one."""
+    method: str
+    """`walls`, `hull`, `coacd`."""
+    cavity_fill: float | None = None
+    """Part of the cavity's volume that the pieces fill wrongly; None where there is no cavity."""
+
+
+class Collision(Artifact):
+    """Collision geometry of a body (mission row B11)."""
+
+    links: dict[str, Pieces]
+    """Link -> pieces, object frame at joints 0."""
+
+
+class Placement(Artifact):
+    """Where and how large a body is (mission rows C13, C14)."""
+
+    world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    """T_world_object of the scaled body (root link)."""
+    scale: float
+    """Uniform factor from the mesh's units to metres."""
+    residual_m: float
+    """Trimmed mean distance of the seen points to the placed surface [m]."""
+    overlap: float
+    """Part of the seen points within 5 mm of the placed surface."""
+    method: str
+    """How it was found."""
+    ambiguous: bool = False
+    """True where the shape's symmetry leaves the rotation about an axis undetermined."""
+
+
+class Asset(Artifact):
+    """A simulation-ready object: everything scaled to metres and placed."""
+
+    body: Body
+    """Links and joints, scaled."""
+    physics: Physics
+    """Masses and contact, of the scaled body."""
+    collision: Collision
+    """Convex pieces, scaled."""
+    world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    """T_world_object."""
+    category: str
+    """See `Element.category`."""

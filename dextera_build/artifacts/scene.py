@@ -1,0 +1,112 @@
+"""Whole scenes: background, simulator models, settle reports, ground truth of reference worlds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+
+from dextera_build.artifacts.base import Array, Artifact, Folder, Value
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.image import DepthImage, Image, LabelImage
+
+
+class SupportBox(Value):
+    """An upright collision box of the static scene, in the world frame."""
+
+    name: str
+    """Unique."""
+    centre: tuple[float, float, float]
+    """Middle [m]."""
+    half_size: tuple[float, float, float]
+    """Half edge lengths [m]."""
+    yaw: float = 0.0
+    """Rotation about world z [rad]."""
+
+
+class Background(Artifact):
+    """The static scene with the objects taken out (mission rows B12, B17)."""
+
+    image: Image
+    """The photograph with the objects filled in."""
+    depth: DepthImage
+    """Its depth."""
+    mesh: Mesh
+    """Textured surface in the world frame; open at its border, because one camera saw it."""
+    boxes: tuple[SupportBox, ...]
+    """Collision geometry; the first one is the support with its top at z = 0."""
+
+
+class Scene(Artifact):
+    """A simulated scene that loads in MuJoCo."""
+
+    model: Folder
+    """`scene.xml` and the files that it names, relative."""
+    camera: Camera
+    """The photograph's intrinsics; the MJCF camera is called `capture`."""
+    world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    """T_world_camera, OpenCV axes."""
+    bodies: tuple[str, ...]
+    """Names of the movable objects; each is the name of its MJCF root body."""
+
+    def export(self, folder: Path, stem: str) -> list[Path]:
+        """Write `scene.xml` and its files."""
+        return self.model.export(folder, stem)
+
+
+class Settled(Value):
+    """What one body did when the scene was let go."""
+
+    name: str
+    """Body."""
+    drift_m: float
+    """Distance that its origin moved [m]."""
+    tilt_rad: float
+    """Angle that it turned [rad]."""
+    penetration_m: float
+    """Deepest contact at the start [m]."""
+    joint_drift: float = 0.0
+    """Largest change of one of its joints' positions [rad or m]."""
+    resting: bool
+    """At rest at the end, upright as it stood, and still above the support."""
+
+
+class SettleReport(Artifact):
+    """Result of the settle check."""
+
+    bodies: tuple[Settled, ...]
+    """One row per body."""
+    seconds: float
+    """Simulated time [s]."""
+    energy_j: Annotated[np.ndarray, Array("T", "float64", unit="J")]
+    """Kinetic energy over time."""
+    passed: bool
+    """Every body rests."""
+
+
+class TruthObject(Artifact):
+    """Ground truth of one object of a reference world."""
+
+    mesh: Mesh
+    """Surface in the world frame of the truth, as posed."""
+    label: int
+    """Its label in `Truth.labels`."""
+
+
+class Truth(Artifact):
+    """What a reference world knows of itself; only `evaluate.*` may take it."""
+
+    objects: dict[str, TruthObject]
+    """Name -> object; the robot and the table are not among them."""
+    labels: LabelImage
+    """Visible instances in the capture's camera."""
+    rgb: Image
+    """Noise-free picture."""
+    depth: DepthImage
+    """Noise-free depth."""
+    camera: Camera
+    """Intrinsics."""
+    world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    """True T_world_camera, in the truth's own world frame (not the twin's)."""

@@ -1,0 +1,55 @@
+"""Tables of numbers for reports, papers and people."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+from dextera_build.artifacts.base import Artifact, Value
+
+
+class Column(Value):
+    """One column."""
+
+    name: str
+    """Heading."""
+    unit: str = ""
+    """Unit, printed behind the heading."""
+    digits: int = 3
+    """Digits after the point."""
+    better: str = ""
+    """`higher`, `lower` or nothing."""
+
+
+Cell = str | float | int | bool | None
+
+
+class Table(Artifact):
+    """A table with typed columns; None is printed as a dash."""
+
+    title: str
+    """One line."""
+    columns: tuple[Column, ...]
+    """Headings."""
+    rows: tuple[tuple[Cell, ...], ...]
+    """Cells, one tuple a row, as long as `columns`."""
+    notes: tuple[str, ...] = ()
+    """Definitions, tolerances, counts: what a reader must know to trust the numbers."""
+
+    def text(self, value: Cell, column: Column) -> str:
+        """One cell as people read it."""
+        if value is None:
+            return "-"
+        return f"{value:.{column.digits}f}" if isinstance(value, float) else str(value)
+
+    def export(self, folder: Path, stem: str) -> list[Path]:
+        """Write `stem.csv`."""
+        buffer = io.StringIO()
+        writer = csv.writer(buffer, lineterminator="\n")
+        writer.writerow([f"{c.name} [{c.unit}]" if c.unit else c.name for c in self.columns])
+        writer.writerows(self.rows)
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / f"{stem}.csv"
+        path.write_text(buffer.getvalue())
+        return [path]

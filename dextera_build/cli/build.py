@@ -1,0 +1,124 @@
+"""`dxb build`: bring targets up to date."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from typing import TYPE_CHECKING
+
+from dextera_build import __version__
+from dextera_build.cli import options
+from dextera_build.errors import StaleError, UsageError
+
+if TYPE_CHECKING:
+    from dextera_build.cli.session import Session
+    from dextera_build.engine.graph import Address
+    from dextera_build.project import Project
+    from dextera_build.recipe.plan import Plan
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="twin/laptop_scene, or one node of it")
+    parser.add_argument("-k", "--keep-going", action="store_true", help="go on with what does not depend on a failure")
+    parser.add_argument("-j", "--jobs", metavar="N", help="nodes that may run at once (DXB_JOBS)")
+    parser.add_argument(
+        "--force", metavar="NODE", action="append", default=[], help="run this node even if it is cached"
+    )
+    parser.add_argument("--check", action="store_true", help="run nothing; exit with 3 where something is stale")
+    parser.add_argument("--console", metavar="KIND", help="live, plain, jsonl or none (DXB_CONSOLE)")
+    parser.add_argument("-v", "--verbose", action="store_true", help="show what nodes log, too")
+    options.project_arguments(parser)
+    options.request_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Build every recipe that is named, one after the other."""
+    started = time.perf_counter()
+    project = options.project(args)
+    wanted: dict[str, list[str]] = {}
+    for text in args.targets:
+        recipe, _, target = text.partition(":")
+        wanted.setdefault(recipe.removesuffix(".yaml").removeprefix("recipes/"), []).append(target)
+    code = 0
+    for recipe, targets in wanted.items():
+        code = max(code, _build(args, project, recipe, targets, started))
+        started = time.perf_counter()
+        if code and not args.keep_going:
+            break
+    return code
+
+
+def _build(args: argparse.Namespace, project: Project, recipe: str, targets: list[str], started: float) -> int:
+    from dextera_build.cli import fresh
+
+    fingerprint = {
+        "dxb": __version__,
+        "python": sys.version,
+        "root": str(project.root),
+        "recipe": recipe,
+        "targets": targets,
+        "profile": project.profile,
+        "input": {text: os.path.abspath(text.partition("=")[2]) for text in args.input},
+        "settings": args.settings,
+        "backends": args.backends,
+    }
+    known = None if args.force else fresh.load(project, fingerprint)
+    if known is not None:
+        nodes, lines = known
+        seconds = time.perf_counter() - started
+        print(f"{recipe} is up to date   {nodes} nodes   {seconds:.2f} s", file=sys.stderr)
+        print("".join(line + "\n" for line in lines), end="")
+        return 0
+    return _run(args, project, recipe, targets, fingerprint)
+
+
+def _run(
+    args: argparse.Namespace, project: Project, recipe: str, targets: list[str], fingerprint: dict[str, object]
+) -> int:
+    from dextera_build.cli.session import Session, addresses
+    from dextera_build.store.signature import Watch
+
+    session = Session(project, recipe)
+    session.store.leaves.watch = watch = Watch()
+    plan = session.plan(options.request(args, project.profile))
+    wanted = [address for target in targets for address in addresses(plan.graph, target)]
+    if args.check:
+        return _check(session, plan, wanted)
+    _refuse_unknown_force(args.force, plan)
+    from dextera_build.cli import execution, fresh, results
+
+    result = execution.execute(session, plan, wanted, args)
+    lines = results.place(session, result)
+    print("".join(line + "\n" for line in lines), end="")
+    if result.ok:
+        fresh.save(project, fingerprint, watch, plan, result, lines)
+    return 0 if result.ok else 1
+
+
+def _check(session: Session, plan: Plan, wanted: list[Address]) -> int:
+    from dextera_build.engine.dryrun import plan as dry
+
+    stale = [node.address for node in dry(plan.graph, wanted, session.store) if node.status != "cached"]
+    if stale:
+        raise StaleError(
+            f"{len(stale)} nodes of `{session.recipe}` are stale",
+            code="DXB-C102",
+            facts={"first": ", ".join(stale[:8])},
+            hint=f"`dxb why '{session.recipe}:{stale[0]}'`",
+        )
+    print(f"{session.recipe} is up to date", file=sys.stderr)
+    return 0
+
+
+def _refuse_unknown_force(names: list[str], plan: Plan) -> None:
+    from dextera_build.cli.session import addresses
+
+    for name in names:
+        try:
+            addresses(plan.graph, name.partition(":")[2] or name)
+        except UsageError as error:
+            error.message = f"`--force {name}`: {error.message}"
+            raise

@@ -1,0 +1,73 @@
+"""What a build shows while it runs. Every console is a listener of the event stream and writes to one stream."""
+
+from __future__ import annotations
+
+import os
+from types import TracebackType
+from typing import Protocol, Self, TextIO
+
+from dextera_build.engine.events import Event
+from dextera_build.errors import UsageError, listing
+
+KINDS = ("live", "plain", "jsonl", "none")
+"""Values of `--console`."""
+
+_NARROW = 40  # columns below which a foot that moves has no room for a name, a clock and a bar
+
+
+class Console(Protocol):
+    """A listener that may hold the terminal until it is closed; used as a context manager."""
+
+    def __call__(self, event: Event) -> None:
+        """Show one event."""
+
+    def close(self) -> None:
+        """Write what is held back and leave the terminal as it was; may be called twice."""
+
+    def __enter__(self) -> Self:
+        """Itself."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close."""
+
+
+def console(kind: str, stream: TextIO, *, verbose: bool = False) -> Console:
+    """The console called `kind`; `live` becomes `plain` where `stream` cannot show a foot that moves.
+
+    Args:
+        kind: One of `KINDS`.
+        stream: Standard error, as a rule; standard output is for results.
+        verbose: Show the lines that nodes log, too.
+
+    Raises:
+        UsageError: There is no such console.
+    """
+    if kind == "live" and can_move(stream):
+        from dextera_build.cli.consoles.live import LiveConsole
+
+        return LiveConsole(stream, verbose=verbose)
+    if kind in ("live", "plain"):
+        from dextera_build.cli.consoles.plain import PlainConsole
+
+        return PlainConsole(stream, verbose=verbose)
+    if kind == "jsonl":
+        from dextera_build.cli.consoles.jsonl import JsonlConsole
+
+        return JsonlConsole(stream)
+    if kind == "none":
+        from dextera_build.cli.consoles.quiet import QuietConsole
+
+        return QuietConsole(stream)
+    raise UsageError(f"there is no console `{kind}`", code="DXB-U120", facts={"consoles": listing(KINDS)})
+
+
+def can_move(stream: TextIO) -> bool:
+    """Whether lines at the foot of `stream` can be drawn again: a terminal with room, and nobody asked for none."""
+    if not stream.isatty() or os.environ.get("DXB_NO_PROGRESS") or os.environ.get("TERM") == "dumb":
+        return False
+    try:
+        return os.get_terminal_size(stream.fileno()).columns >= _NARROW
+    except (OSError, ValueError):
+        return False

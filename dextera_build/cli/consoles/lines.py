@@ -1,0 +1,125 @@
+"""The lines of a build log, as styled pieces that every console can print."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+from dextera_build.engine.events import GroupOpened, NodeFinished, RunFinished, RunStarted
+from dextera_build.report.wording import MARKS, count, duration, some, states
+
+Line: TypeAlias = list[tuple[str, str]]
+"""(text, style) pieces; styles are the names in `STYLES`."""
+
+STYLES: dict[str, str] = {
+    "": "",
+    "cached": "2",
+    "ran": "32",
+    "fetched": "36",
+    "failed": "31;1",
+    "waits": "33",
+    "cancelled": "33",
+    "name": "1",
+    "dim": "2",
+    "path": "36",
+}
+"""Style -> ANSI codes."""
+
+_NAME_COLUMN = (26, 36)  # characters: how wide the column of names starts, and where it stops growing
+
+
+class Columns:
+    """Widths that grow with what was printed, so that later lines stand under earlier ones."""
+
+    def __init__(self) -> None:
+        self.name = _NAME_COLUMN[0]
+        self.backend = 10
+
+    def node(self, event: NodeFinished, blocked: str = "") -> Line:
+        """`  +  body[mug].mesh   12.0 s   primitives   revolved, closed`."""
+        time = duration(event.seconds) if event.status in ("ran", "fetched", "failed") else event.status
+        said = _first(event.line)
+        if event.status == "failed" and event.error:
+            said = _first(str(event.error.get("message", "")))
+        if event.status == "waits":
+            said = blocked or f"for {some(event.blocked_by, 3)}"
+        if event.status == "fetched":
+            said = said or "remote"
+        return self._row(event.status, event.node, time, event.backend or "", said)
+
+    def fold(self, events: Sequence[NodeFinished]) -> Line:
+        """One line for many cached nodes."""
+        names = some([event.node for event in events], 3)
+        return self._row("cached", count(len(events), "node"), "cached", "", names)
+
+    def _row(self, status: str, name: str, time: str, backend: str, said: str) -> Line:
+        self.name = max(self.name, min(len(name), _NAME_COLUMN[1]))
+        self.backend = max(self.backend, min(len(backend), 14))
+        quiet = "dim" if status == "cached" else ""
+        row: Line = [
+            (f"  {MARKS[status]}  ", status),
+            (f"{name:<{self.name}}  ", quiet),
+            (f"{time:<10} ", "failed" if status == "failed" else "dim"),
+            (f"{backend:<{self.backend}}  ", "dim"),
+            (said, "failed" if status == "failed" else quiet),
+        ]
+        return trimmed(row)
+
+
+def trimmed(line: Line) -> Line:
+    """The line without blanks at its end."""
+    while line:
+        text, style = line[-1]
+        if text.rstrip():
+            return [*line[:-1], (text.rstrip(), style)]
+        line = line[:-1]
+    return line
+
+
+def plain(line: Line) -> str:
+    """The line's characters."""
+    return "".join(text for text, _ in line)
+
+
+def plan(event: RunStarted) -> Line:
+    """`plan   7 nodes, 1 open group`."""
+    groups = f", {count(event.groups, 'open group')}" if event.groups else ""
+    return [("plan   ", "name"), (f"{count(event.calls, 'node')}{groups}", "")]
+
+
+def opened(event: GroupOpened) -> Line:
+    """`body opened: 12 nodes (laptop, mug, box)`."""
+    labels = f" ({some(event.labels)})" if event.labels else ""
+    return [(f"       {event.group} opened: {count(event.nodes, 'node')}{labels}", "dim")]
+
+
+def logged(node: str, text: str) -> Line:
+    """A line that a node logged."""
+    return [(f"     {node} | ", "dim"), (_printable(text.rstrip()), "")]
+
+
+def summary(recipe: str, event: RunFinished) -> Line:
+    """`built twin/laptop_scene   19 nodes: 9 ran, 9 cached   58.3 s (21 min saved)`."""
+    total = sum(event.counts.values())
+    nodes, seconds = count(total, "node"), duration(event.seconds)
+    if event.ok and event.counts.get("cached", 0) == total:
+        return [(recipe, "name"), (f" is up to date   {nodes}   {seconds}", "")]
+    verb, style = ("built", "ran") if event.ok else ("failed", "failed")
+    if event.interrupted:
+        verb, style = "stopped", "waits"
+    saved = f" ({duration(event.saved_seconds)} saved)" if event.saved_seconds >= 1 else ""
+    return [(verb, style), (f" {recipe}", "name"), (f"   {nodes}: {states(event.counts)}   {seconds}{saved}", "")]
+
+
+def next_steps(recipe: str) -> Line:
+    """What to look at after a build."""
+    return [("  view: ", "dim"), (f"dxb view {recipe}", "path"), ("      report: ", "dim"), ("dxb report", "path")]
+
+
+def _first(text: str) -> str:
+    return _printable(text.partition("\n")[0])
+
+
+def _printable(text: str) -> str:
+    """Without what moves the cursor or rings a bell: rules and their libraries print what they like."""
+    return "".join(char if char.isprintable() else " " for char in text)

@@ -1,0 +1,38 @@
+"""Silence, except for failures."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Self, TextIO
+
+from dextera_build.cli.consoles.record import Record
+from dextera_build.cli.errors import wants_colour
+from dextera_build.engine.events import Event, RunFinished
+
+
+class QuietConsole:
+    """Says nothing of a build that succeeds."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._record = Record()
+
+    def __call__(self, event: Event) -> None:
+        """Print failed nodes when the run ends."""
+        self._record.follow(event)
+        if isinstance(event, RunFinished):
+            for block in self._record.failures(colour=wants_colour(self._stream)):
+                self._stream.write(block + "\n")
+            self._stream.flush()
+
+    def close(self) -> None:
+        """Nothing is held back."""
+
+    def __enter__(self) -> Self:
+        """Itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Nothing to do."""

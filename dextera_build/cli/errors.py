@@ -1,0 +1,129 @@
+"""How an error looks on a terminal: what, where, the facts, and a next step."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TextIO
+
+from dextera_build.engine.events import NodeFinished
+from dextera_build.errors import DxbError, Place, from_json
+from dextera_build.report.wording import some
+
+Lines = Callable[[str], Sequence[str] | None]
+"""File as `Place` names it -> its lines, or None where it cannot be read."""
+
+_RED, _CYAN, _DIM, _BOLD = "31;1", "36", "2", "1"
+_WORD = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,{}\[\]]+")
+
+
+def read_lines(file: str) -> list[str] | None:
+    """Lines of a text file, or None where it cannot be read."""
+    try:
+        return Path(file).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError, ValueError):
+        return None
+
+
+def wants_colour(stream: TextIO) -> bool:
+    """Whether `stream` is a terminal and nobody asked for no colour (https://no-color.org)."""
+    return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+
+
+def paint(text: str, style: str, colour: bool) -> str:
+    """`text` in an ANSI style (`31;1`), or as it is."""
+    return f"\x1b[{style}m{text}\x1b[0m" if colour and text else text
+
+
+def render(error: DxbError, *, colour: bool = False, lines: Lines = read_lines) -> str:
+    """An error as text without a final newline.
+
+    Args:
+        error: What happened.
+        colour: Use ANSI colours.
+        lines: How the source line is found; a file that cannot be read is named but not quoted.
+    """
+    head = f"{paint(f'error[{error.code}]', _RED, colour)}: {paint(error.message, _BOLD, colour)}"
+    if error.where is None:
+        body = _aligned(list(error.facts.items()), colour)
+    else:
+        body = _quoted(error, error.where, colour, lines)
+    return "\n".join([head, *body, *_hint(error, colour)])
+
+
+def render_node(node: NodeFinished, waiting: Sequence[str], run: str, *, colour: bool = False) -> str:
+    """A failed node as text without a final newline.
+
+    Args:
+        node: Event of the failed node.
+        waiting: Addresses of the nodes that never ran because of it.
+        run: The run's name, for `dxb log`.
+        colour: Use ANSI colours.
+    """
+    error = from_json(node.error or {"message": "it ended without a result"})
+    verb = "failed its check" if error.code == "DXB-B201" else "failed"
+    message = paint(f"{node.node} {verb}: {error.message}", _BOLD, colour)
+    backend = f", backend {node.backend}" if node.backend else ""
+    rows = [("rule", f"{node.rule}{backend}")]
+    if error.where is not None:
+        rows.append(("at", str(error.where)))
+    rows += error.facts.items()
+    if waiting:
+        rows.append(("waits", some(waiting)))
+    rows.append(("log", f"dxb log {shlex.quote(run)} {shlex.quote(node.node)}"))
+    head = f"{paint(f'error[{error.code}]', _RED, colour)}: {message}"
+    return "\n".join([head, *_aligned(rows, colour), *_hint(error, colour)])
+
+
+def _aligned(rows: list[tuple[str, str]], colour: bool) -> list[str]:
+    width = max((len(name) for name, _ in rows), default=0)
+    indent = " " * (width + 6)
+    return [
+        f"   {paint(name.ljust(width), _DIM, colour)}   {_indented(value, indent)}".rstrip() for name, value in rows
+    ]
+
+
+def _quoted(error: DxbError, where: Place, colour: bool, lines: Lines) -> list[str]:
+    gutter = " " * max(len(str(where.line)), 2)
+    out = [f"{gutter}{paint('-->', _CYAN, colour)} {where}"]
+    text = _line(where, lines)
+    if text is not None:
+        bar = paint("|", _CYAN, colour)
+        out += [f"{gutter} {bar}", f"{paint(str(where.line).rjust(len(gutter)), _CYAN, colour)} {bar} {text}".rstrip()]
+        if where.column:
+            # Tabs stand in the blank part too, so that the marks sit under the word whatever a tab is worth.
+            blank = re.sub(r"[^\t]", " ", text[: where.column - 1])
+            marks = "^" * _length(text, where.column, error.message)
+            out.append(f"{gutter} {bar} {blank}{paint(marks, _RED, colour)}")
+    equals = paint("=", _CYAN, colour)
+    indent = gutter + "   "
+    return out + [f"{gutter} {equals} {name}: {_indented(value, indent)}" for name, value in error.facts.items()]
+
+
+def _line(where: Place, lines: Lines) -> str | None:
+    found = lines(where.file) if where.line else None
+    if not found or where.line > len(found):
+        return None
+    return found[where.line - 1]
+
+
+def _length(text: str, column: int, message: str) -> int:
+    """Characters to underline: a literal of the message that stands there, else the word."""
+    rest = text[column - 1 :]
+    literals = sorted(re.findall(r"`([^`]+)`", message), key=len, reverse=True)
+    for literal in literals:
+        if rest.startswith(literal):
+            return len(literal)
+    word = _WORD.match(rest)
+    return len(word.group().rstrip(":")) or 1 if word else 1
+
+
+def _indented(value: str, indent: str) -> str:
+    return value.replace("\n", "\n" + indent)
+
+
+def _hint(error: DxbError, colour: bool) -> list[str]:
+    return ["", f"{paint('hint', _CYAN, colour)}: {error.hint}"] if error.hint else []

@@ -1,0 +1,32 @@
+"""`dxb get`: a node's artifact as files."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from dextera_build.cli import options
+from dextera_build.errors import UsageError
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("node", metavar="RECIPE:NODE", help="twin/laptop_scene:body[mug].mesh")
+    parser.add_argument("-o", "--out", metavar="DIR", default=".", help="where to write (the current folder)")
+    options.project_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the files and print their paths, the main one first."""
+    from dextera_build.cli.session import Session, wish
+
+    wanted = wish(args.node)
+    if not wanted.target:
+        raise UsageError(
+            "name a node", code="DXB-U111", hint=f"`dxb get {wanted.recipe}:NODE`; `dxb ls {wanted.recipe}`"
+        )
+    session = Session(options.project(args), wanted.recipe)
+    stem = wanted.target.rpartition(".")[2]
+    for path in session.artifact(wanted.target).export(Path(args.out), stem):
+        print(path)
+    return 0

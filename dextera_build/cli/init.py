@@ -1,0 +1,61 @@
+"""`dxb init`: a new project that builds at once."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from dextera_build.errors import UsageError
+
+_CONFIG = """# Settings of this project; `dxb show --config` prints each value with its origin.
+profile = "cpu"
+cache = "cache"
+"""
+_IGNORE = "cache/\ndxb.local.toml\n__pycache__/\n"
+_RECIPE = """summary: The twin of what stands on my table.
+inputs:
+  capture:
+    help: A folder with rgb.png, depth.png and capture.json (width, height, fx, fy, cx, cy, depth_scale_m).
+nodes:
+  twin: {recipe: twin/tabletop, capture: $capture}
+targets:
+  default: [twin.scene, twin.usd, twin.settle, twin.overlay]
+"""
+_README = """# A dxb project
+
+    dxb build twin/my_table --input capture=PATH     # a folder with rgb.png, depth.png, capture.json
+    dxb report                                       # what was built, one HTML file
+    dxb view twin/my_table                           # the scene in the browser
+
+`recipes/` holds what is built, `rules/` (optional) how: see `dxb new --help`.
+"""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("folder", nargs="?", default=".", help="the project's folder (made where it is missing)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the project's files; nothing that exists is touched."""
+    root = Path(args.folder)
+    files = {
+        "dxb.toml": _CONFIG,
+        ".gitignore": _IGNORE,
+        "README.md": _README,
+        "recipes/twin/my_table.yaml": _RECIPE,
+    }
+    if (root / "dxb.toml").exists():
+        raise UsageError(
+            f"`{root / 'dxb.toml'}` exists: this is a project already",
+            code="DXB-U201",
+            hint="`dxb ls` shows its recipes",
+        )
+    for name, text in files.items():
+        path = root / name
+        if path.exists():
+            continue
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        print(path)
+    return 0

@@ -1,0 +1,58 @@
+"""`dxb log`: what a run did and what its nodes printed."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import TYPE_CHECKING
+
+from dextera_build.cli import options
+from dextera_build.errors import UsageError, did_you_mean, listing
+
+if TYPE_CHECKING:
+    from dextera_build.project import Project
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("run", nargs="?", metavar="RUN|RECIPE", help="a run's id, or a recipe for its last run")
+    parser.add_argument("node", nargs="?", metavar="NODE", help="one node: all that it printed")
+    options.project_arguments(parser)
+    options.json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print one node a line, or one node's log."""
+    from dextera_build.cli import runs
+
+    project = options.project(args)
+    run, events = runs.find(project, args.run)
+    finished = {event["node"]: event for event in events if event["event"] == "node_finished"}
+    if args.node is None:
+        if args.json:
+            print(json.dumps(events))
+            return 0
+        for node, event in finished.items():
+            print(f"{node}\t{event['status']}\t{event['seconds']:.1f} s\t{event['line']}")
+        return 0
+    if args.node not in finished:
+        raise UsageError(
+            f"run {run} has no node `{args.node}`",
+            code="DXB-U110",
+            facts={"nodes": listing(finished, most=40)},
+            hint=did_you_mean(args.node, finished),
+        )
+    said = [event["text"] for event in events if event["event"] == "node_log" and event["node"] == args.node]
+    print("\n".join(said) or _stored(project, finished[args.node]["key"]))
+    return 0
+
+
+def _stored(project: Project, key: str | None) -> str:
+    """What a cached node printed when it was built."""
+    from dextera_build.store.store import Store
+
+    store = Store(project.cache)
+    found = store.actions.get(key) if key else None
+    return (
+        store.blobs.get(found.log).decode(errors="replace").rstrip() if found and found.log else "(it printed nothing)"
+    )

@@ -1,0 +1,84 @@
+"""`dxb ls`: what there is."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+
+from dextera_build.cli import options
+from dextera_build.project import Project
+
+Row = dict[str, str]
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument(
+        "what",
+        nargs="?",
+        default="recipes",
+        help="recipes (default), rules, backends, runs, or a recipe's address for its nodes",
+    )
+    options.project_arguments(parser)
+    options.request_arguments(parser)
+    options.json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print one row a line."""
+    project = options.project(args)
+    listings = {"recipes": _recipes, "rules": _rules, "backends": _backends, "runs": _runs}
+    listing = listings.get(args.what)
+    rows = list(listing(project) if listing else _nodes(project, args))
+    if args.json:
+        print(json.dumps(rows, indent=1))
+    else:
+        print("\n".join("\t".join(row.values()) for row in rows))
+    return 0
+
+
+def _recipes(project: Project) -> Iterator[Row]:
+    for address, _ in project.recipes():
+        recipe = project.recipe(address)
+        yield {"recipe": address, "summary": recipe.summary if recipe else ""}
+
+
+def _rules(project: Project) -> Iterator[Row]:
+    for found in project.library.rules():
+        yield {"rule": found.path, "summary": found.rule.summary}
+
+
+def _backends(project: Project) -> Iterator[Row]:
+    for found in project.library.rules():
+        for backend in found.backends.values():
+            facts, missing = backend.facts, backend.missing()
+            yield {
+                "rule": found.path,
+                "backend": backend.name,
+                "profiles": ",".join(facts.profiles),
+                "installed": "no: " + ", ".join(missing) if missing else "yes",
+                "gpu": f"{facts.gpu_gb:g} GiB" if facts.gpu_gb else "-",
+                "licence": facts.licence,
+                "summary": facts.summary,
+            }
+
+
+def _runs(project: Project) -> Iterator[Row]:
+    from dextera_build.cli.runs import runs
+
+    yield from runs(project)
+
+
+def _nodes(project: Project, args: argparse.Namespace) -> Iterator[Row]:
+    from dextera_build.recipe.plan import plan
+
+    graph = plan(args.what, project.recipe, project.library, project.root, options.request(args, project.profile)).graph
+    for address, call in graph.calls():
+        copies = [f"{name}[*]" for name in address[:-1]]
+        yield {
+            "node": ".".join([*copies, address[-1]]),
+            "rule": call.rule.path,
+            "backend": call.rule.backend or "-",
+            "place": str(call.where),
+        }

@@ -1,0 +1,106 @@
+"""`dxb`: reads the command line, calls one verb, prints errors, and gives the exit code.
+
+Exit codes: 0 done, 1 a node failed, 2 command line or recipe wrong, 3 stale under `--check`, 4 the machine lacks
+something, 70 a fault in dxb, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+from dextera_build import __version__
+from dextera_build.errors import DxbError, UsageError, did_you_mean
+
+VERBS = {
+    "build": "build targets; only what is stale runs",
+    "plan": "show what a build would do, without doing it",
+    "get": "write a node's artifact to files",
+    "why": "explain why a node is stale, or when it was built",
+    "ls": "list recipes, rules, backends, nodes or runs",
+    "show": "show an artifact, a node, or the configuration",
+    "log": "show past runs and what their nodes printed",
+    "view": "look at a scene in the browser",
+    "report": "write a run's report, one offline HTML file",
+    "init": "make a new project",
+    "new": "make a new recipe, rule or backend in this project",
+    "check": "check recipes, or rebuild a node and compare",
+    "doctor": "say what this machine has and lacks",
+    "cache": "look after the store",
+}
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in the form of every other error."""
+
+    def error(self, message: str) -> NoReturn:
+        hint = f"`{self.prog} --help` shows what it takes"
+        if message.startswith("argument VERB: invalid choice: "):
+            wrong = message.split("'")[1]
+            message, hint = f"there is no verb `{wrong}`", did_you_mean(wrong, VERBS, "`dxb {}`") or hint
+        raise UsageError(message, code="DXB-U101", hint=hint)
+
+
+def parser(verb: str | None = None) -> argparse.ArgumentParser:
+    """The command line's grammar; with `verb`, only that verb's arguments are filled in, so that start-up is quick."""
+    top = _Parser(prog="dxb", description="A content-addressed build system for robot digital twins.")
+    top.add_argument("--version", action="version", version=f"dxb {__version__}")
+    verbs = top.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=_Parser)
+    for name, summary in VERBS.items():
+        sub = verbs.add_parser(name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.")
+        if verb in (None, name):
+            importlib.import_module(f"dextera_build.cli.{name}").arguments(sub)
+    return top
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    verb = next((word for word in words if not word.startswith("-")), "")
+    try:
+        args = parser(verb).parse_args(words)
+        code: int = importlib.import_module(f"dextera_build.cli.{args.verb}").run(args)
+        sys.stdout.flush()
+        return code
+    except DxbError as error:
+        return _refuse(error)
+    except KeyboardInterrupt:
+        print("interrupted; what was finished is kept, the next build goes on from there", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # The reader (`| head`) went away; nobody is left to tell.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:  # the one place that must not let a traceback out unexplained
+        return _fault(error, words)
+
+
+def entry() -> NoReturn:
+    """The console script."""
+    sys.exit(main())
+
+
+def _refuse(error: DxbError) -> int:
+    from dextera_build.cli.errors import render, wants_colour
+
+    print(render(error, colour=wants_colour(sys.stderr)), file=sys.stderr)
+    return error.exit_code
+
+
+def _fault(error: Exception, words: list[str]) -> int:
+    import tempfile
+    import traceback
+
+    with tempfile.NamedTemporaryFile("w", prefix="dxb-fault-", suffix=".txt", delete=False) as file:
+        file.write(f"dxb {__version__} {' '.join(words)}\n\n{traceback.format_exc()}")
+    fault = DxbError(
+        f"a fault in dxb: {type(error).__name__}: {error}",
+        code="DXB-X001",
+        facts={"traceback": file.name},
+        hint="report it with that file",
+    )
+    return _refuse(fault)

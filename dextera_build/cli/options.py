@@ -1,0 +1,67 @@
+"""Arguments that several verbs share, and what they turn into."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from dextera_build.errors import UsageError
+
+if TYPE_CHECKING:
+    from dextera_build.project import Project
+    from dextera_build.recipe.plan import Request
+
+
+def project_arguments(parser: argparse.ArgumentParser) -> None:
+    """Where to work."""
+    parser.add_argument("--cache", metavar="DIR", help="the store's folder (DXB_CACHE)")
+    parser.add_argument("--profile", metavar="NAME", help="stub, cpu, gpu or cloud (DXB_PROFILE)")
+
+
+def request_arguments(parser: argparse.ArgumentParser) -> None:
+    """What to add to a recipe."""
+    group = parser.add_argument_group("over the recipe")
+    group.add_argument("--input", metavar="NAME=PATH", action="append", default=[], help="bind an input of the recipe")
+    group.add_argument(
+        "--set",
+        metavar="NODE.OPTION=VALUE",
+        action="append",
+        default=[],
+        dest="settings",
+        help="set an option: 'body[mug].mesh.wall_m=0.004'",
+    )
+    group.add_argument(
+        "--backend", metavar="RULE=NAME", action="append", default=[], dest="backends", help="choose a rule's backend"
+    )
+
+
+def json_argument(parser: argparse.ArgumentParser) -> None:
+    """For verbs that read."""
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def project(args: argparse.Namespace) -> Project:
+    """The project that the arguments name."""
+    from dextera_build import project as module
+
+    flags = {name: getattr(args, name, None) for name in ("cache", "profile", "jobs", "console")}
+    return module.find(flags=flags)
+
+
+def request(args: argparse.Namespace, profile: str) -> Request:
+    """What the arguments add to a recipe."""
+    from dextera_build.recipe import plan, settings
+
+    return plan.Request(
+        profile=profile,
+        inputs=dict(_pair(text, "--input NAME=PATH") for text in args.input),
+        settings=tuple(settings.parse(text) for text in args.settings),
+        backends=dict(_pair(text, "--backend RULE=NAME") for text in args.backends),
+    )
+
+
+def _pair(text: str, form: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not (name and equals and value):
+        raise UsageError(f"`{text}` is not of the form `{form}`", code="DXB-U102")
+    return name, value

@@ -1,0 +1,46 @@
+"""`dxb plan`: what a build would do."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+from dextera_build.cli import options
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("target", metavar="RECIPE[:TARGET]")
+    options.project_arguments(parser)
+    options.request_arguments(parser)
+    options.json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print one node a line: address, status, rule, backend, seconds of the last time.
+
+    `cached` is up to date, `stale` would run, `unknown` depends on what a stale node will return.
+    """
+    from dextera_build.cli.session import Session, addresses, wish
+    from dextera_build.engine.dryrun import plan
+    from dextera_build.engine.graph import parse_address
+
+    project = options.project(args)
+    wanted = wish(args.target)
+    session = Session(project, wanted.recipe)
+    graph = session.plan(options.request(args, project.profile)).graph
+    calls = dict(graph.calls())
+    rows = []
+    for node in plan(graph, addresses(graph, wanted.target), session.store, history=session.past_builds):
+        rule = calls[parse_address(node.address).call].rule
+        rows.append(
+            {
+                "node": node.address,
+                "status": node.status,
+                "rule": rule.path,
+                "backend": rule.backend or "-",
+                "last_seconds": f"{node.seconds_last:.1f}" if node.seconds_last is not None else "-",
+            }
+        )
+    print(json.dumps(rows, indent=1) if args.json else "\n".join("\t".join(row.values()) for row in rows))
+    return 0

@@ -1,0 +1,40 @@
+"""`dxb report`: one offline HTML file of a run."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import webbrowser
+from pathlib import Path
+
+from dextera_build.cli import options
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("run", nargs="?", metavar="RUN|RECIPE", help="a run's id, or a recipe for its last run")
+    parser.add_argument("-o", "--out", metavar="FILE", help="where to write it (<cache>/out/<recipe>/report.html)")
+    parser.add_argument("--open", action="store_true", help="open it in the browser")
+    options.project_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the file and print its path."""
+    from dextera_build.cli import runs
+    from dextera_build.report.build import build
+    from dextera_build.store.store import Store
+
+    project = options.project(args)
+    _, events = runs.find(project, args.run)
+    recipe = next(event["recipe"] for event in events if event["event"] == "run_started")
+    out = Path(args.out) if args.out else project.cache / "out" / recipe / "report.html"
+    licences = {
+        f"{found.path}:{backend.name}": backend.facts.licence
+        for found in project.library.rules()
+        for backend in found.backends.values()
+    }
+    path = build(events, Store(project.cache), out, licences=licences)
+    print(project.shown(path))
+    if args.open or (os.environ.get("DISPLAY") and os.isatty(1) and args.out is None):
+        webbrowser.open(path.absolute().as_uri())
+    return 0

@@ -1,0 +1,44 @@
+"""Puts the targets of a build where people open them: `<cache>/out/<recipe>/<node>/`."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dextera_build.cli.session import Session
+
+if TYPE_CHECKING:
+    from dextera_build.engine.execute import RunResult
+
+_STAMP = ".digest"
+
+
+def place(session: Session, result: RunResult) -> list[str]:
+    """Write every target that was built and return one line each: its address, a tab, its main file."""
+    lines = []
+    for node in result.targets:
+        record = result.nodes[node]
+        if record.output is not None:
+            lines.append(f"{node}\t{session.project.shown(_export(session, node, record.rule, record.output))}")
+    return lines
+
+
+def folder_of(session: Session, node: str) -> Path:
+    """Where a node's files lie."""
+    return session.project.cache / "out" / session.recipe / node.replace("/", ".").replace(":", ".")
+
+
+def _export(session: Session, node: str, rule: str, output: str) -> Path:
+    folder = folder_of(session, node)
+    stamp = folder / _STAMP
+    if stamp.is_file():
+        digest, _, name = stamp.read_text().partition("\n")
+        if digest == output and (folder / name).exists():
+            return folder / name
+    shutil.rmtree(folder, ignore_errors=True)
+    artifact = session.project.library.find(rule).rule.returns.decode(output, session.store.blobs.get)
+    written = artifact.export(folder, node.rpartition(".")[2])
+    main: Path = written[0] if written else folder
+    stamp.write_text(f"{output}\n{main.relative_to(folder).as_posix()}")
+    return main

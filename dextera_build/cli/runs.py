@@ -1,0 +1,57 @@
+"""Past runs, from their event logs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+from dextera_build.errors import UsageError
+from dextera_build.project import Project
+from dextera_build.store.store import Store
+
+Events = list[dict[str, Any]]
+
+
+def runs(project: Project) -> Iterator[dict[str, str]]:
+    """One row per run, the newest first."""
+    from dextera_build.engine import eventlog
+
+    store = Store(project.cache)
+    for run in reversed(eventlog.runs(store)):
+        events = eventlog.read(store, run)
+        start = next((event for event in events if event["event"] == "run_started"), None)
+        end = next((event for event in events if event["event"] == "run_finished"), None)
+        if start is not None:
+            yield {
+                "run": run,
+                "when": time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(start["time"])),
+                "recipe": start["recipe"],
+                "ended": _ended(end),
+                "seconds": f"{end['seconds']:.1f}" if end else "-",
+            }
+
+
+def find(project: Project, text: str | None) -> tuple[str, Events]:
+    """The events of a run named by its id, of the last run of a recipe, or of the last run.
+
+    Raises:
+        UsageError: There is none.
+    """
+    from dextera_build.engine import eventlog
+
+    store = Store(project.cache)
+    known = list(eventlog.runs(store))
+    run = text if text in known else eventlog.latest(store, text)
+    if run is None:
+        what = f"of `{text}` " if text else ""
+        raise UsageError(f"no run {what}is logged here", code="DXB-U112", hint="`dxb ls runs`, or `dxb build RECIPE`")
+    return run, eventlog.read(store, run)
+
+
+def _ended(end: dict[str, Any] | None) -> str:
+    if end is None:
+        return "cut off"
+    if end["interrupted"]:
+        return "interrupted"
+    return "done" if end["ok"] else "failed"

@@ -1,0 +1,147 @@
+"""What verbs do with a project: plan a recipe, find its targets, find what past runs made of its nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from dextera_build.engine.graph import Address, Graph, parse_address
+from dextera_build.errors import RuleError, UsageError, did_you_mean, listing
+from dextera_build.project import Project
+from dextera_build.store.store import Store
+
+if TYPE_CHECKING:
+    from dextera_build.artifacts.base import Artifact
+    from dextera_build.engine.history import Entry, History
+    from dextera_build.recipe.plan import Plan, Request
+
+
+@dataclass(frozen=True)
+class Wish:
+    """`twin/laptop_scene:body[mug].mesh`: a recipe, and a target or node of it."""
+
+    recipe: str
+    target: str
+
+
+def wish(text: str) -> Wish:
+    """Read `RECIPE` or `RECIPE:TARGET`."""
+    recipe, _, target = text.partition(":")
+    return Wish(recipe.removesuffix(".yaml").removeprefix("recipes/"), target)
+
+
+class Session:
+    """One recipe of a project, as a verb sees it.
+
+    Args:
+        project: Where to work.
+        recipe: The recipe's address.
+    """
+
+    def __init__(self, project: Project, recipe: str) -> None:
+        self.project = project
+        self.recipe = recipe
+
+    @cached_property
+    def store(self) -> Store:
+        """The project's store."""
+        return Store(self.project.cache)
+
+    def plan(self, request: Request) -> Plan:
+        """The recipe, resolved.
+
+        Raises:
+            UsageError: No recipe is called so.
+        """
+        from dextera_build.recipe.plan import plan
+
+        if self.project.recipe(self.recipe) is None:
+            known = [address for address, _ in self.project.recipes()]
+            raise UsageError(
+                f"no recipe is called `{self.recipe}`",
+                code="DXB-U108",
+                facts={"recipes": listing(known, most=30)},
+                hint=did_you_mean(self.recipe, known) or "`dxb ls` shows all of them",
+            )
+        return plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
+
+    @cached_property
+    def past_builds(self) -> History:
+        """What this machine remembers of the recipe."""
+        from dextera_build.engine.history import History
+
+        return History(self.store, self.recipe, str(self.project.root))
+
+    @cached_property
+    def history(self) -> dict[str, Entry]:
+        """Node address -> what the last run that finished it left behind."""
+        return self.past_builds.all()
+
+    def past(self, node: str) -> Entry:
+        """What is known of a node that was built.
+
+        Raises:
+            UsageError: It never was.
+        """
+        if node not in self.history:
+            known = sorted(self.history)
+            raise UsageError(
+                f"`{self.recipe}:{node}` was never built here",
+                code="DXB-U109",
+                facts={"built": listing(known, most=30)},
+                hint=did_you_mean(node, known) or f"`dxb build '{self.recipe}:{node}'`",
+            )
+        return self.history[node]
+
+    def output(self, node: str) -> str:
+        """Digest of what a node returned last.
+
+        Raises:
+            UsageError: It was never built.
+            RuleError: It was, but the store no longer holds it.
+        """
+        found = self.store.actions.get(self.past(node).key)
+        if found is None:
+            raise RuleError(
+                f"`{self.recipe}:{node}` was built, but the store no longer holds it",
+                code="DXB-B401",
+                hint=f"`dxb build '{self.recipe}:{node}'`",
+            )
+        return found.output
+
+    def artifact(self, node: str) -> Artifact:
+        """What a node returned last, decoded."""
+        document = self.document(node)
+        kind: Any = self.project.library.find(str(document["rule"])).rule.returns
+        decoded: Artifact = kind.decode(self.output(node), self.store.blobs.get)
+        return decoded
+
+    def document(self, node: str) -> dict[str, Any]:
+        """The key document that a node was built under last."""
+        import json
+
+        loaded: dict[str, Any] = json.loads(self.store.blobs.get(self.past(node).key_document))
+        return loaded
+
+
+def addresses(graph: Graph, target: str) -> list[Address]:
+    """What a target name, a node address or nothing (`default`) stands for in a graph.
+
+    Raises:
+        UsageError: It stands for nothing.
+    """
+    if target in graph.targets or not target:
+        return [Address(call) for call in graph.targets[target or "default"]]
+    address = parse_address(target)
+    calls = [call for call, _ in graph.calls()]
+    below = [call for call in calls if call[: len(address.call)] == address.call]
+    if not below:
+        known = [*graph.targets, *(".".join(call) for call in calls)]
+        raise UsageError(
+            f"`{graph.name}` has no node `{target}`",
+            code="DXB-U110",
+            facts={"nodes": listing(known, most=40)},
+            hint=did_you_mean(".".join(address.call), known),
+        )
+    return [Address(call, address.labels) for call in below]

@@ -1,0 +1,87 @@
+"""`dxb show`: a node, a recipe's past, or the configuration."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from typing import Any
+
+from dextera_build.cli import options
+from dextera_build.errors import UsageError
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("target", nargs="?", metavar="RECIPE[:NODE]", help="what to show")
+    parser.add_argument("--config", action="store_true", help="every setting with its origin")
+    options.project_arguments(parser)
+    options.json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print rows of name and value."""
+    from dextera_build.cli.session import Session, wish
+
+    project = options.project(args)
+    if args.config:
+        rows: dict[str, Any] = {name: f"{s.value}\t{s.origin}" for name, s in project.config.items()}
+    elif args.target is None:
+        raise UsageError("name a recipe or a node, or give `--config`", code="DXB-U111", hint="`dxb ls` lists recipes")
+    else:
+        wanted = wish(args.target)
+        session = Session(project, wanted.recipe)
+        rows = _node(session, wanted.target) if wanted.target else _recipe(session)
+    print(json.dumps(rows, indent=1) if args.json else "\n".join(f"{name}\t{value}" for name, value in rows.items()))
+    return 0
+
+
+def _recipe(session: Any) -> dict[str, Any]:
+    if session.project.recipe(session.recipe) is None:
+        session.plan(None)  # says that there is none, and what there is
+    return {
+        node: f"{entry.seconds:.1f} s\trun {entry.run}\t{_line(session, entry.key)}"
+        for node, entry in session.history.items()
+    }
+
+
+def _line(session: Any, key: str) -> str:
+    found = session.store.actions.get(key)
+    return found.line if found else "(no longer in the store)"
+
+
+def _node(session: Any, node: str) -> dict[str, Any]:
+    entry = session.past(node)
+    found = session.store.actions.get(entry.key)
+    document = session.document(node)
+    when = time.strftime("%Y-%m-%d %H:%M", time.localtime(entry.time))
+    rows: dict[str, Any] = {
+        "node": f"{session.recipe}:{node}",
+        "result": _line(session, entry.key),
+        "rule": f"{document['rule']} version {document['version']}",
+        "backend": document["backend"] or "-",
+        "built": f"run {entry.run}, {when}, {entry.seconds:.1f} s",
+        "key": entry.key,
+    }
+    if found is not None:
+        rows["output"] = found.output
+        rows |= {f"metric {name}": f"{value:g} {unit}".strip() for name, (value, unit) in found.metrics.items()}
+        rows |= _header(session, found.output)
+    rows |= {f"option {name}": json.dumps(value) for name, value in document["options"].items()}
+    rows |= {f"input {slot}": digest for slot, digest in document["inputs"]}
+    return rows | {f"package {name}": version for name, version in document["packages"].items()}
+
+
+def _header(session: Any, output: str) -> dict[str, Any]:
+    header = json.loads(session.store.blobs.get(output))
+    rows = {"type": header["artifact"]}
+    for name, value in header["fields"].items():
+        if isinstance(value, dict) and "$array" in value:
+            dtype, shape, _ = value["$array"]
+            rows[f"field {name}"] = f"{dtype} {tuple(shape)}"
+        elif isinstance(value, dict):
+            rows[f"field {name}"] = ", ".join(value.get("$map", {})) or next(iter(value), "").removeprefix("$")
+        else:
+            text = json.dumps(value)
+            rows[f"field {name}"] = text if len(text) < 100 else f"{text[:97]}..."
+    return rows

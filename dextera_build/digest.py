@@ -1,0 +1,41 @@
+"""SHA-256 digests and the canonical bytes that are digested."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+_CHUNK = 1 << 20
+
+
+def of_bytes(data: bytes) -> str:
+    """Lower-case hex SHA-256 of `data`."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def of_file(path: Path) -> str:
+    """Lower-case hex SHA-256 of a file's bytes, read in chunks."""
+    state = hashlib.sha256()
+    with path.open("rb") as file:
+        while chunk := file.read(_CHUNK):
+            state.update(chunk)
+    return state.hexdigest()
+
+
+def canonical(value: object) -> bytes:
+    """The one JSON spelling of plain data: sorted keys, no spaces, UTF-8.
+
+    1, 1.0 and "1" have different bytes; NaN and infinities are refused.
+
+    Raises:
+        ValueError: `value` holds NaN or an infinity.
+        TypeError: `value` holds something that is not plain data.
+    """
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return text.encode()
+
+
+def of_value(value: object) -> str:
+    """Digest of the canonical bytes of plain data."""
+    return of_bytes(canonical(value))

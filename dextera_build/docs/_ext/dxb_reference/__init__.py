@@ -1,0 +1,42 @@
+"""Sphinx extension: pages that hold `% generated: NAME` get that reference, made from the code at build time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from . import artifacts, cli, errors, rules, states
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
+MAKERS: dict[str, Callable[[], str]] = {
+    "artifacts": artifacts.page,
+    "cli": cli.page,
+    "errors": errors.page,
+    "rules": rules.page,
+    "states": states.page,
+}
+_MARK = "% generated: "
+
+
+def fill(text: str) -> str:
+    """`text` with every marker line replaced by what it names.
+
+    Raises:
+        KeyError: A marker names no reference.
+    """
+    lines = text.split("\n")
+    return "\n".join(MAKERS[line.removeprefix(_MARK).strip()]() if line.startswith(_MARK) else line for line in lines)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Connect to Sphinx."""
+
+    def read(app: Sphinx, page: str, source: list[str]) -> None:
+        source[0] = fill(source[0])
+        if _MARK in source[0]:
+            raise ValueError(f"{page}: a marker was not filled in")
+
+    app.connect("source-read", read)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,47 @@
+"""The artifacts' reference, from the types: fields with shape, dtype, unit and frame."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from types import ModuleType
+
+from dextera_build import artifacts
+from dextera_build.artifacts.base import Artifact, Value, array_specs
+
+from .markdown import code, join, table
+from .rules import type_name
+
+
+def page() -> str:
+    """One section per module of types."""
+    names = [module.name for module in pkgutil.iter_modules(artifacts.__path__)]
+    return join(*(_module(importlib.import_module(f"dextera_build.artifacts.{name}")) for name in names))
+
+
+def _module(module: ModuleType) -> str:
+    kinds = [
+        kind
+        for kind in vars(module).values()
+        if inspect.isclass(kind) and kind.__module__ == module.__name__ and issubclass(kind, Artifact | Value)
+    ]
+    shown = [_kind(kind) for kind in kinds if kind.model_fields]
+    if not shown:
+        return ""
+    about = (module.__doc__ or "").partition("\n")[0]
+    return join(f"## {module.__name__.rpartition('.')[2]}", about, *shown)
+
+
+def _kind(kind: type[Artifact] | type[Value]) -> str:
+    arrays = array_specs(kind)
+    rows = [
+        [
+            code(name),
+            code(arrays[name].describe() if name in arrays else type_name(field.annotation)),
+            field.description or "",
+        ]
+        for name, field in kind.model_fields.items()
+    ]
+    stored = "" if issubclass(kind, Artifact) else " (stored inline)"
+    return join(f"### {kind.__name__}{stored}", inspect.getdoc(kind) or "", table(["field", "type", "meaning"], rows))

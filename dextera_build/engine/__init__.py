@@ -1,0 +1,1 @@
+"""The build engine: keys, states, scheduling. Knows bytes, never types; prints nothing, speaks in events."""

@@ -1,0 +1,145 @@
+"""Between the queue and the executor: locks, tasks, and what becomes of them."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from dextera_build.engine.finish import result_of
+from dextera_build.engine.states import State, States
+from dextera_build.engine.tasks import Ended, Executor, Report, Said, Task
+from dextera_build.engine.units import Node
+from dextera_build.errors import DxbError
+from dextera_build.store.actions import ActionResult
+from dextera_build.store.store import Store
+
+_PATIENCE_S = 0.02
+"""How often a key is looked at that another process builds [s]."""
+
+
+@dataclass
+class Dispatch:
+    """Starts queued nodes and takes what comes back."""
+
+    store: Store
+    executor: Executor | None
+    states: States
+    project: str
+    profile: str
+    forced: Callable[[Node], bool]
+    started: Callable[[Node], None]
+    said: Callable[[Node, str, Any], None]
+    succeed: Callable[[Node, str, ActionResult], None]
+    broke: Callable[[Node, DxbError], None]
+
+    def __post_init__(self) -> None:
+        self._tasks: dict[int, Task] = {}
+        self._running: dict[int, Node] = {}
+        self._tickets = itertools.count()
+
+    def start(self) -> None:
+        """Start queued nodes in their order as long as there is room for the next one."""
+        queue = self.states.queue
+        while queue and self.executor is not None:
+            node = queue[0]
+            task = self._task(node)
+            if not self.executor.has_room(task):
+                return
+            queue.popleft()
+            if self._claim(node):
+                self._running[node.ticket] = node
+                self.states.set(node, State.RUNNING)
+                self.started(node)
+                self.executor.submit(task)
+
+    def wait(self, idle: bool) -> bool:
+        """Take what the executor reports, waiting for it where `idle`; False: nothing runs here or elsewhere."""
+        patience = 0.0 if not idle else _PATIENCE_S if self.states.locked else None
+        if self._running and self.executor is not None:
+            for report in self.executor.poll(patience):
+                self._take(report)
+        elif self.states.locked and patience:
+            time.sleep(patience)
+        else:
+            return not idle
+        return True
+
+    def retry_locked(self) -> None:
+        """Look again at what other processes were building."""
+        for node in list(self.states.locked):
+            assert node.key is not None
+            hit = self.store.actions.get(node.key)
+            if hit is not None:
+                self.succeed(node, "cached", hit)
+            elif self.store.locks.take(node.key):
+                self.store.locks.release(node.key)
+                self.states.set(node, State.QUEUED)
+
+    def release_all(self) -> None:
+        """Let other processes build what runs here; for a run that is cut short."""
+        for node in self._running.values():
+            self.store.locks.release(node.key or "")
+
+    def _claim(self, node: Node) -> bool:
+        """Take the lock of the node's key; False where another process has it, or has built it since we looked."""
+        assert node.key is not None
+        if not self.store.locks.take(node.key):
+            self.said(node, "log", {"text": self._who_builds(node.key)})
+            self.states.set(node, State.LOCKED)
+            return False
+        hit = None if self.forced(node) else self.store.actions.get(node.key)
+        if hit is None:
+            return True
+        self.store.locks.release(node.key)
+        self.succeed(node, "cached", hit)
+        return False
+
+    def _task(self, node: Node) -> Task:
+        task = self._tasks.get(node.ticket)
+        if task is None:
+            rule = node.call.rule
+            node.ticket = next(self._tickets)
+            task = self._tasks[node.ticket] = Task(
+                ticket=node.ticket,
+                rule=rule.path,
+                backend=rule.backend,
+                options=node.call.options,
+                inputs=node.inputs,
+                store=str(self.store.root),
+                project=self.project,
+                profile=self.profile,
+                cpus=rule.cpus,
+                memory_gb=rule.memory_gb,
+            )
+        return task
+
+    def _take(self, report: Report) -> None:
+        node = self._running.get(report.ticket)
+        if node is None:
+            return
+        if isinstance(report, Said):
+            self.said(node, report.kind, report.data)
+            return
+        del self._running[report.ticket]
+        del self._tasks[report.ticket]
+        node.ticket = -1
+        try:
+            self._end(node, report)
+        finally:
+            self.store.locks.release(node.key or "")
+
+    def _end(self, node: Node, report: Ended) -> None:
+        node.seconds = report.seconds
+        try:
+            result = result_of(self.store, node, report)
+        except DxbError as error:
+            self.broke(node, error)
+        else:
+            self.succeed(node, "ran", result)
+
+    def _who_builds(self, key: str) -> str:
+        pid = self.store.locks.holder(key)
+        return f"process {pid} builds the same key" if pid else "another process builds the same key"

@@ -1,0 +1,126 @@
+"""The log of a run: its events, one JSON line each, under `runs/<id>/events.jsonl`."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from dextera_build.engine.events import Event
+from dextera_build.errors import UsageError, listing
+from dextera_build.store import files
+from dextera_build.store.store import Store
+
+_FILE = "events.jsonl"
+_NOT_WRITABLE = (errno.EACCES, errno.EPERM, errno.EROFS)
+
+
+class EventLog:
+    """A listener that writes every event down as it comes; use it as a context manager.
+
+    Each event is one `write`, so a killed build leaves whole lines and at most one torn one at the end.
+
+    Args:
+        store: The run gets the next free id there.
+
+    Attributes:
+        run: Id of the run, `0143`; "" where the store cannot be written, then nothing is.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self.run = ""
+        self._descriptor = -1
+        folder = store.root / "runs"
+        try:
+            folder.mkdir(exist_ok=True)
+            self.run = _allocate(folder)
+            path = folder / self.run / _FILE
+            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            if error.errno in _NOT_WRITABLE:
+                return
+            raise files.store_error(error, str(folder)) from None
+
+    def __call__(self, event: Event) -> None:
+        """Append one event.
+
+        Raises:
+            StoreError: The disk is full.
+        """
+        if self._descriptor >= 0:
+            try:
+                files.write_all(self._descriptor, event.to_line().encode() + b"\n")
+            except OSError as error:
+                raise files.store_error(error, f"runs/{self.run}/{_FILE}") from None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """No more events."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+
+def runs(store: Store) -> list[str]:
+    """Ids of all runs, the oldest first."""
+    folder = store.root / "runs"
+    names = [name for name in os.listdir(folder) if name.isdigit()] if folder.is_dir() else []
+    return sorted(names, key=int)
+
+
+def read(store: Store, run: str) -> list[dict[str, Any]]:
+    """The events of a run as plain data; a torn last line is left out.
+
+    Raises:
+        UsageError: There is no such run.
+    """
+    return list(_events(store, run))
+
+
+def latest(store: Store, recipe: str | None = None) -> str | None:
+    """Id of the last run, or of the last one of `recipe`; None where there is none."""
+    for run in reversed(runs(store)):
+        first = next(_events(store, run), None)
+        if first is not None and (recipe is None or first.get("recipe") == recipe):
+            return run
+    return None
+
+
+def _events(store: Store, run: str) -> Iterator[dict[str, Any]]:
+    path = store.root / "runs" / run / _FILE
+    try:
+        with path.open("rb") as lines:
+            for line in lines:
+                if line.endswith(b"\n"):
+                    yield json.loads(line)
+    except (FileNotFoundError, NotADirectoryError):
+        if not path.parent.is_dir() or not run:
+            raise UsageError(
+                f"there is no run `{run}`",
+                code="DXB-U204",
+                facts={"runs": listing(runs(store)[-12:])},
+                hint="dxb ls runs",
+            ) from None
+
+
+def _allocate(folder: Path) -> str:
+    known = [int(name) for name in os.listdir(folder) if name.isdigit()]
+    number = max(known, default=0) + 1
+    while True:
+        try:
+            (folder / f"{number:04d}").mkdir()
+        except FileExistsError:
+            number += 1
+        else:
+            return f"{number:04d}"

@@ -1,0 +1,130 @@
+"""What the engine says: one event a line. Consoles, the report and `dxb log` are views of this stream."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal, TypeAlias
+
+Status: TypeAlias = Literal["cached", "ran", "fetched", "failed", "waits", "cancelled"]
+
+
+@dataclass(frozen=True)
+class Event:
+    """Base of all events; `time` is seconds since the epoch."""
+
+    kind: ClassVar[str] = ""
+    time: float
+
+    def to_line(self) -> str:
+        """One JSON line with the event's kind under `event`."""
+        return json.dumps({"event": self.kind, **self.__dict__}, sort_keys=True, ensure_ascii=False, default=dict)
+
+
+@dataclass(frozen=True)
+class RunStarted(Event):
+    """A build began."""
+
+    kind: ClassVar[str] = "run_started"
+    run: str
+    recipe: str
+    targets: list[str]
+    profile: str
+    dxb: str
+    calls: int
+    groups: int
+    argv: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class GroupOpened(Event):
+    """A group's collection is known; `nodes` copies of its calls were made."""
+
+    kind: ClassVar[str] = "group_opened"
+    group: str
+    labels: list[str]
+    nodes: int
+
+
+@dataclass(frozen=True)
+class NodeStarted(Event):
+    """A node began to run on a worker."""
+
+    kind: ClassVar[str] = "node_started"
+    node: str
+    rule: str
+    backend: str | None
+    key: str
+    last_seconds: float | None = None
+
+
+@dataclass(frozen=True)
+class NodeProgress(Event):
+    """A running node says how far it is."""
+
+    kind: ClassVar[str] = "node_progress"
+    node: str
+    done: int
+    total: int
+    what: str
+
+
+@dataclass(frozen=True)
+class NodeLog(Event):
+    """A running node logged a line."""
+
+    kind: ClassVar[str] = "node_log"
+    node: str
+    text: str
+
+
+@dataclass(frozen=True)
+class NodeFinished(Event):
+    """A node is done, one way or another. `error` is `DxbError.to_json()` for `failed`.
+
+    `waits` on a node says that it never ran because `blocked_by` failed. `result` is the digest of the node's
+    `result.json`, `log` that of what it printed (also when it failed). A node may finish twice in a run, when its bytes
+    turn out to be lost; the last word counts. A group that cannot be opened fails like a node, with rule `each`.
+    """
+
+    kind: ClassVar[str] = "node_finished"
+    node: str
+    rule: str
+    backend: str | None
+    status: Status
+    key: str | None
+    output: str | None
+    seconds: float
+    line: str = ""
+    result: str | None = None
+    error: Mapping[str, Any] | None = None
+    blocked_by: list[str] = field(default_factory=list)
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    depends_on: list[str] = field(default_factory=list)
+    log: str | None = None
+
+
+@dataclass(frozen=True)
+class RunFinished(Event):
+    """The build ended."""
+
+    kind: ClassVar[str] = "run_finished"
+    ok: bool
+    seconds: float
+    counts: Mapping[str, int]
+    saved_seconds: float
+    interrupted: bool = False
+
+
+Listener: TypeAlias = Callable[[Event], None]
+
+
+def fan_out(*listeners: Listener) -> Listener:
+    """One listener that passes every event on to each of `listeners`, in order."""
+
+    def listen(event: Event) -> None:
+        for listener in listeners:
+            listener(event)
+
+    return listen

@@ -1,0 +1,281 @@
+"""One build, from targets to a result: runs the scheduler, turns what happens into events, and remembers it."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from dextera_build import digest as digests
+from dextera_build.engine import events
+from dextera_build.engine.events import Listener
+from dextera_build.engine.graph import Address, Graph
+from dextera_build.engine.history import Entry, History
+from dextera_build.engine.policy import Hooks, Policy
+from dextera_build.engine.reach import leaves
+from dextera_build.engine.schedule import Scheduler
+from dextera_build.engine.states import State
+from dextera_build.engine.tasks import Executor
+from dextera_build.engine.units import Node, Opening, Unit, producers
+from dextera_build.errors import DxbError
+from dextera_build.store.store import Store
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """What is said of a run and does not change what it makes."""
+
+    run: str = ""
+    """Id of the run, `0143`."""
+    project: str = ""
+    """Folder of the project; workers get it."""
+    profile: str = ""
+    dxb: str = ""
+    """Version of dxb."""
+    argv: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class NodeRecord:
+    """What became of one node."""
+
+    status: events.Status
+    key: str | None
+    output: str | None
+    """Digest of the output's header."""
+    seconds: float
+    """How long it ran [s], in this run or, for a cached one, when it was made."""
+    line: str
+    error: DxbError | None
+    inputs: Mapping[str, str]
+    """Slot -> digest."""
+    rule: str = ""
+    backend: str | None = None
+    result: str | None = None
+    """Digest of its `result.json`."""
+    log: str | None = None
+    """Digest of what it printed, also when it failed."""
+    blocked_by: tuple[str, ...] = ()
+    """Addresses of the failed nodes that it waits for."""
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What became of a run."""
+
+    ok: bool
+    """Whether every target is up to date."""
+    nodes: Mapping[str, NodeRecord]
+    """Address -> record, in the order in which the run came to them."""
+    targets: tuple[str, ...]
+    """Addresses of the nodes that were asked for, every copy by itself."""
+    errors: Mapping[str, DxbError] = field(default_factory=dict)
+    """Address of a group, collection or target that failed without being a node -> why."""
+
+
+def build(  # noqa: PLR0913 - the whole interface of the engine
+    graph: Graph,
+    targets: Sequence[Address | tuple[str, ...]],
+    *,
+    store: Store,
+    executor: Executor,
+    listen: Listener,
+    info: RunInfo | None = None,
+    keep_going: bool = False,
+    force: frozenset[str] = frozenset(),
+    only: frozenset[str] | None = None,
+) -> RunResult:
+    """Bring targets up to date.
+
+    Args:
+        graph: The plan.
+        targets: What to build; a tuple names every copy of a call.
+        store: Where results come from and go to.
+        executor: What runs nodes; the caller closes it.
+        listen: Takes every event.
+        info: What is said of the run.
+        keep_going: After a failure go on with everything that does not depend on it.
+        force: Addresses (`body[mug].mesh`, or `body.mesh` for every copy) that run although they are cached.
+        only: Addresses that may run; a stale node outside fails with a `StaleError`. None: all may.
+
+    Raises:
+        UsageError: A target names nothing.
+        RecipeError: A file or folder that the targets need is missing or cannot be read; nothing ran.
+        KeyboardInterrupt: The run was interrupted; what was finished by then is kept.
+    """
+    wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
+    info = info or RunInfo()
+    policy = Policy(keep_going, force, only, project=info.project, profile=info.profile)
+    return _Run(graph, store, executor, policy, listen, info).run(wanted)
+
+
+class _Run:
+    def __init__(
+        self, graph: Graph, store: Store, executor: Executor, policy: Policy, listen: Listener, info: RunInfo
+    ) -> None:
+        self.graph, self.store, self.executor, self.listen, self.info = graph, store, executor, listen, info
+        self.history = History(store, graph.name, info.project)
+        hooks = Hooks(self._opened, self._started, self._said, self._settled, self._broken)
+        self.scheduler = Scheduler(graph, store, executor, policy, hooks)
+        self.errors: dict[str, DxbError] = {}
+
+    def run(self, targets: list[Address]) -> RunResult:
+        # What is missing is said before an hour of work, not after.
+        for leaf in leaves(self.graph, targets):
+            self.scheduler.wiring.leaf(leaf)
+        began = time.monotonic()
+        self._announce(targets)
+        interrupted = whole = False
+        try:
+            self.scheduler.run(targets)
+            whole = True
+        except KeyboardInterrupt:
+            interrupted = True
+            self.executor.stop()
+            raise
+        except BaseException:
+            self.executor.stop()
+            raise
+        finally:
+            result = self._close(whole)
+            self._finish(result, time.monotonic() - began, interrupted)
+        return result
+
+    def _announce(self, targets: list[Address]) -> None:
+        calls = [path for path, _ in self.graph.calls()]
+        groups = {path[:depth] for path in calls for depth in range(1, len(path))}
+        self.listen(
+            events.RunStarted(
+                time=time.time(),
+                run=self.info.run,
+                recipe=self.graph.name,
+                targets=[str(target) for target in targets],
+                profile=self.info.profile,
+                dxb=self.info.dxb,
+                calls=len(calls),
+                groups=len(groups),
+                argv=list(self.info.argv),
+            )
+        )
+
+    def _opened(self, unit: Opening) -> None:
+        calls = sum(1 for member in unit.group.members.values() if hasattr(member, "rule"))
+        labels = list(unit.items)
+        self.listen(events.GroupOpened(time.time(), unit.address, labels, calls * len(labels)))
+
+    def _started(self, node: Node) -> None:
+        rule, last = node.call.rule, self.history.get(node.address)
+        seconds = last.seconds if last else None
+        self.listen(events.NodeStarted(time.time(), node.address, rule.path, rule.backend, node.key or "", seconds))
+
+    def _said(self, node: Node, kind: str, data: Any) -> None:
+        if kind == "progress":
+            what = str(data.get("what", ""))
+            self.listen(events.NodeProgress(time.time(), node.address, int(data["done"]), int(data["total"]), what))
+        elif kind == "log":
+            self.listen(events.NodeLog(time.time(), node.address, str(data["text"])))
+
+    def _settled(self, node: Node) -> None:
+        record = self._record(node)
+        if record.result is not None and node.result is not None and record.key is not None:
+            entry = Entry(record.key, node.result.key_document, self.info.run, record.seconds, time.time())
+            self.history.note(node.address, entry)
+        self._tell(node, record)
+
+    def _broken(self, unit: Unit, error: DxbError) -> None:
+        self.errors[unit.address] = error
+        self._tell(unit, NodeRecord("failed", None, None, 0.0, "", error, {}, rule="each"))
+
+    def _tell(self, unit: Unit, record: NodeRecord) -> None:
+        self.listen(
+            events.NodeFinished(
+                time=time.time(),
+                node=unit.address,
+                rule=record.rule,
+                backend=record.backend,
+                status=record.status,
+                key=record.key,
+                output=record.output,
+                seconds=record.seconds,
+                line=record.line,
+                result=record.result,
+                log=record.log,
+                error=record.error.to_json() if record.error else None,
+                blocked_by=list(record.blocked_by),
+                inputs=dict(record.inputs),
+                depends_on=[node.address for node in producers(unit)],
+            )
+        )
+
+    def _record(self, node: Node, blockers: Sequence[str] = ()) -> NodeRecord:
+        result, rule = node.result, node.call.rule
+        done = result is not None and node.state is State.DONE
+        return NodeRecord(
+            status=_status(node),
+            key=node.key,
+            output=result.output if result and done else None,
+            seconds=result.seconds if result and done else node.seconds,
+            line=result.line if result and done else "",
+            error=node.error,
+            inputs=node.inputs,
+            rule=rule.path,
+            backend=rule.backend,
+            result=digests.of_bytes(result.document()) if result and done else None,
+            log=result.log if result and done else node.log,
+            blocked_by=tuple(blockers),
+        )
+
+    def _close(self, whole: bool) -> RunResult:
+        """End every node that is still open, and say so."""
+        scheduler = self.scheduler
+        scheduler.dispatch.release_all()
+        blockers = blocked_by(scheduler.failed)
+        records = {}
+        for node in scheduler.wiring.nodes.values():
+            known = node.state in (State.DONE, State.FAILED)
+            if node.state not in (State.DONE, State.FAILED, State.BLOCKED):
+                scheduler.states.set(node, State.CANCELLED)
+            records[node.address] = record = self._record(node, blockers.get(node.address, ()))
+            if not known:
+                self._tell(node, record)
+        ok = whole and all(wish.state is State.DONE for wish in scheduler.wishes)
+        asked = [node.address for wish in scheduler.wishes for node in wish.nodes.values()]
+        return RunResult(ok, records, tuple(dict.fromkeys(asked)), self.errors)
+
+    def _finish(self, result: RunResult, seconds: float, interrupted: bool) -> None:
+        self.history.save()
+        self.store.leaves.save()
+        counts: Counter[str] = Counter(record.status for record in result.nodes.values())
+        saved = sum(record.seconds for record in result.nodes.values() if record.status == "cached")
+        self.listen(events.RunFinished(time.time(), result.ok, seconds, dict(counts), saved, interrupted))
+
+
+def blocked_by(failed: Sequence[Unit]) -> dict[str, list[str]]:
+    """Node address -> addresses of the failed units that it waits for, directly or not."""
+    found: dict[str, list[str]] = {}
+    for root in failed:
+        for unit in _readers(root):
+            if isinstance(unit, Node):
+                found.setdefault(unit.address, []).append(root.address)
+    return found
+
+
+def _readers(root: Unit) -> Iterator[Unit]:
+    seen = {id(root)}
+    stack = list(root.dependents)
+    while stack:
+        unit = stack.pop()
+        if id(unit) not in seen:
+            seen.add(id(unit))
+            yield unit
+            stack += unit.dependents
+
+
+def _status(node: Node) -> events.Status:
+    if node.state is State.DONE:
+        return "ran" if node.status == "ran" else "cached"
+    if node.state is State.FAILED:
+        return "failed"
+    return "waits" if node.state is State.BLOCKED else "cancelled"

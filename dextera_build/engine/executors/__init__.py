@@ -1,0 +1,1 @@
+"""Where calls run: a local pool of processes."""

@@ -1,0 +1,194 @@
+"""A pool of worker processes on this machine, with admission by cores and memory."""
+
+from __future__ import annotations
+
+import os
+import selectors
+import sys
+import time
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Self
+
+from dextera_build.engine.executors.process import Process
+from dextera_build.engine.tasks import Ended, Report, Said, Task
+from dextera_build.errors import from_json
+
+_GRACE_S = 1.0
+
+
+class LocalExecutor:
+    """Workers that are started when needed and kept; use it as a context manager.
+
+    Args:
+        runner: `module:function` that carries out a task in a worker.
+        jobs: Most tasks at a time; None is one per core.
+        cpus: Cores to share out; None is those that this process may use.
+        memory_gb: Memory to share out [GiB]; None is what is available now.
+        environment: Variables that workers see beside those of this process.
+    """
+
+    def __init__(
+        self,
+        runner: str,
+        jobs: int | None = None,
+        *,
+        cpus: int | None = None,
+        memory_gb: float | None = None,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        self.cpus = cpus or _cores()
+        self.jobs = jobs or self.cpus
+        self.memory_gb = memory_gb or available_gb()
+        self._runner = runner
+        self._environment = dict(environment or {})
+        self._selector = selectors.DefaultSelector()
+        self._idle: list[Process] = []
+        self._busy: dict[int, Process] = {}
+        self._cpus_in_use = 0
+        self._memory_in_use = 0.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def has_room(self, task: Task) -> bool:
+        """Whether a worker, cores and memory are free; a task larger than the machine runs alone."""
+        if not self._busy:
+            return True
+        return (
+            len(self._busy) < self.jobs
+            and self._cpus_in_use + task.cpus <= max(self.cpus, self.jobs)
+            and self._memory_in_use + task.memory_gb <= self.memory_gb
+        )
+
+    def submit(self, task: Task) -> None:
+        """Hand the task to a worker that waits, or to a new one."""
+        process = self._take_idle() or self._start()
+        process.task = task
+        self._busy[task.ticket] = process
+        self._cpus_in_use += task.cpus
+        self._memory_in_use += task.memory_gb
+        process.send(task)
+
+    def poll(self, timeout_s: float | None) -> list[Report]:
+        """What workers reported; a worker that died is reported as the failure of its node."""
+        reports: list[Report] = []
+        for key, _ in self._selector.select(timeout_s):
+            process: Process = key.data
+            if process.alive:
+                reports += self._hear(process)
+        return reports
+
+    def stop(self) -> None:
+        """End all workers and whatever they started."""
+        workers = [*self._busy.values(), *self._idle]
+        for process in workers:
+            process.ask_to_end()
+        deadline = time.monotonic() + _GRACE_S
+        for process in workers:
+            process.end(max(0.0, deadline - time.monotonic()))
+            self._forget(process)
+        self._busy.clear()
+        self._idle.clear()
+        self._cpus_in_use, self._memory_in_use = 0, 0.0
+
+    def close(self) -> None:
+        """Let idle workers go; those that still run are ended."""
+        if self._busy:
+            self.stop()
+        for process in self._idle:
+            process.hang_up()
+        for process in self._idle:
+            process.end(_GRACE_S)
+            self._forget(process)
+        self._idle.clear()
+
+    def pids(self) -> list[int]:
+        """Process ids of all workers."""
+        return [process.pid for process in [*self._busy.values(), *self._idle]]
+
+    def _take_idle(self) -> Process | None:
+        while self._idle:
+            process = self._idle.pop()
+            if process.is_running():
+                return process
+            self._forget(process)
+            process.end(0.0)
+        return None
+
+    def _start(self) -> Process:
+        process = Process(self._runner, self._environment, [entry for entry in sys.path if entry])
+        for descriptor in process.descriptors():
+            self._selector.register(descriptor, selectors.EVENT_READ, process)
+        return process
+
+    def _hear(self, process: Process) -> list[Report]:
+        lines, ended = process.hear()
+        reports: list[Report] = []
+        for line in lines:
+            if process.task is None:
+                continue
+            if "said" in line:
+                kind, data = line["said"]
+                reports.append(Said(process.task.ticket, kind, data))
+            else:
+                reports.append(self._end(process, line))
+        if ended:
+            reports += self._bury(process)
+        return reports
+
+    def _end(self, process: Process, line: Mapping[str, object]) -> Ended:
+        task = self._release(process)
+        self._idle.append(process)
+        error, reply = line.get("error"), line.get("reply")
+        return Ended(
+            ticket=task.ticket,
+            seconds=float(str(line["seconds"])),
+            log=process.log(),
+            reply=reply if isinstance(reply, dict) else None,
+            error=from_json(error) if isinstance(error, dict) else None,
+        )
+
+    def _bury(self, process: Process) -> list[Report]:
+        self._forget(process)
+        process.end(_GRACE_S)
+        if process in self._idle:
+            self._idle.remove(process)
+        if process.task is None:
+            return []
+        seconds = time.monotonic() - process.began
+        log = process.log()
+        task = self._release(process)
+        return [Ended(task.ticket, seconds, log, error=process.death(log))]
+
+    def _release(self, process: Process) -> Task:
+        task, process.task = process.task, None
+        assert task is not None
+        del self._busy[task.ticket]
+        self._cpus_in_use -= task.cpus
+        self._memory_in_use -= task.memory_gb
+        return task
+
+    def _forget(self, process: Process) -> None:
+        for descriptor in process.descriptors():
+            if descriptor in self._selector.get_map():
+                self._selector.unregister(descriptor)
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def available_gb() -> float:
+    """Memory that new processes may use without swapping [GiB]."""
+    try:
+        with open("/proc/meminfo") as table:
+            rows = dict(line.split(":", 1) for line in table)
+        return int(rows["MemAvailable"].split()[0]) / 2**20
+    except (OSError, KeyError, ValueError):
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**30

@@ -1,0 +1,62 @@
+"""From what an executor reports to a published result, or to the error that the node ends with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from dextera_build.engine.tasks import Ended
+from dextera_build.engine.units import Node
+from dextera_build.errors import DxbError, RuleError
+from dextera_build.store.actions import ActionResult
+from dextera_build.store.store import Store
+
+
+def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
+    """Publish what the node made, unless a file that it reads changed meanwhile.
+
+    Raises:
+        DxbError: The node failed, read a file that changed, or its result cannot be stored.
+    """
+    if report.error is not None:
+        node.log = store.blobs.put(report.log) if report.log else None
+        raise report.error
+    assert report.reply is not None
+    assert node.key is not None
+    _check_leaves(store, node)
+    log = store.blobs.put(report.log) if report.log else None
+    result = _parse(report.reply, report.seconds, log, store.blobs.put(node.document))
+    store.actions.put(node.key, result)
+    return result
+
+
+def _check_leaves(store: Store, node: Node) -> None:
+    for leaf, digest in node.leaves:
+        try:
+            now = store.leaves.digest_leaf(leaf.path)
+        except DxbError as error:
+            now = error.message
+        if now != digest:
+            raise RuleError(
+                f"`{leaf.path}` changed while `{node.address}` ran",
+                code="DXB-B304",
+                where=leaf.where,
+                hint="build again; nothing of this run of the node was kept",
+            )
+
+
+def _parse(reply: Mapping[str, Any], seconds: float, log: str | None, document: str) -> ActionResult:
+    metrics = {name: (float(value), str(unit)) for name, (value, unit) in dict(reply.get("metrics") or {}).items()}
+    for name, (value, _) in metrics.items():
+        if not math.isfinite(value):
+            raise RuleError(f"metric `{name}` is {value}, not a finite number", code="DXB-B305")
+    return ActionResult(
+        output=reply["output"],
+        line=str(reply.get("line", "")),
+        previews=tuple((str(caption), str(blob)) for caption, blob in reply.get("previews") or ()),
+        metrics=metrics,
+        seconds=round(seconds, 6),
+        log=log,
+        key_document=document,
+    )

@@ -1,0 +1,150 @@
+"""The key of a node: the digest of a document that holds all that its output depends on.
+
+One walk makes the document. Its digest is the key, and `compare` of two documents is what `dxb why` prints, so a thing
+that enters the key is explained at once. Not in it: the node's address, paths outside the rule tree, cores, memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+from dextera_build import digest as digests
+from dextera_build.engine.graph import Call, RuleFacts
+
+SCHEMA = 1
+"""Raised when the form or the meaning of the document changes; every key changes with it."""
+
+Document: TypeAlias = dict[str, Any]
+Kind: TypeAlias = Literal["option", "code", "package", "backend", "input", "version", "type", "weights", "salt"]
+
+
+def manifest(call: Call, inputs: Mapping[str, str]) -> Document:
+    """The key document of a call whose inputs (slot -> digest) are known."""
+    return _rule_part(call.rule) | _call_part(call) | {"inputs": _input_part(inputs)}
+
+
+def key_of(call: Call, inputs: Mapping[str, str]) -> str:
+    """The key of a call whose inputs (slot -> digest) are known."""
+    return digests.of_value(manifest(call, inputs))
+
+
+class Writer:
+    """Writes key documents as canonical bytes; what many nodes share is spelled out once.
+
+    `document(call, inputs)` equals `digest.canonical(manifest(call, inputs))`.
+    """
+
+    def __init__(self) -> None:
+        self._rules: dict[int, tuple[RuleFacts, dict[str, bytes]]] = {}
+        self._calls: dict[int, tuple[Call, bytes, bytes]] = {}
+
+    def document(self, call: Call, inputs: Mapping[str, str]) -> bytes:
+        """Canonical bytes of the key document."""
+        before, after = self._around(call)
+        return before + digests.canonical(_input_part(inputs)) + after
+
+    def _around(self, call: Call) -> tuple[bytes, bytes]:
+        # By identity: the mappings in a call cannot be hashed, and the entry keeps the call alive.
+        known = self._calls.get(id(call))
+        if known is None:
+            parts = self._rule(call.rule) | _spell(_call_part(call)) | {"inputs": b""}
+            before = b",".join(b'"%s":%s' % (name.encode(), parts[name]) for name in sorted(parts) if name <= "inputs")
+            after = b",".join(b'"%s":%s' % (name.encode(), parts[name]) for name in sorted(parts) if name > "inputs")
+            known = self._calls[id(call)] = (call, b"{" + before, b"," + after + b"}")
+        return known[1], known[2]
+
+    def _rule(self, rule: RuleFacts) -> dict[str, bytes]:
+        known = self._rules.get(id(rule))
+        if known is None:
+            known = self._rules[id(rule)] = (rule, _spell(_rule_part(rule)))
+        return known[1]
+
+
+@dataclass(frozen=True)
+class Change:
+    """One difference between two key documents; None stands for what was not there."""
+
+    kind: Kind
+    name: str
+    """Option path, `file: definition`, distribution, slot, ..."""
+    old: Any
+    new: Any
+
+
+def compare(old: Document, new: Document) -> list[Change]:
+    """Every difference that makes two keys differ, the nearest to what a person edits first."""
+    changes = [
+        *_rows("option", _flat(old["options"]), _flat(new["options"])),
+        *_rows("code", _code(old), _code(new)),
+        *_rows("version", _versions(old), _versions(new)),
+        *_rows("backend", {"backend": old["backend"]}, {"backend": new["backend"]}),
+        *_rows("weights", _weights(old), _weights(new)),
+        *_rows("package", old["packages"], new["packages"]),
+        *_rows("type", old["types"], new["types"]),
+        *_rows("input", dict(old["inputs"]), dict(new["inputs"])),
+        *_rows("salt", {"salt": old["salt"]}, {"salt": new["salt"]}),
+    ]
+    return list(changes)
+
+
+def _rule_part(rule: RuleFacts) -> Document:
+    return {
+        "schema": SCHEMA,
+        "rule": rule.path,
+        "version": rule.version,
+        "code": {file: dict(definitions) for file, definitions in rule.code.items()},
+        "packages": dict(rule.packages),
+        "backend": rule.backend,
+        "weights": list(rule.weights),
+        "types": dict(rule.types),
+    }
+
+
+def _call_part(call: Call) -> Document:
+    return {"options": dict(call.options), "salt": call.salt}
+
+
+def _input_part(inputs: Mapping[str, str]) -> list[list[str]]:
+    return [[slot, inputs[slot]] for slot in sorted(inputs)]
+
+
+def _spell(part: Document) -> dict[str, bytes]:
+    return {name: digests.canonical(value) for name, value in part.items()}
+
+
+def _rows(kind: Kind, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Change]:
+    for name in sorted({*old, *new}):
+        before, after = old.get(name), new.get(name)
+        # 1, 1.0 and "1" are equal or alike in Python, but not in the key.
+        if (name in old) != (name in new) or digests.canonical(before) != digests.canonical(after):
+            yield Change(kind, name, before, after)
+
+
+def _flat(options: Mapping[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    stack: list[tuple[str, Any]] = [*options.items()]
+    while stack:
+        name, value = stack.pop()
+        if isinstance(value, dict) and value:
+            stack += [(f"{name}.{inner}", item) for inner, item in value.items()]
+        else:
+            found[name] = value
+    return found
+
+
+def _code(document: Document) -> dict[str, str]:
+    return {
+        f"{file}: {definition}": digest
+        for file, definitions in document["code"].items()
+        for definition, digest in definitions.items()
+    }
+
+
+def _versions(document: Document) -> dict[str, Any]:
+    return {name: document[name] for name in ("schema", "rule", "version")}
+
+
+def _weights(document: Document) -> dict[str, str]:
+    return {name: digest for name, _, digest in (entry.partition("@") for entry in document["weights"])}

@@ -1,0 +1,287 @@
+"""The scheduler: suspending, with constructive traces.
+
+A node waits until the digests of all its inputs are known. Then it has a key; a result under that key is taken from the
+store, otherwise the node runs. Whoever reads it goes on from the output's digest, so a node that ran anew and gave the
+same bytes leaves its readers cached (early cutoff).
+
+The loop, until nothing is left to do:
+- connect new units, and settle those that are ready: open groups, gather collections, look keys up;
+- fill the executor from the queue;
+- take what it reports; what ends sets its readers free;
+- look again at what another process was building.
+
+All walks are loops: chains may be long.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from dextera_build import digest as digests
+from dextera_build.engine import rewind
+from dextera_build.engine.dispatch import Dispatch
+from dextera_build.engine.graph import Address, Graph
+from dextera_build.engine.key import Writer
+from dextera_build.engine.policy import Hooks, Policy
+from dextera_build.engine.states import LOST, State, States
+from dextera_build.engine.tasks import Executor
+from dextera_build.engine.units import Gathering, Link, Node, Opening, Unit
+from dextera_build.engine.wiring import Wiring
+from dextera_build.errors import DxbError, RuleError, StaleError
+from dextera_build.store import header
+from dextera_build.store.actions import ActionResult
+from dextera_build.store.cas import MissingBlob
+from dextera_build.store.store import Store
+
+_BATCH = 64
+_LABEL = re.compile(r"[^\[\]/\\\x00-\x1f]+")
+
+
+class Scheduler:
+    """One run over one graph.
+
+    Args:
+        graph: The plan.
+        store: Where results come from and go to.
+        executor: What runs nodes; None only for a dry run.
+        policy: How the run goes.
+        hooks: Who listens.
+    """
+
+    def __init__(
+        self, graph: Graph, store: Store, executor: Executor | None, policy: Policy, hooks: Hooks | None = None
+    ) -> None:
+        self.graph = graph
+        self.store = store
+        self.policy = policy
+        self.hooks = hooks or Hooks()
+        self.states = States()
+        self.wiring = Wiring(graph, store.leaves.digest_leaf)
+        self.wishes: list[Gathering] = []
+        self.failed: list[Unit] = []
+        self.errors: list[DxbError] = []
+        self.dispatch = Dispatch(
+            store=store,
+            executor=executor,
+            states=self.states,
+            project=policy.project,
+            profile=policy.profile,
+            forced=self._is_forced,
+            started=self.hooks.started,
+            said=self.hooks.said,
+            succeed=self._succeed,
+            broke=self._broke,
+        )
+        self._writer = Writer()
+        self._owners: dict[str, Node] = {}
+
+    @property
+    def stopping(self) -> bool:
+        """Whether no new node may start."""
+        return bool(self.failed) and not self.policy.keep_going
+
+    def run(self, targets: Sequence[Address]) -> None:
+        """Bring `targets` up to date, or as far as that goes.
+
+        Raises:
+            AssertionError: Nodes wait for one another in a circle.
+        """
+        self.wishes = [self.wiring.wish(target) for target in targets]
+        while True:
+            more = self._settle()
+            if not self.stopping:
+                self.dispatch.start()
+            if not self.dispatch.wait(idle=self.stopping or not (more or self.states.ready)):
+                break
+            if self.stopping and not self.states.running:
+                break
+            self.dispatch.retry_locked()
+        self._forbid_circles()
+
+    def _settle(self) -> bool:
+        """Bring ready units forward, a batch at a time so that workers are not kept waiting; True: there are more."""
+        for _ in range(_BATCH):
+            while self.wiring.fresh:
+                self._connect(self.wiring.fresh.pop())
+            unit = None if self.stopping else self.states.next_ready()
+            if unit is None:
+                return False
+            try:
+                self._settle_one(unit)
+            except DxbError as error:
+                self._broke(unit, error)
+        return True
+
+    def _connect(self, unit: Unit) -> None:
+        try:
+            self.wiring.connect(unit)
+        except DxbError as error:
+            self._fail(unit, error)
+            return
+        if any(source.state in LOST for source in unit.sources):
+            self._block(unit)
+        elif unit.pending == 0:
+            self.states.set(unit, State.READY)
+
+    def _settle_one(self, unit: Unit) -> None:
+        if isinstance(unit, Node):
+            self._look_up(unit)
+        elif isinstance(unit, Opening):
+            self._open(unit)
+        elif isinstance(unit, Gathering):
+            self._gather(unit)
+
+    def _look_up(self, node: Node) -> None:
+        node.inputs = {slot: self._value(link) for slot, link in node.links.items()}
+        node.document = self._writer.document(node.call, node.inputs)
+        node.key = digests.of_bytes(node.document)
+        owner = self._owners.get(node.key)
+        if owner is not None:
+            owner.followers.append(node)
+            self.states.set(node, State.SHARED)
+            return
+        hit = None if self._is_forced(node) else self.store.actions.get(node.key)
+        if hit is not None:
+            self._succeed(node, "cached", hit)
+        elif self.policy.dry:
+            self.states.set(node, State.STALE)
+        elif self.policy.only is not None and not _named(node, self.policy.only):
+            hint = f"dxb why '{self.graph.name}:{node.address}'"
+            raise StaleError(f"`{node.address}` is stale and may not run now", code="DXB-C101", hint=hint)
+        else:
+            self._owners[node.key] = node
+            self.states.set(node, State.QUEUED)
+
+    def _open(self, unit: Opening) -> None:
+        assert unit.over is not None
+        unit.items = header.items(self.store.blobs.get, self._value(unit.over))
+        for label in unit.items:
+            if not _LABEL.fullmatch(label):
+                raise RuleError(
+                    f"group `{unit.address}` cannot be opened: `{label}` is not a label",
+                    code="DXB-B306",
+                    facts={"labels": "one character or more, none of them [ ] / \\ or a control character"},
+                )
+        self.hooks.opened(unit)
+        self._done(unit)
+
+    def _gather(self, unit: Gathering) -> None:
+        if unit.collect:
+            parts: dict[str, str] = {}
+            for labels, node in sorted(unit.nodes.items()):
+                assert node.result is not None
+                label = ".".join(labels[len(unit.labels) :])
+                if label in parts:
+                    raise RuleError(f"`{unit.address}` has two copies called `{label}`", code="DXB-B307")
+                parts[label] = header.project(self.store.blobs.get, node.result.output, unit.fields)
+            unit.output = self.store.blobs.put(header.collection_header(parts))
+        self._done(unit)
+
+    def _succeed(self, node: Node, status: str, result: ActionResult) -> None:
+        node.result, node.status, node.error = result, status, None
+        followers = self._disown(node)
+        self._done(node)
+        for follower in followers:
+            self._succeed(follower, "cached", result)
+
+    def _disown(self, node: Node) -> list[Node]:
+        """The node no longer builds its key; returns those that waited for that."""
+        if self._owners.get(node.key or "") is node:
+            del self._owners[node.key or ""]
+        followers = [follower for follower in node.followers if follower.state is State.SHARED]
+        node.followers = []
+        return followers
+
+    def _done(self, unit: Unit) -> None:
+        self.states.set(unit, State.DONE)
+        if isinstance(unit, Node):
+            self.hooks.settled(unit)
+        waiting, unit.dependents = unit.dependents, []
+        for dependent in waiting:
+            if dependent.state is State.WAITS:
+                dependent.pending -= 1
+                self._come_nearer(dependent, unit)
+
+    def _come_nearer(self, dependent: Unit, source: Unit) -> None:
+        if isinstance(dependent, Gathering) and isinstance(source, Opening):
+            known = len(dependent.sources)
+            try:
+                self.wiring.expand(dependent, source)
+            except DxbError as error:
+                self._fail(dependent, error)
+                return
+            if any(fresh.state in LOST for fresh in dependent.sources[known:]):
+                self._block(dependent)
+                return
+        if dependent.pending == 0:
+            self.states.set(dependent, State.READY)
+
+    def _broke(self, unit: Unit, error: DxbError) -> None:
+        """An error came up: where bytes that `unit` reads are gone, make them again, else it has failed."""
+        again = rewind.rewind(unit, self.store, self.states) if error.code == MissingBlob.CODE else None
+        if again is None:
+            self._fail(unit, error)
+            return
+        for other in again:
+            if isinstance(other, Node):
+                for follower in self._disown(other):
+                    self.states.set(follower, State.READY)
+                self.wiring.forget_leaves(other)
+        self.wiring.fresh += again
+
+    def _fail(self, unit: Unit, error: DxbError) -> None:
+        self.states.set(unit, State.FAILED)
+        self.failed.append(unit)
+        self.errors.append(error)
+        if isinstance(unit, Node):
+            unit.error, unit.status = error, "failed"
+            followers = self._disown(unit)
+            self.hooks.settled(unit)
+            for follower in followers:
+                if error.code == "DXB-B304":  # a file of the other node changed; this one may read another
+                    self.states.set(follower, State.READY)
+                else:
+                    self._fail(follower, error)
+        else:
+            self.hooks.broken(unit, error)
+        self._block_readers(unit)
+
+    def _block(self, unit: Unit) -> None:
+        self.states.set(unit, State.BLOCKED)
+        self._block_readers(unit)
+
+    def _block_readers(self, unit: Unit) -> None:
+        stack = list(unit.dependents)
+        while stack:
+            reader = stack.pop()
+            if reader.state is State.WAITS:
+                self.states.set(reader, State.BLOCKED)
+                stack += reader.dependents
+
+    def _value(self, link: Link) -> str:
+        """The digest that comes over a link whose unit is known."""
+        unit = link.unit
+        start: str | None = link.digest
+        if isinstance(unit, Node) and unit.result is not None:
+            start = unit.result.output
+        elif isinstance(unit, Opening):
+            start = unit.items[link.label or ""]
+        elif isinstance(unit, Gathering):
+            start = unit.output
+        assert start is not None
+        return header.project(self.store.blobs.get, start, link.fields) if link.fields else start
+
+    def _is_forced(self, node: Node) -> bool:
+        return bool(self.policy.force) and node.status == "" and _named(node, self.policy.force)
+
+    def _forbid_circles(self) -> None:
+        if self.failed or self.policy.dry:
+            return
+        stuck = sorted(node.address for node in self.wiring.nodes.values() if node.state is State.WAITS)
+        if stuck:
+            raise AssertionError(f"these nodes wait for one another: {', '.join(stuck[:12])}")
+
+
+def _named(node: Node, names: frozenset[str]) -> bool:
+    return node.address in names or ".".join(node.path) in names

@@ -1,0 +1,114 @@
+"""The state of every node, and the one place where it changes.
+
+                 sources known            key is in the cache
+      WAITS ------------------> READY ------------------------> DONE
+        ^                         |  ^                            ^
+        |                         |  | the other                  |
+        | bytes of an input       |  | one ended        ok        |
+        | are gone            key |  |             +--------------+
+        |                  misses |  +- SHARED     |
+        |                         v     ^          |
+        +-----------------  QUEUED -----+--> RUNNING ---> FAILED
+                             |  ^       room      error
+         another process     v  |
+         builds this key   LOCKED
+
+      WAITS -> BLOCKED     a source failed, or is blocked itself
+      any but RUNNING -> CANCELLED     the run ended before its turn
+      READY -> STALE       a dry run would have to run it
+      DONE -> WAITS        its bytes were lost; it is made again
+
+WAITS and READY are also the states of openings and gatherings, which are DONE without running.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections import deque
+from typing import TYPE_CHECKING, cast
+
+if TYPE_CHECKING:
+    from dextera_build.engine.units import Node, Unit
+
+
+class State(enum.Enum):
+    """See the picture above."""
+
+    WAITS = "waits"
+    """Some source is not known yet. `Unit.pending` counts them."""
+    READY = "ready"
+    """Every source is known; in `States.ready`."""
+    SHARED = "shared"
+    """Another node of this run has the same key and builds it."""
+    QUEUED = "queued"
+    """The key is not in the cache; in `States.queue` until there is room."""
+    LOCKED = "locked"
+    """Another process builds the key; in `States.locked`."""
+    RUNNING = "running"
+    """With the executor; this process holds the key's lock."""
+    DONE = "done"
+    """The output is known and in the store."""
+    FAILED = "failed"
+    """It has an error of its own."""
+    BLOCKED = "blocked"
+    """It never ran because of `Unit.blockers`."""
+    CANCELLED = "cancelled"
+    """It never ran because the run ended."""
+    STALE = "stale"
+    """Only in a dry run: it would run."""
+
+
+_NEXT: dict[State, frozenset[State]] = {
+    State.WAITS: frozenset({State.READY, State.FAILED, State.BLOCKED, State.CANCELLED}),
+    State.READY: frozenset(set(State) - {State.LOCKED, State.RUNNING}),
+    State.SHARED: frozenset({State.READY, State.DONE, State.FAILED, State.BLOCKED, State.CANCELLED}),
+    State.QUEUED: frozenset({State.RUNNING, State.LOCKED, State.DONE, State.FAILED, State.CANCELLED}),
+    State.LOCKED: frozenset({State.QUEUED, State.DONE, State.CANCELLED}),
+    State.RUNNING: frozenset({State.DONE, State.FAILED, State.WAITS, State.CANCELLED}),
+    State.DONE: frozenset({State.WAITS}),
+    State.FAILED: frozenset(),
+    State.BLOCKED: frozenset(),
+    State.CANCELLED: frozenset(),
+    State.STALE: frozenset(),
+}
+
+LOST = frozenset({State.FAILED, State.BLOCKED, State.CANCELLED})
+"""States that no output will ever come from."""
+
+
+class States:
+    """The states of all units of one run, with the queues that follow from them."""
+
+    def __init__(self) -> None:
+        self.ready: deque[Unit] = deque()
+        self.queue: deque[Node] = deque()
+        self.locked: list[Node] = []
+        self.running = 0
+
+    def set(self, unit: Unit, state: State) -> None:
+        """Every change of state goes through here.
+
+        Raises:
+            AssertionError: The picture has no such arrow.
+        """
+        old = unit.state
+        if state not in _NEXT[old]:
+            raise AssertionError(f"{unit}: {old.value} -> {state.value}")
+        if old is State.LOCKED:
+            self.locked.remove(cast("Node", unit))
+        self.running += (state is State.RUNNING) - (old is State.RUNNING)
+        unit.state = state
+        if state is State.READY:
+            self.ready.append(unit)
+        elif state is State.QUEUED:
+            self.queue.append(cast("Node", unit))
+        elif state is State.LOCKED:
+            self.locked.append(cast("Node", unit))
+
+    def next_ready(self) -> Unit | None:
+        """Take the next unit whose sources are known."""
+        while self.ready:
+            unit = self.ready.popleft()
+            if unit.state is State.READY:
+                return unit
+        return None

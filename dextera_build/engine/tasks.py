@@ -1,0 +1,92 @@
+"""What an executor is: it takes tasks and reports what becomes of them.
+
+The scheduler knows nothing else about how nodes run, so a pool of processes, this very process, or a cluster fit alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeAlias
+
+from dextera_build.errors import DxbError, RuleError
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run of a rule, named by `ticket`. Only names and digests travel."""
+
+    ticket: int
+    rule: str
+    backend: str | None
+    options: Mapping[str, object]
+    inputs: Mapping[str, str]
+    """Slot -> digest of the artifact."""
+    store: str
+    project: str
+    profile: str
+    cpus: int = 1
+    memory_gb: float = 1.0
+
+    def message(self) -> dict[str, object]:
+        """What the runner gets."""
+        return {
+            "rule": self.rule,
+            "backend": self.backend,
+            "options": self.options,
+            "inputs": self.inputs,
+            "store": self.store,
+            "project": self.project,
+            "profile": self.profile,
+        }
+
+
+@dataclass(frozen=True)
+class Said:
+    """A running task emitted something: `progress` or `log`."""
+
+    ticket: int
+    kind: str
+    data: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A task is over: with a reply, or with an error."""
+
+    ticket: int
+    seconds: float
+    log: bytes
+    """What it printed; the end of it where that is long."""
+    reply: Mapping[str, Any] | None = None
+    """{"output", "line", "previews", "metrics"}."""
+    error: DxbError | None = None
+
+
+Report: TypeAlias = Said | Ended
+
+
+class Executor(Protocol):
+    """Runs tasks."""
+
+    def has_room(self, task: Task) -> bool:
+        """Whether `task` may start now."""
+        ...
+
+    def submit(self, task: Task) -> None:
+        """Start `task`; there must be room."""
+        ...
+
+    def poll(self, timeout_s: float | None) -> list[Report]:
+        """What happened; waits at most `timeout_s` [s] for the first report, None for as long as it takes."""
+        ...
+
+    def stop(self) -> None:
+        """End everything that runs, at once; what was running is never reported."""
+        ...
+
+
+def escaped(error: BaseException) -> RuleError:
+    """What an exception that a rule let escape means for the build; its traceback belongs into the node's log."""
+    text = f"{type(error).__name__}: {error}".strip().rstrip(":")
+    return RuleError(text.splitlines()[0], code="DXB-B302", hint="`dxb log` shows where it came from")

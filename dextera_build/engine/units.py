@@ -1,0 +1,122 @@
+"""What a run is made of: nodes, groups that open, and collections that are gathered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from dextera_build.engine.graph import Call, Group, Leaf
+from dextera_build.engine.states import State
+from dextera_build.errors import DxbError
+from dextera_build.store.actions import ActionResult
+
+Path = tuple[str, ...]
+"""Names from the root of the graph."""
+Labels = tuple[str, ...]
+"""One label for each enclosing group, from the outside in."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Unit:
+    """Something that becomes known during a run."""
+
+    address: str
+    path: Path
+    labels: Labels
+    state: State = State.WAITS
+    pending: int = 0
+    """How many sources are not known yet."""
+    sources: list[Unit] = field(default_factory=list, repr=False)
+    """What this one reads from."""
+    dependents: list[Unit] = field(default_factory=list, repr=False)
+    """What waits for this one; emptied when it becomes known."""
+
+    def await_(self, source: Unit) -> None:
+        """Depend on `source`, and wait for it unless it is known."""
+        self.sources.append(source)
+        if source.state is not State.DONE:
+            source.dependents.append(self)
+            self.pending += 1
+
+    def forget(self) -> None:
+        """Drop all sources, so that they can be connected again."""
+        for source in self.sources:
+            if self in source.dependents:
+                source.dependents = [other for other in source.dependents if other is not self]
+        self.sources, self.pending = [], 0
+
+
+@dataclass(eq=False, kw_only=True)
+class Node(Unit):
+    """One copy of a call."""
+
+    call: Call
+    links: dict[str, Link] = field(default_factory=dict, repr=False)
+    leaves: list[tuple[Leaf, str]] = field(default_factory=list, repr=False)
+    """Files and folders that it reads directly, with the digests that entered its key."""
+    inputs: dict[str, str] = field(default_factory=dict)
+    key: str | None = None
+    document: bytes = field(default=b"", repr=False)
+    ticket: int = -1
+    """Names its run at the executor."""
+    status: str = ""
+    """What it came to; one of `events.Status`, or "" as long as that is open."""
+    result: ActionResult | None = None
+    error: DxbError | None = None
+    seconds: float = 0.0
+    """How long it ran here [s], also when it failed."""
+    log: str | None = None
+    """Digest of what a failed run printed."""
+    followers: list[Node] = field(default_factory=list, repr=False)
+    """Nodes with the same key that wait for this one."""
+    rewinds: int = 0
+    """How often the bytes of an input were found to be gone."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Opening(Unit):
+    """A group in one scope; known when its collection is."""
+
+    group: Group
+    over: Link | None = field(default=None, repr=False)
+    items: dict[str, str] = field(default_factory=dict)
+    """Label -> digest of the item."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Gathering(Unit):
+    """All copies of one call within a scope; `labels` are those of the scope.
+
+    With `collect` their outputs become a `Collection`; without, it only asks for the copies, as a target does.
+    """
+
+    collect: bool
+    fields: tuple[str, ...] = ()
+    nodes: dict[Labels, Node] = field(default_factory=dict, repr=False)
+    output: str | None = None
+
+
+@dataclass(frozen=True)
+class Link:
+    """Where the digest of one input comes from: known at once, or a unit with a path into what it gives."""
+
+    unit: Unit | None = None
+    fields: tuple[str, ...] = ()
+    label: str | None = None
+    """The item of an opening."""
+    digest: str | None = None
+
+
+def producers(unit: Unit) -> Iterator[Node]:
+    """The nodes whose outputs `unit` reads, through openings and gatherings."""
+    seen: set[int] = set()
+    stack = [*reversed(unit.sources)]
+    while stack:
+        source = stack.pop()
+        if id(source) in seen:
+            continue
+        seen.add(id(source))
+        if isinstance(source, Node):
+            yield source
+        else:
+            stack += reversed(source.sources)

@@ -1,0 +1,139 @@
+"""A worker process: takes tasks as JSON lines, hands each to the runner, and answers with JSON lines.
+
+    python -m dextera_build.engine.worker <module:function> <descriptor of tasks> <descriptor of replies>
+
+Standard output and error belong to the node that runs; the pool gives a file for them and reads it afterwards. The
+first line from the pool is `{"path": [...]}`, its module search path. The worker ends when the task pipe closes and
+when its parent dies.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import faulthandler
+import importlib
+import json
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from dextera_build.engine.tasks import escaped
+from dextera_build.errors import DxbError, MachineError
+
+_PR_SET_PDEATHSIG = 1
+_PROGRESS_S = 0.05
+"""Progress is passed on at most this often [s]."""
+
+
+class Worker:
+    """Serves tasks until there are no more.
+
+    Args:
+        runner: `module:function`, imported at the first task.
+        tasks: Descriptor to read from.
+        replies: Descriptor to write to.
+    """
+
+    def __init__(self, runner: str, tasks: int, replies: int) -> None:
+        self._runner_name = runner
+        self._runner: Callable[..., Mapping[str, Any]] | None = None
+        self._tasks = tasks
+        self._replies = replies
+        self._writing = threading.Lock()
+        self._last_progress = 0.0
+        self._libc = ctypes.CDLL(None)
+
+    def serve(self) -> None:
+        """Answer every task, one after another."""
+        with os.fdopen(self._tasks, "rb") as lines:
+            sys.path += [entry for entry in json.loads(lines.readline())["path"] if entry not in sys.path]
+            for line in lines:
+                self._answer(json.loads(line))
+
+    def _answer(self, task: Mapping[str, Any]) -> None:
+        if os.fstat(1).st_size:
+            os.ftruncate(1, 0)
+        self._last_progress = 0.0
+        began = time.perf_counter()
+        answer: dict[str, object]
+        try:
+            reply = self._load()(task, self._emit)
+            answer = {"reply": dict(reply)}
+        except DxbError as error:
+            answer = {"error": error.to_json()}
+        except Exception as error:
+            traceback.print_exc()
+            answer = {"error": escaped(error).to_json()}
+        answer["seconds"] = time.perf_counter() - began
+        self._flush()
+        self._write(answer)
+
+    def _load(self) -> Callable[..., Mapping[str, Any]]:
+        if self._runner is None:
+            module, _, name = self._runner_name.partition(":")
+            try:
+                self._runner = getattr(importlib.import_module(module), name)
+            except Exception as error:
+                traceback.print_exc()
+                raise MachineError(
+                    f"a worker cannot start: {type(error).__name__}: {error}", code="DXB-E201", hint="dxb doctor"
+                ) from None
+        runner: Callable[..., Mapping[str, Any]] = self._runner
+        return runner
+
+    def _emit(self, kind: str, data: Mapping[str, Any]) -> None:
+        if kind == "progress":
+            now = time.monotonic()
+            if now - self._last_progress < _PROGRESS_S and data.get("done") != data.get("total"):
+                return
+            self._last_progress = now
+        elif kind == "log":
+            print(data.get("text", ""))
+        self._write({"said": [kind, dict(data)]})
+
+    def _flush(self) -> None:
+        # What C libraries printed would otherwise turn up in the log of a later node.
+        with contextlib.suppress(OSError, ValueError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        self._libc.fflush(None)
+
+    def _write(self, answer: Mapping[str, object]) -> None:
+        data = json.dumps(answer, separators=(",", ":"), default=str).encode() + b"\n"
+        with self._writing:
+            done = 0
+            while done < len(data):
+                done += os.write(self._replies, data[done:])
+
+
+def main(arguments: list[str]) -> None:
+    """Entry point; see the module's text."""
+    runner, tasks, replies, parent = arguments[0], *map(int, arguments[1:])
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _leave)
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:  # it died before we asked to be told
+        os._exit(1)
+    for descriptor in (tasks, replies):
+        os.set_inheritable(descriptor, False)
+    faulthandler.enable()
+    with contextlib.suppress(BrokenPipeError, SystemExit):
+        Worker(runner, tasks, replies).serve()
+    # Threads and libraries that linger must not keep a worker alive that has nothing to do.
+    os._exit(0)
+
+
+def _leave(number: int, frame: object) -> None:
+    # Raised rather than ended at once, so that the node's scratch folder is removed.
+    raise SystemExit(128 + number)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

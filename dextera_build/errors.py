@@ -1,0 +1,148 @@
+"""Every error that a person can meet: what happened, where, the facts, and a next step.
+
+A `DxbError` is printed without a traceback. Anything else that escapes is a fault in dxb (exit code 70).
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Place:
+    """A position in a text file; `line` and `column` count from 1, 0 means the whole file."""
+
+    file: str
+    line: int = 0
+    column: int = 0
+
+    def __str__(self) -> str:
+        """`file:line:column`, as editors read it."""
+        parts = [self.file] + [str(n) for n in (self.line, self.column) if n]
+        return ":".join(parts)
+
+
+class DxbError(Exception):
+    """An error with a stable code; subclasses fix the exit code of the command line.
+
+    Args:
+        message: One sentence without a full stop; literals in backticks.
+        code: Stable name, `DXB-R104`.
+        where: The place in a file that must change, if there is one.
+        facts: Name -> value, printed one a line (sizes, units, what exists instead).
+        hint: An action that can be pasted.
+    """
+
+    exit_code = 70
+    family = "X"
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        code: str = "",
+        where: Place | None = None,
+        facts: Mapping[str, object] | None = None,
+        hint: str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.code = code or f"DXB-{self.family}000"
+        self.where = where
+        self.facts = {name: str(value) for name, value in (facts or {}).items()}
+        self.hint = hint
+
+    def to_json(self) -> dict[str, object]:
+        """Plain data that crosses a process border; `from_json` turns it back."""
+        where = [self.where.file, self.where.line, self.where.column] if self.where else None
+        return {
+            "family": self.family,
+            "message": self.message,
+            "code": self.code,
+            "where": where,
+            "facts": self.facts,
+            "hint": self.hint,
+        }
+
+
+class UsageError(DxbError):
+    """The command line is wrong (exit 2)."""
+
+    exit_code = 2
+    family = "U"
+
+
+class RecipeError(DxbError):
+    """A recipe, a configuration file or a declared input is wrong (exit 2)."""
+
+    exit_code = 2
+    family = "R"
+
+
+class RuleError(DxbError):
+    """A rule could not do its work on these inputs: bad data, a failed check (exit 1)."""
+
+    exit_code = 1
+    family = "B"
+
+
+class ArtifactError(RuleError):
+    """A value does not fit the type that it claims: shape, dtype, unit, frame, finiteness (exit 1)."""
+
+    family = "A"
+
+
+class StoreError(DxbError):
+    """The store is damaged, full or not writable (exit 1)."""
+
+    exit_code = 1
+    family = "S"
+
+
+class StaleError(DxbError):
+    """`--check` found stale targets (exit 3)."""
+
+    exit_code = 3
+    family = "C"
+
+
+class MachineError(DxbError):
+    """The machine lacks a package, a device or a right (exit 4)."""
+
+    exit_code = 4
+    family = "E"
+
+
+def from_json(data: Mapping[str, object]) -> DxbError:
+    """The error that `DxbError.to_json` described."""
+    kinds = {
+        kind.family: kind
+        for kind in (UsageError, RecipeError, RuleError, ArtifactError, StoreError, StaleError, MachineError)
+    }
+    where = data.get("where")
+    place = Place(str(where[0]), int(where[1]), int(where[2])) if isinstance(where, list) else None
+    facts = data.get("facts")
+    hint = data.get("hint")
+    kind = kinds.get(str(data.get("family")), DxbError)
+    return kind(
+        str(data["message"]),
+        code=str(data.get("code", "")),
+        where=place,
+        facts=facts if isinstance(facts, Mapping) else None,
+        hint=str(hint) if hint is not None else None,
+    )
+
+
+def did_you_mean(name: str, known: Iterable[str], form: str = "`{}`") -> str | None:
+    """The hint for a name that does not exist, or None where nothing is near."""
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return f"did you mean {form.format(near[0])}?" if near else None
+
+
+def listing(names: Iterable[str], most: int = 12) -> str:
+    """Names for an error's facts: sorted, shortened after `most`."""
+    known = sorted(names)
+    more = f", and {len(known) - most} more" if len(known) > most else ""
+    return ", ".join(known[:most]) + more if known else "none"

@@ -1,0 +1,27 @@
+"""Pinhole projection: OpenCV axes, integer pixel centres, image-plane z."""
+
+from __future__ import annotations
+
+import numpy as np
+
+GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])
+"""OpenGL, MuJoCo and USD cameras look along -z with y up; X_gl = GL_FROM_CV @ X_cv."""
+
+
+def backproject(depth: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Points (H, W, 3) float64 in the camera frame [m] of a (H, W) z-depth [m]; rows with depth 0 come out as 0."""
+    rows, columns = np.indices(depth.shape, dtype=np.float64)
+    z = depth.astype(np.float64)
+    x = (columns - k[0, 2]) / k[0, 0] * z
+    y = (rows - k[1, 2]) / k[1, 1] * z
+    return np.stack([x, y, z], axis=-1)
+
+
+def project(points: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Pixels (N, 2) (column, row) of (N, 3) points in the camera frame with z > 0."""
+    return np.asarray(points[:, :2] / points[:, 2:] * [k[0, 0], k[1, 1]] + [k[0, 2], k[1, 2]])
+
+
+def rays(height: int, width: int, k: np.ndarray) -> np.ndarray:
+    """Directions (H, W, 3) float64 with z = 1, so that a hit's ray parameter is its image-plane depth."""
+    return backproject(np.ones((height, width)), k)

@@ -1,0 +1,31 @@
+"""Unit quaternions in the order w, x, y, z (MuJoCo, USD); SciPy and ROS write x, y, z, w."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def from_matrix(rotation: np.ndarray) -> np.ndarray:
+    """(4,) unit quaternion with w >= 0 of a (3, 3) rotation (Bar-Itzhack 2000: also right for slightly noisy ones)."""
+    m = rotation.astype(np.float64)
+    vector = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
+    k = np.zeros((4, 4))
+    k[0, 0] = np.trace(m)
+    k[0, 1:] = k[1:, 0] = vector
+    k[1:, 1:] = m + m.T - np.trace(m) * np.eye(3)
+    quaternion = np.linalg.eigh(k / 3.0)[1][:, -1]
+    # Half turns have w = 0: the first clear component decides the sign, so that equal rotations give equal bytes.
+    leading = quaternion[int(np.argmax(np.abs(quaternion) > 1e-9))]
+    return np.asarray(quaternion if leading > 0 else -quaternion)
+
+
+def to_matrix(quaternion: np.ndarray) -> np.ndarray:
+    """(3, 3) rotation of a (4,) quaternion of any length but 0."""
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -1,0 +1,102 @@
+"""Connected regions of masks and outlines of point sets, without an image library."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def label(mask: np.ndarray) -> tuple[np.ndarray, int]:
+    """4-connected regions of a (H, W) bool mask: (H, W) int32 with 1.. in scan order, and their number."""
+    height, width = mask.shape
+    padded = np.zeros((height, width + 2), np.int8)
+    padded[:, 1:-1] = mask
+    change = np.diff(padded, axis=1)
+    rows, starts = np.nonzero(change == 1)
+    ends = np.nonzero(change == -1)[1]
+    parent = np.arange(len(rows))
+    first = np.searchsorted(rows, np.arange(height + 1))
+    for row in range(1, height):
+        _join_rows(parent, starts, ends, (first[row - 1], first[row]), (first[row], first[row + 1]))
+    roots = np.array([_root(parent, index) for index in range(len(parent))], dtype=np.int64)
+    kinds, number = np.unique(roots, return_inverse=True)
+    flat = np.zeros(height * width + 1, np.int32)
+    np.add.at(flat, rows * width + starts, number + 1)
+    np.add.at(flat, rows * width + ends, -(number + 1))
+    labels = np.cumsum(flat[:-1], dtype=np.int32).reshape(height, width)
+    return labels, len(kinds)
+
+
+def largest(mask: np.ndarray, weight: np.ndarray | None = None) -> np.ndarray:
+    """The 4-connected region of a mask with the most pixels, or the largest sum of `weight`; empty stays empty."""
+    labels, count = label(mask)
+    if not count:
+        return mask.copy()
+    weights = mask if weight is None else weight
+    sums = np.bincount(labels.ravel(), weights=weights.ravel().astype(np.float64), minlength=count + 1)
+    sums[0] = -1.0
+    return np.asarray(labels == int(np.argmax(sums)))
+
+
+def convex_hull(points: np.ndarray) -> np.ndarray:
+    """Corners (P, 2) of the convex hull of (N, 2) points, counter-clockwise (Andrew's monotone chain)."""
+    unique = np.unique(points, axis=0)
+    if len(unique) < 3:
+        return unique
+    lower, upper = _chain(unique), _chain(unique[::-1])
+    return np.array(lower[:-1] + upper[:-1])
+
+
+def area(polygon: np.ndarray) -> float:
+    """Signed area of a (P, 2) polygon; positive when counter-clockwise."""
+    x, y = polygon[:, 0], polygon[:, 1]
+    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def centroid(polygon: np.ndarray) -> np.ndarray:
+    """Centre of area (2,) of a simple (P, 2) polygon."""
+    following = np.roll(polygon, -1, axis=0)
+    cross = polygon[:, 0] * following[:, 1] - following[:, 0] * polygon[:, 1]
+    return np.asarray(((polygon + following) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum()))
+
+
+def inside_convex(points: np.ndarray, polygon: np.ndarray, margin: float = 0.0) -> np.ndarray:
+    """Which of (..., 2) points lie inside a convex counter-clockwise polygon grown by `margin`."""
+    inside = np.ones(points.shape[:-1], bool)
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        edge = (b - a) / max(float(np.linalg.norm(b - a)), 1e-12)
+        inside &= edge[0] * (points[..., 1] - a[1]) - edge[1] * (points[..., 0] - a[0]) >= -margin
+    return inside
+
+
+def _chain(points: np.ndarray) -> list[np.ndarray]:
+    chain: list[np.ndarray] = []
+    for point in points:
+        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 0:
+            chain.pop()
+        chain.append(point)
+    return chain
+
+
+def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def _root(parent: np.ndarray, index: int) -> int:
+    while parent[index] != index:
+        parent[index] = parent[parent[index]]
+        index = int(parent[index])
+    return index
+
+
+def _join_rows(
+    parent: np.ndarray, starts: np.ndarray, ends: np.ndarray, above: tuple[int, int], below: tuple[int, int]
+) -> None:
+    upper, lower = int(above[0]), int(below[0])
+    while upper < above[1] and lower < below[1]:
+        if starts[upper] < ends[lower] and starts[lower] < ends[upper]:
+            a, b = _root(parent, upper), _root(parent, lower)
+            parent[max(a, b)] = min(a, b)
+        if ends[upper] < ends[lower]:
+            upper += 1
+        else:
+            lower += 1

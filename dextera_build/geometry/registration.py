@@ -1,0 +1,211 @@
+"""Similarity registration of a whole model to the part of it that a camera saw.
+
+Plain nearest-neighbour ICP with a free scale collapses: all seen points find a partner when the model shrinks onto
+them. Here only model points that the camera would see take part, both directions count the same, the worst pairs are
+left out, and the scale has a prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.geometry import transforms
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """x_world = pose @ (scale * x_model)."""
+
+    scale: float  # model units to metres
+    pose: np.ndarray  # (4, 4) T_world_object, rigid
+
+    def apply(self, points: np.ndarray) -> np.ndarray:
+        """World positions of (N, 3) model points."""
+        return transforms.apply(self.pose, self.scale * points)
+
+    def unapply(self, points: np.ndarray) -> np.ndarray:
+        """Model positions of (N, 3) world points."""
+        return transforms.apply(transforms.invert(self.pose), points) / self.scale
+
+
+Visible = Callable[[Similarity], tuple[np.ndarray, np.ndarray]]
+"""Model-frame points (N, 3) and outward normals (N, 3) that the camera would see of the placed model."""
+
+FREE = np.eye(7)
+"""All motions: rotation x y z, translation x y z, log scale."""
+UPRIGHT = FREE[:, [2, 3, 4, 5, 6]]
+"""The model's up axis stays."""
+RESTING = FREE[:, [2, 3, 4, 6]]
+"""The up axis and the contact with z = 0 stay."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """How `icp` looks for its minimum."""
+
+    freedom: np.ndarray  # (7, K) basis of the allowed motions, one of FREE, UPRIGHT, RESTING
+    scale: float  # centre of the scale prior
+    scale_sigma: float  # its relative standard deviation
+    iterations: int = 30
+    keep: float = 0.85  # part of the pairs that stay after trimming
+    point_weight: float = 0.15  # of the point-to-point term beside point-to-plane; holds flat faces in place
+    noise_m: float = 0.002  # standard deviation of a pair [m]
+    samples: float = 50.0  # independent measurements that all pairs together are worth
+
+
+def icp(start: Similarity, visible: Visible, seen: np.ndarray, search: Search) -> Similarity:
+    """Bidirectional trimmed point-to-plane ICP over similarities.
+
+    Args:
+        start: First guess.
+        visible: Renders the model.
+        seen: (N, 3) seen points in the world frame [m].
+        search: See `Search`.
+
+    Returns:
+        The refined similarity; the start where the model is out of the camera's sight.
+    """
+    from scipy.spatial import KDTree
+
+    tree = KDTree(seen)
+    now = start
+    for _ in range(search.iterations):
+        points, normals = visible(now)
+        if len(points) < 10:
+            return now
+        placed = now.apply(points)
+        normals = normals @ now.pose[:3, :3].T
+        forward, nearest = (np.asarray(part) for part in tree.query(placed))
+        backward, owner = (np.asarray(part) for part in KDTree(placed).query(seen))
+        keep = _trimmed(forward, search.keep)
+        also = _trimmed(backward, search.keep)
+        own = np.concatenate([np.flatnonzero(keep), owner[also]])
+        target = np.concatenate([seen[nearest[keep]], seen[also]])
+        weights = np.concatenate([np.full(keep.sum(), 0.5 / keep.sum()), np.full(also.sum(), 0.5 / also.sum())])
+        step = _step(placed[own], normals[own], target, weights, now.scale, search)
+        now = _moved(now, step)
+        if np.abs(step.motion).max() < 1e-6:
+            break
+    return now
+
+
+@dataclass(frozen=True)
+class _Step:
+    pivot: np.ndarray  # (3,)
+    motion: np.ndarray  # (7,) rotation vector, translation, log scale
+
+
+def _trimmed(distances: np.ndarray, keep: float) -> np.ndarray:
+    return np.asarray(distances <= np.quantile(distances, keep))
+
+
+def _step(
+    placed: np.ndarray, normals: np.ndarray, target: np.ndarray, weights: np.ndarray, scale: float, search: Search
+) -> _Step:
+    """Gauss-Newton step of the weighted pairs and the scale prior, in the allowed motions."""
+    pivot = placed.mean(axis=0)
+    if search.freedom.shape[1] == RESTING.shape[1]:
+        pivot = pivot * [1.0, 1.0, 0.0]  # scaling about a point of the support keeps the contact
+    arms = placed - pivot
+    offsets = target - placed
+    # d placed / d motion = [-[arm]x, I, arm]
+    zero = np.zeros(len(arms))
+    x, y, z = arms.T
+    jacobian = np.zeros((len(arms), 3, 7))
+    jacobian[:, :, :3] = np.stack([[zero, z, -y], [-z, zero, x], [y, -x, zero]]).transpose(2, 0, 1)
+    jacobian[:, :, 3:6] = np.eye(3)
+    jacobian[:, :, 6] = arms
+    along = np.einsum("ni,nij->nj", normals, jacobian)
+    trust = search.samples / search.noise_m**2
+    system = trust * (
+        np.einsum("n,ni,nj->ij", weights, along, along)
+        + search.point_weight * np.einsum("n,nki,nkj->ij", weights, jacobian, jacobian)
+    )
+    right = trust * (
+        np.einsum("n,ni,n->i", weights, along, (normals * offsets).sum(axis=1))
+        + search.point_weight * np.einsum("n,nki,nk->i", weights, jacobian, offsets)
+    )
+    system[6, 6] += 1.0 / search.scale_sigma**2
+    right[6] += np.log(search.scale / scale) / search.scale_sigma**2
+    basis = search.freedom
+    reduced = np.linalg.lstsq(basis.T @ system @ basis, basis.T @ right, rcond=1e-12)[0]
+    return _Step(pivot, np.asarray(basis @ reduced))
+
+
+def _moved(now: Similarity, step: _Step) -> Similarity:
+    growth = float(np.exp(np.clip(step.motion[6], -0.2, 0.2)))
+    turn = rotation(step.motion[:3])
+    rotated = turn @ now.pose[:3, :3]
+    place = growth * turn @ (now.pose[:3, 3] - step.pivot) + step.pivot + step.motion[3:6]
+    return Similarity(now.scale * growth, transforms.rigid(rotated, place))
+
+
+def rotation(vector: np.ndarray) -> np.ndarray:
+    """(3, 3) rotation of a rotation vector [rad] (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-12:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
+
+
+def robust_extent(points: np.ndarray, tail: float = 0.01) -> np.ndarray:
+    """Size (3,) [m] of the box around (N, 3) points without the outermost `tail` on either side of each axis.
+
+    Noise of 1.5 mm widens a plain bounding box by 4-14 %, one per cent of flying pixels by 40 %.
+    """
+    return np.asarray(np.quantile(points, 1.0 - tail, axis=0) - np.quantile(points, tail, axis=0))
+
+
+def extent_scale(model: np.ndarray, seen: np.ndarray, whole: np.ndarray, tail: float = 0.01) -> float | None:
+    """Median ratio of seen to model extents over the axes of which both ends were seen.
+
+    Args:
+        model: (N, 3) model points that the camera would see, axes as in `seen`.
+        seen: (M, 3) seen points [m].
+        whole: (3,) bool, axes that neither an occluder nor the image border cut.
+        tail: See `robust_extent`.
+
+    Returns:
+        The scale, or None where no axis is whole.
+    """
+    extents = robust_extent(model, tail)
+    usable = whole & (extents > 1e-9)
+    if not usable.any():
+        return None
+    return float(np.median(robust_extent(seen, tail)[usable] / extents[usable]))
+
+
+def cube_rotations() -> np.ndarray:
+    """The 24 rotations (24, 3, 3) that permute and flip axes."""
+    found = []
+    for order in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)):
+        for signs in np.ndindex(2, 2, 2):
+            matrix = np.eye(3)[list(order)] * (1.0 - 2.0 * np.array(signs))[:, None]
+            if np.linalg.det(matrix) > 0.0:
+                found.append(matrix)
+    return np.array(found)
+
+
+def yaws(count: int, span: float = 2.0 * np.pi) -> np.ndarray:
+    """`count` even rotations about z over `span` [rad], (count, 3, 3)."""
+    return np.array([rotation(np.array([0.0, 0.0, span * k / count])) for k in range(count)])
+
+
+def spread_rotations(count: int) -> np.ndarray:
+    """`count` rotations (count, 3, 3) spread over SO(3): super-Fibonacci spirals (Alexa, CVPR 2022)."""
+    phi, psi = np.sqrt(2.0), 1.533751168755204288118041
+    s = np.arange(count) + 0.5
+    r, big = np.sqrt(s / count), np.sqrt(1.0 - s / count)
+    a, b = 2.0 * np.pi * s / phi, 2.0 * np.pi * s / psi
+    x, y, z, w = r * np.sin(a), r * np.cos(a), big * np.sin(b), big * np.cos(b)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.array(rows).transpose(2, 0, 1)

@@ -1,0 +1,126 @@
+"""Closed triangle meshes of simple bodies, and boolean operations on them.
+
+All bodies are wound counter-clockwise seen from outside, every edge is shared by two faces, lengths are in metres.
+manifold3d does the booleans; it is imported at first use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dextera_build.geometry import transforms
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A closed surface."""
+
+    vertices: np.ndarray  # (V, 3) float64 [m]
+    faces: np.ndarray  # (F, 3) int64
+
+    def moved(self, matrix: np.ndarray) -> Solid:
+        """The solid under a (4, 4) rigid motion."""
+        return Solid(transforms.apply(matrix, self.vertices), self.faces)
+
+    @property
+    def volume(self) -> float:
+        """Enclosed volume [m^3], by the divergence theorem; negative where the surface is inside out."""
+        a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
+        return float((a * np.cross(b, c)).sum() / 6.0)
+
+
+def box(size: Sequence[float] | np.ndarray, centre: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)) -> Solid:
+    """An axis-aligned box with edge lengths `size` (3,) about `centre` (3,)."""
+    corners = np.array([[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
+    faces = [
+        [0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
+        [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5],
+    ]  # fmt: skip
+    return Solid(corners * np.asarray(size) + np.asarray(centre), np.array(faces))
+
+
+def loft(rings: np.ndarray) -> Solid:
+    """A skin over closed rings (K, M, 3), with a flat fan as first and as last cap.
+
+    Each ring runs counter-clockwise seen from above. Rings that go up the outside, over a rim and down the inside
+    make a vessel: its last cap is the floor of the cavity.
+    """
+    count, size = rings.shape[:2]
+    own = np.arange(count * size).reshape(count, size)
+    following = np.roll(own, -1, axis=1)
+    lower, lower_next, upper, upper_next = own[:-1], following[:-1], own[1:], following[1:]
+    sides = np.concatenate(
+        [np.stack([lower, lower_next, upper_next], -1), np.stack([lower, upper_next, upper], -1)], axis=0
+    )
+    bottom, top = count * size, count * size + 1
+    first = np.stack([np.full(size, bottom), following[0], own[0]], -1)
+    last = np.stack([np.full(size, top), own[-1], following[-1]], -1)
+    vertices = np.concatenate([rings.reshape(-1, 3), [rings[0].mean(axis=0), rings[-1].mean(axis=0)]])
+    return Solid(vertices, np.concatenate([sides.reshape(-1, 3), first, last]))
+
+
+def ring(a: float, b: float, exponent: float, z: float, count: int) -> np.ndarray:
+    """(count, 3) points of the superellipse |x/a|^n + |y/b|^n = 1 at height `z`, counter-clockwise from +x."""
+    turn = np.arange(count) * (2.0 * np.pi / count)
+    along, across = np.cos(turn), np.sin(turn)
+    scale = (np.abs(along) ** exponent + np.abs(across) ** exponent) ** (-1.0 / exponent)
+    return np.stack([a * along * scale, b * across * scale, np.full(count, z)], axis=-1)
+
+
+def join(parts: Sequence[Solid]) -> Solid:
+    """Several closed surfaces as one mesh, untouched: each stays a connected component of its own."""
+    starts = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
+    faces = [part.faces + start for part, start in zip(parts, starts, strict=True)]
+    return Solid(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+
+
+def extrude(outline: np.ndarray, low: float, high: float) -> Solid:
+    """A prism over a simple polygon (P, 2), from z = `low` to z = `high`."""
+    return extrude_rings([outline], low, high)
+
+
+def extrude_rings(outlines: Sequence[np.ndarray], low: float, high: float) -> Solid:
+    """A prism over the region that polygons (P, 2) enclose an odd number of times: holes are rings inside."""
+    import manifold3d as m3
+
+    section = m3.CrossSection([np.asarray(outline, np.float64) for outline in outlines], m3.FillRule.EvenOdd)
+    return _from_manifold(m3.Manifold.extrude(section, high - low).translate((0.0, 0.0, low)))
+
+
+def union(parts: Sequence[Solid]) -> Solid:
+    """The body that all parts fill together."""
+    import manifold3d as m3
+
+    return _from_manifold(m3.Manifold.batch_boolean([_to_manifold(part) for part in parts], m3.OpType.Add))
+
+
+def difference(body: Solid, taken: Solid) -> Solid:
+    """`body` without `taken`."""
+    return _from_manifold(_to_manifold(body) - _to_manifold(taken))
+
+
+def largest(body: Solid) -> Solid:
+    """The connected component with the largest volume."""
+    parts = [_from_manifold(part) for part in _to_manifold(body).decompose()]
+    return max(parts, key=lambda part: part.volume)
+
+
+def simplified(body: Solid, tolerance_m: float) -> Solid:
+    """The same body with fewer faces; no point of the surface moves further than about `tolerance_m`."""
+    return _from_manifold(_to_manifold(body).simplify(tolerance_m))
+
+
+def _to_manifold(solid: Solid) -> Any:
+    import manifold3d as m3
+
+    mesh = m3.Mesh64(np.ascontiguousarray(solid.vertices, np.float64), np.ascontiguousarray(solid.faces, np.uint64))
+    return m3.Manifold(mesh)
+
+
+def _from_manifold(manifold: Any) -> Solid:
+    mesh = manifold.to_mesh64()
+    return Solid(np.array(mesh.vert_properties[:, :3], np.float64), np.array(mesh.tri_verts, np.int64))

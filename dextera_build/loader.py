@@ -1,0 +1,292 @@
+"""Finds rules and backends by their place in the tree, imports them, and says what of them enters a key.
+
+A rule `factorize.mesh` is the file `rules/factorize/mesh.py` of the first root that has it: the project, installed
+distributions (entry-point group `dxb.rules`), dxb's own. Every root is mounted as a package under a name of its own,
+so nothing called `rules` is ever installed or imported.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import importlib.machinery
+import importlib.metadata
+import importlib.util
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from dextera_build.code_digest import CodeIndex
+from dextera_build.errors import MachineError, Place, RecipeError, did_you_mean, listing
+
+if TYPE_CHECKING:
+    from dextera_build.rule import Backend, Rule
+
+PACKAGE = Path(__file__).parent
+
+
+def bundled(kind: str) -> Path:
+    """The `rules` or `recipes` that come with dxb: inside the wheel, or beside the package in a checkout."""
+    inside = PACKAGE / "_bundled" / kind
+    return inside if inside.is_dir() else PACKAGE.parent / kind
+
+
+@dataclass(frozen=True)
+class Root:
+    """One folder of stages, mounted as the package `name`."""
+
+    name: str
+    path: Path
+
+    def mount(self) -> None:
+        """Make `import <name>.<stage>.<rule>` work, once per process."""
+        if self.name in sys.modules:
+            return
+        spec = importlib.machinery.ModuleSpec(self.name, None, is_package=True)
+        spec.submodule_search_locations = [str(self.path)]
+        sys.modules[self.name] = importlib.util.module_from_spec(spec)
+
+
+@dataclass(frozen=True)
+class RuleFile:
+    """A rule as found on disk; nothing of it is imported until `rule` is asked for."""
+
+    path: str
+    """`factorize.mesh`."""
+    file: Path
+    root: Root
+
+    @cached_property
+    def rule(self) -> Rule[Any, Any]:
+        """The imported rule.
+
+        Raises:
+            RecipeError: The file cannot be imported, or holds no rule of its own name.
+        """
+        from dextera_build.rule import Rule
+
+        name = self.path.rpartition(".")[2]
+        found = getattr(_import(self.root, self.path, self.file), name, None)
+        if not isinstance(found, Rule):
+            raise RecipeError(f"no function `{name}` with `@rule` in this file", code="DXB-R203", where=self.place)
+        return found
+
+    @property
+    def place(self) -> Place:
+        """The line of the rule's function, for messages."""
+        name = self.path.rpartition(".")[2]
+        for node in ast.parse(self.file.read_text()).body:
+            if isinstance(node, ast.FunctionDef) and node.name == name:
+                return Place(str(self.file), node.lineno)
+        return Place(str(self.file))
+
+    @cached_property
+    def backends(self) -> dict[str, BackendFile]:
+        """Backends by name, read without importing them."""
+        stem = self.file.stem
+        candidates = sorted(self.file.parent.glob(f"{stem}_*.py"))
+        found = {}
+        for file in candidates:
+            facts = _backend_facts(file)
+            if facts is not None:
+                name = file.stem.removeprefix(f"{stem}_")
+                found[name] = BackendFile(name, file, self, facts)
+        return found
+
+
+@dataclass(frozen=True)
+class BackendFile:
+    """A backend as found on disk."""
+
+    name: str
+    file: Path
+    owner: RuleFile
+    facts: Backend
+
+    def load(self) -> ModuleType:
+        """The imported module."""
+        stage = self.owner.path.rpartition(".")[0]
+        return _import(self.owner.root, f"{stage}.{self.file.stem}", self.file)
+
+    def missing(self) -> list[str]:
+        """Distributions that it needs and that are not installed."""
+        return [name for name in self.facts.packages if version_of(name) is None]
+
+
+class Library:
+    """All rules that a project can use.
+
+    Args:
+        project: The project's folder; its `rules/` comes first.
+    """
+
+    def __init__(self, project: Path | None = None) -> None:
+        self._project = project
+        self._found: dict[str, RuleFile] = {}
+
+    @cached_property
+    def roots(self) -> list[Root]:
+        """Where rules are looked for, in order."""
+        folders: list[Path] = []
+        if self._project is not None and (self._project / "rules").is_dir():
+            folders.append((self._project / "rules").resolve())
+        folders += [
+            Path(str(importlib.util.find_spec(point.value).submodule_search_locations[0]))  # type: ignore[union-attr,index]
+            for point in importlib.metadata.entry_points(group="dxb.rules")
+        ]
+        own = bundled("rules").resolve()
+        folders += [own] if own not in folders else []
+        roots = [Root(f"dxb_rules_{number}", folder) for number, folder in enumerate(folders)]
+        for root in roots:
+            root.mount()
+        return roots
+
+    def find(self, path: str, where: Place | None = None) -> RuleFile:
+        """The rule called `path`.
+
+        Raises:
+            RecipeError: No root has it.
+        """
+        if path not in self._found:
+            self._found[path] = self._search(path, where)
+        return self._found[path]
+
+    def rules(self) -> Iterator[RuleFile]:
+        """Every rule, by path; files without `@rule` (helpers, backends) are left out."""
+        seen = set()
+        for root in self.roots:
+            for file in sorted(root.path.glob("*/*.py")):
+                path = f"{file.parent.name}.{file.stem}"
+                if path not in seen and _holds_rule(file):
+                    seen.add(path)
+                    yield self.find(path)
+
+    @cached_property
+    def code(self) -> CodeIndex:
+        """Code digests of the files in the roots, the package and the project."""
+        roots = {root.name: root.path for root in self.roots}
+        return CodeIndex(roots, PACKAGE, self._project)
+
+    def _search(self, path: str, where: Place | None) -> RuleFile:
+        stage, dot, name = path.partition(".")
+        for root in self.roots:
+            file = root.path / stage / f"{name}.py"
+            if dot and file.is_file() and _holds_rule(file):
+                return RuleFile(path, file, root)
+        known = [found.path for found in self.rules()]
+        same = [rule for rule in known if rule.startswith(f"{stage}.")]
+        raise RecipeError(
+            f"no rule is called `{path}`",
+            code="DXB-R201",
+            where=where,
+            facts={f"rules of `{stage}`" if same else "rules": listing(same or known, most=40)},
+            hint=did_you_mean(path, known) or "`dxb ls rules` shows all of them",
+        )
+
+
+def choose_backend(found: RuleFile, wanted: str | None, profile: str, where: Place | None = None) -> BackendFile | None:
+    """The backend that carries out a rule: the wanted one, or the profile's; None for a rule without backends.
+
+    Raises:
+        RecipeError: No backend is called so, or none belongs to the profile.
+        MachineError: It needs packages that are not installed.
+    """
+    if wanted is not None and wanted not in found.backends:
+        raise RecipeError(
+            f"`{found.path}` has no backend `{wanted}`",
+            code="DXB-R202",
+            where=where,
+            facts={"backends": listing(found.backends)},
+            hint=did_you_mean(wanted, found.backends),
+        )
+    if not found.backends:
+        return None
+    chosen = found.backends[wanted] if wanted else _of_profile(found, profile, where)
+    if missing := chosen.missing():
+        extra = f"[{chosen.facts.extra}]" if chosen.facts.extra else ""
+        raise MachineError(
+            f"backend `{chosen.name}` of {found.path} is not installed",
+            code="DXB-E301",
+            where=where,
+            facts={"needs": ", ".join(missing), "others": _others(found, chosen.name)},
+            hint=f"`pip install 'dextera-build{extra}'`",
+        )
+    return chosen
+
+
+def version_of(distribution: str) -> str | None:
+    """Installed version of a distribution, or None."""
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _of_profile(found: RuleFile, profile: str, where: Place | None) -> BackendFile:
+    for order in (profile, "cpu"):
+        for backend in found.backends.values():
+            if order in backend.facts.profiles:
+                return backend
+    raise RecipeError(
+        f"no backend of {found.path} belongs to the profile `{profile}`",
+        code="DXB-R204",
+        where=where,
+        facts={"backends": listing(found.backends)},
+        hint=f"name one: `backend: {next(iter(found.backends))}`",
+    )
+
+
+def _others(found: RuleFile, but: str) -> str:
+    return listing(f"{name} ({b.facts.summary})" for name, b in found.backends.items() if name != but)
+
+
+def _import(root: Root, path: str, file: Path) -> ModuleType:
+    root.mount()
+    try:
+        return importlib.import_module(f"{root.name}.{path}")
+    except ImportError as error:
+        package = (error.name or "").partition(".")[0]
+        if package and not package.startswith("dxb_rules") and importlib.util.find_spec(package) is None:
+            raise MachineError(
+                f"{path} needs the package `{package}`, which is not installed",
+                code="DXB-E302",
+                where=Place(str(file)),
+                hint="`pip install 'dextera-build[all]'`",
+            ) from None
+        raise RecipeError(f"{path} cannot be imported: {error}", code="DXB-R205", where=Place(str(file))) from error
+    except SyntaxError as error:
+        where = Place(error.filename or str(file), error.lineno or 0, error.offset or 0)
+        raise RecipeError(f"{path} is not valid Python: {error.msg}", code="DXB-R206", where=where) from None
+
+
+def _holds_rule(file: Path) -> bool:
+    text = file.read_text()
+    if "@rule(" not in text:
+        return False
+    try:
+        body = ast.parse(text).body
+    except SyntaxError:
+        return True  # Importing it says where the error is.
+    return any(isinstance(node, ast.FunctionDef) and node.name == file.stem and node.decorator_list for node in body)
+
+
+def _backend_facts(file: Path) -> Backend | None:
+    from dextera_build.rule import Backend
+
+    for node in ast.parse(file.read_text()).body:
+        if not (isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)):
+            continue
+        if not any(isinstance(target, ast.Name) and target.id == "BACKEND" for target in node.targets):
+            continue
+        try:
+            return Backend(**{str(word.arg): ast.literal_eval(word.value) for word in node.value.keywords})
+        except (ValueError, TypeError) as error:
+            where = Place(str(file), node.lineno)
+            raise RecipeError(
+                f"`BACKEND` must be `Backend(...)` with literal arguments: {error}", code="DXB-R207", where=where
+            ) from None
+    return None

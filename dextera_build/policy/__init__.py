@@ -1,0 +1,1 @@
+"""The one policy interface: spaces, normalisation, checkpoint contract."""

@@ -1,0 +1,171 @@
+"""The folder that dxb works in: its recipes, its rules, its store, and where each setting comes from."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
+from dextera_build.loader import Library, bundled
+from dextera_build.recipe.schema import Recipe, read
+
+MARKER = "dxb.toml"
+_DEFAULTS: dict[str, Any] = {"cache": "cache", "profile": "cpu", "jobs": 0, "console": "auto"}
+PROFILES = ("stub", "cpu", "gpu", "cloud")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A value with its origin, for `dxb show --config`."""
+
+    value: Any
+    origin: str
+
+
+class Project:
+    """A project folder.
+
+    Args:
+        root: The folder that holds `dxb.toml`, or a `pyproject.toml` with `[tool.dxb]`.
+        flags: Settings from the command line; they win over all else.
+        declared: False where no project was found and the current folder stands in.
+    """
+
+    def __init__(self, root: Path, flags: Mapping[str, Any] | None = None, *, declared: bool = True) -> None:
+        self.root = root
+        self.declared = declared
+        self._flags = {name: value for name, value in (flags or {}).items() if value is not None}
+
+    @cached_property
+    def config(self) -> dict[str, Setting]:
+        """Every setting: flags > `DXB_*` > `dxb.local.toml` > project > user > defaults."""
+        found = {name: Setting(value, "default") for name, value in _DEFAULTS.items()}
+        if not self.declared:
+            home = Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser()
+            found["cache"] = Setting(str(home / "dxb"), "default outside a project")
+        for origin, values in self._layers():
+            for name, value in values.items():
+                if name not in _DEFAULTS:
+                    raise RecipeError(
+                        f"`{name}` is not a setting",
+                        code="DXB-R401",
+                        where=Place(origin),
+                        facts={"settings": listing(_DEFAULTS)},
+                        hint=did_you_mean(name, _DEFAULTS),
+                    )
+                found[name] = Setting(value, origin)
+        if found["profile"].value not in PROFILES:
+            raise UsageError(
+                f"`{found['profile'].value}` is not a profile",
+                code="DXB-U103",
+                facts={"profiles": listing(PROFILES), "from": found["profile"].origin},
+            )
+        return found
+
+    @property
+    def cache(self) -> Path:
+        """The store's folder."""
+        return (self.root / Path(str(self.config["cache"].value)).expanduser()).absolute()
+
+    @property
+    def profile(self) -> str:
+        """The profile in force."""
+        return str(self.config["profile"].value)
+
+    @property
+    def jobs(self) -> int:
+        """How many nodes may run at once; 0 in the settings means one per core."""
+        value = self.config["jobs"].value
+        if not str(value).isdigit():
+            raise UsageError(f"`jobs` is a number, not `{value}`", code="DXB-U103")
+        return int(value) or len(os.sched_getaffinity(0))
+
+    @cached_property
+    def library(self) -> Library:
+        """The rules of this project."""
+        return Library(self.root)
+
+    def recipe(self, address: str, extending: tuple[str, ...] = ()) -> Recipe | None:
+        """The recipe of an address with all that it extends, the project's own first, or None.
+
+        Raises:
+            RecipeError: It is wrong, or extends what does not exist, or itself.
+        """
+        own = self._read(address)
+        if own is None or own.extends is None:
+            return own
+        base, trail = str(own.extends.value), (*extending, address)
+        found = self.recipe(base, trail) if base not in trail else None
+        if found is None:
+            message = f"no recipe is called `{base}`" if base not in trail else "the recipe extends itself"
+            raise RecipeError(message, code="DXB-R110", where=own.extends.place, hint="`dxb ls` shows all of them")
+        return own.over(found)
+
+    def _read(self, address: str) -> Recipe | None:
+        for folder in self._recipe_folders():
+            file = folder / f"{address}.yaml"
+            if file.is_file() and file.resolve().is_relative_to(folder.resolve()):
+                return read(file, address, self.shown(file))
+        return None
+
+    def recipes(self) -> Iterator[tuple[str, Path]]:
+        """Every recipe: address and file."""
+        seen: set[str] = set()
+        for folder in self._recipe_folders():
+            for file in sorted(folder.rglob("*.yaml")):
+                address = file.relative_to(folder).with_suffix("").as_posix()
+                if "." not in address and address not in seen:
+                    seen.add(address)
+                    yield address, file
+
+    def shown(self, path: Path) -> str:
+        """A path as messages show it: relative where it lies below the current folder."""
+        here = Path.cwd()
+        return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
+
+    def _recipe_folders(self) -> list[Path]:
+        folders = [self.root / "recipes", bundled("recipes")]
+        return [folder for number, folder in enumerate(folders) if folder.is_dir() and folder not in folders[:number]]
+
+    def _layers(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
+        user = Path(os.environ.get("XDG_CONFIG_HOME", "~/.config")).expanduser() / "dxb" / "config.toml"
+        for file in (user, *_project_files(self.root), self.root / "dxb.local.toml"):
+            if file.is_file():
+                values = _toml(file)
+                if file.name == "pyproject.toml":
+                    values = values.get("tool", {}).get("dxb", {})
+                yield self.shown(file), values
+        yield (
+            "environment",
+            {name: os.environ[f"DXB_{name.upper()}"] for name in _DEFAULTS if os.environ.get(f"DXB_{name.upper()}")},
+        )
+        yield "command line", self._flags
+
+
+def find(start: Path | None = None, flags: Mapping[str, Any] | None = None) -> Project:
+    """The project that `start` (the current folder) lies in; the folder itself where there is none."""
+    here = (start or Path.cwd()).absolute()
+    for folder in (here, *here.parents):
+        if (folder / MARKER).is_file() or _declares(folder / "pyproject.toml"):
+            return Project(folder, flags)
+    return Project(here, flags, declared=False)
+
+
+def _project_files(root: Path) -> list[Path]:
+    return [root / "pyproject.toml", root / MARKER]
+
+
+def _declares(file: Path) -> bool:
+    return file.is_file() and "[tool.dxb]" in file.read_text()
+
+
+def _toml(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file.read_text())
+    except tomllib.TOMLDecodeError as error:
+        raise RecipeError(f"not valid TOML: {error}", code="DXB-R402", where=Place(str(file))) from None

@@ -1,0 +1,1 @@
+"""Strict YAML, the recipe schema, and the plan that the engine builds."""

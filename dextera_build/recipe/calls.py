@@ -1,0 +1,234 @@
+"""Makes one call: its rule and backend, checked inputs, complete options with their places."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from dextera_build.engine.graph import Call, Graph, Input, RuleFacts
+from dextera_build.errors import MachineError, RecipeError, UsageError, did_you_mean, listing
+from dextera_build.loader import BackendFile, Library, RuleFile, choose_backend, version_of
+from dextera_build.recipe.schema import CallDecl
+from dextera_build.recipe.scope import Scope, type_name
+from dextera_build.recipe.settings import Setting
+from dextera_build.recipe.strict_yaml import Node
+
+if TYPE_CHECKING:
+    from dextera_build.rule import Slot
+
+Address = tuple[str, ...]
+
+
+class CallMaker:
+    """Turns declarations into calls, for one profile and one set of command-line settings."""
+
+    def __init__(
+        self, library: Library, profile: str, backends: Mapping[str, str], settings: tuple[Setting, ...]
+    ) -> None:
+        self._library = library
+        self._profile = profile
+        self._backends = backends
+        self._settings = settings
+        self._facts: dict[tuple[str, str | None], RuleFacts] = {}
+        for rule in backends:
+            library.find(rule)
+
+    def rule_file(self, decl: CallDecl) -> RuleFile:
+        """The rule that a declaration names."""
+        return self._library.find(decl.rule, decl.place)
+
+    def labels(self, group: Address) -> set[str]:
+        """Labels of copies that the settings speak of."""
+        depth = len(group) - 1
+        return {
+            label
+            for setting in self._settings
+            if setting.call[:-1] == group and (label := setting.labels[depth]) is not None
+        }
+
+    def concerns(self, call: Address, label: str) -> bool:
+        """Whether a setting speaks of this copy alone."""
+        return any(setting.call == call and label in setting.labels for setting in self._settings)
+
+    def refuse_unused_settings(self, graph: Graph) -> None:
+        """Every setting must name a call of the graph.
+
+        Raises:
+            UsageError: One names none.
+        """
+        calls = {address for address, _ in graph.calls()}
+        known = [".".join(address) for address in calls]
+        for setting in self._settings:
+            if setting.call not in calls:
+                raise UsageError(
+                    f"`{setting.text}`: no node is called `{'.'.join(setting.call)}`",
+                    code="DXB-U107",
+                    facts={"nodes": listing(known, most=40)},
+                    hint=did_you_mean(".".join(setting.call), known),
+                )
+
+    def call(
+        self,
+        decl: CallDecl,
+        scope: Scope,
+        address: Address,
+        changed: Mapping[str, Node] | None = None,
+        label: str | None = None,
+    ) -> Call:
+        """The call of a declaration; `changed` and `label` make the one of a single copy of its group."""
+        found = self.rule_file(decl)
+        arguments = {**decl.arguments, **{k: v for k, v in (changed or {}).items() if k != "backend"}}
+        for setting in self._settings:
+            if setting.call == address and (all(s is None for s in setting.labels) or label in setting.labels):
+                arguments[setting.option] = setting.value
+        wanted = (changed or {}).get("backend", decl.backend)
+        facts = self._rule_facts(found, wanted, decl)
+        slots, options_type = found.rule.slots, found.rule.options
+        self._refuse_unknown(decl, arguments, slots, options_type)
+        inputs = self._inputs(decl, {k: v for k, v in arguments.items() if k in slots}, slots, scope)
+        given = {name: node for name, node in arguments.items() if name not in slots}
+        options = _options(decl, options_type, given)
+        places = {name: node.place for name, node in given.items()}
+        return Call(decl.name, facts, options, inputs, decl.place, places, decl.salt)
+
+    def _rule_facts(self, found: RuleFile, wanted: Node | None, decl: CallDecl) -> RuleFacts:
+        name = self._backends.get(found.path, str(wanted.value) if wanted else None)
+        backend = choose_backend(found, name, self._profile, wanted.place if wanted else decl.place)
+        key = (found.path, backend.name if backend else None)
+        if key not in self._facts:
+            self._facts[key] = facts_of(self._library, found, backend)
+        return self._facts[key]
+
+    def _refuse_unknown(
+        self, decl: CallDecl, arguments: Mapping[str, Node], slots: Mapping[str, Slot], options: Any
+    ) -> None:
+        known = {*slots, *options.model_fields, "backend", "salt"}
+        for name, node in arguments.items():
+            if name not in known:
+                raise RecipeError(
+                    f"`{decl.rule}` has no input or option `{name}`",
+                    code="DXB-R105",
+                    where=decl.keys.get(name, node.place),
+                    facts={"inputs": listing(slots), "options": listing(options.model_fields, most=40)},
+                    hint=did_you_mean(name, known),
+                )
+
+    def _inputs(
+        self, decl: CallDecl, given: Mapping[str, Node], slots: Mapping[str, Slot], scope: Scope
+    ) -> dict[str, Input]:
+        inputs: dict[str, Input] = {}
+        for name, slot in slots.items():
+            if name not in given:
+                if not slot.optional:
+                    raise RecipeError(
+                        f"`{decl.rule}` needs the input `{name}`",
+                        code="DXB-R106",
+                        where=decl.place,
+                        facts={"it takes": type_name(slot.annotation), "known here": listing(scope.visible(), 30)},
+                        hint=f"add `{name}: $...`",
+                    )
+                continue
+            bound = _resolved(given[name], name, slot, scope)
+            if bound is None and not slot.optional:
+                raise RecipeError(
+                    f"`{decl.rule}` needs the input `{name}`, but `{given[name].value}` was left out",
+                    code="DXB-R106",
+                    where=given[name].place,
+                )
+            if bound is not None:
+                inputs[name] = bound
+        return inputs
+
+
+def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> RuleFacts:
+    """All that a key holds of a rule and its backend.
+
+    Raises:
+        MachineError: A package that the rule declares is not installed.
+    """
+    rule = found.rule
+    names = sorted({*rule.packages, *(backend.facts.packages if backend else ())})
+    versions = {name: version_of(name) for name in names}
+    if missing := [name for name, version in versions.items() if version is None]:
+        raise MachineError(
+            f"{found.path} needs {listing(missing)}, which is not installed",
+            code="DXB-E302",
+            hint="`pip install 'dextera-build[all]'`",
+        )
+    files = [found.file] + ([backend.file] if backend else [])
+    types = {name: _schema(slot.annotation) for name, slot in rule.slots.items()}
+    return RuleFacts(
+        path=found.path,
+        version=rule.version,
+        code=library.code.of(*files),
+        packages={name: str(version) for name, version in versions.items()},
+        backend=backend.name if backend else None,
+        weights=backend.facts.weights if backend else (),
+        types={**types, "return": _schema(rule.returns)},
+        cpus=rule.cpus,
+        memory_gb=rule.memory_gb,
+    )
+
+
+@cache
+def _schema(annotation: Any) -> str:
+    from dextera_build.artifacts.base import schema_digest
+
+    return schema_digest(annotation)[:16]
+
+
+def _resolved(node: Node, name: str, slot: Slot, scope: Scope) -> Input | None:
+    if not isinstance(node.value, str) or not node.value.startswith("$"):
+        raise RecipeError(
+            f"the input `{name}` takes a reference, this is {node.kind}",
+            code="DXB-R107",
+            where=node.place,
+            hint=f"`{name}: $...`; files are declared under `inputs`",
+        )
+    bound = scope.resolve(node.value, node.place)
+    if bound.input is None:
+        return None
+    given = bound.kind()
+    if not _fits(slot.annotation, given):
+        raise RecipeError(
+            f"`{name}` takes {type_name(slot.annotation)}, but `{node.value}` is {type_name(given)}",
+            code="DXB-R107",
+            where=node.place,
+        )
+    return bound.input
+
+
+def _fits(wanted: Any, given: Any) -> bool:
+    # Two mounts of one file make two classes; a type is known by its name.
+    names = [base.__name__ for base in getattr(given, "__mro__", (given,))]
+    return wanted.__name__ in names or wanted.__name__ == "Artifact"
+
+
+def _options(decl: CallDecl, kind: Any, given: Mapping[str, Node]) -> dict[str, Any]:
+    from pydantic import ValidationError
+
+    plain = {name: node.plain() for name, node in given.items()}
+    try:
+        # JSON mode takes a list for a tuple and 1 for 1.0, and stays strict in all else.
+        options = kind.model_validate_json(json.dumps(plain))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        location = tuple(first["loc"])
+        name = str(location[0]) if location else ""
+        where = given[name].at(location[1:]) if name in given else decl.place
+        raise RecipeError(
+            f"`{'.'.join(str(part) for part in location)}` of `{decl.rule}`: {first['msg']}",
+            code="DXB-R109",
+            where=where,
+            facts={"given": repr(first["input"])[:120]},
+            hint=_option_hint(kind, name),
+        ) from None
+    dumped: dict[str, Any] = options.model_dump(mode="json")
+    return dumped
+
+
+def _option_hint(kind: Any, name: str) -> str | None:
+    field = kind.model_fields.get(name)
+    return f"`{name}`: {field.description}" if field is not None and field.description else None

@@ -1,0 +1,76 @@
+"""Refuses graphs that feed into themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dextera_build.engine.graph import Call, Gather, Graph, Group, Input, Item, Output
+from dextera_build.errors import RecipeError
+
+Address = tuple[str, ...]
+
+
+def refuse(graph: Graph) -> None:
+    """Walk the static graph once.
+
+    Raises:
+        RecipeError: There is a cycle; the message shows it from node to node.
+    """
+    calls = dict(graph.calls())
+    groups = dict(_groups(graph))
+    done: set[Address] = set()
+    for start in calls:
+        trail: list[Address] = []
+        stack: list[tuple[Address, Iterator[Address]]] = []
+        _push(start, calls, groups, stack, trail)
+        while stack:
+            address, needs = stack[-1]
+            following = next((need for need in needs if need not in done), None)
+            if following is None:
+                stack.pop()
+                trail.pop()
+                done.add(address)
+            elif following in trail:
+                loop = [*trail[trail.index(following) :], following]
+                names = " -> ".join("`" + ".".join(part) + "`" for part in loop)
+                raise RecipeError(
+                    "the recipe feeds into itself",
+                    code="DXB-R108",
+                    where=calls[following].where,
+                    facts={"cycle": names},
+                )
+            else:
+                _push(following, calls, groups, stack, trail)
+
+
+def _push(
+    address: Address,
+    calls: dict[Address, Call],
+    groups: dict[Address, Group],
+    stack: list[tuple[Address, Iterator[Address]]],
+    trail: list[Address],
+) -> None:
+    stack.append((address, iter(list(_needs(address, calls, groups)))))
+    trail.append(address)
+
+
+def _needs(address: Address, calls: dict[Address, Call], groups: dict[Address, Group]) -> Iterator[Address]:
+    inputs: list[Input] = list(calls[address].inputs.values())
+    # A copy exists only once its group's collection is known.
+    inputs += [groups[address[:depth]].over for depth in range(1, len(address))]
+    for given in inputs:
+        if isinstance(given, Output | Gather):
+            yield given.call
+        elif isinstance(given, Item):
+            over = groups[given.group].over
+            if isinstance(over, Output):
+                yield over.call
+
+
+def _groups(graph: Graph) -> Iterator[tuple[Address, Group]]:
+    stack: list[tuple[Address, Call | Group]] = [((name,), member) for name, member in graph.members.items()]
+    while stack:
+        address, member = stack.pop()
+        if isinstance(member, Group):
+            yield address, member
+            stack += [((*address, name), inner) for name, inner in member.members.items()]

@@ -1,0 +1,283 @@
+"""A recipe, resolved: every call with its rule, backend, complete options and inputs, ready for the engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dextera_build.engine.graph import Call, Graph, Group, Item, Leaf, Output
+from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
+from dextera_build.loader import Library
+from dextera_build.recipe import cycles
+from dextera_build.recipe.calls import CallMaker
+from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, Recipe, UseDecl
+from dextera_build.recipe.scope import Alias, Bound, CallName, GroupName, Scope, UseName, item
+from dextera_build.recipe.settings import Setting
+from dextera_build.recipe.strict_yaml import Node
+
+Read = Callable[[str], Recipe | None]
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the command line (or an API caller) adds to a recipe."""
+
+    profile: str = "cpu"
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    """Input name -> path or target address, over the recipe's own."""
+    settings: tuple[Setting, ...] = ()
+    """Options over the recipe's own: `--set 'body[mug].mesh.wall_m=0.004'`."""
+    backends: Mapping[str, str] = field(default_factory=dict)
+    """Rule -> backend, over the profile's."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The graph, and every file that planning read."""
+
+    graph: Graph
+    recipes: tuple[Path, ...]
+
+
+def plan(address: str, read: Read, library: Library, project: Path, request: Request | None = None) -> Plan:
+    """Resolve a recipe.
+
+    Args:
+        address: `twin/laptop_scene`.
+        read: Gives the recipe of an address, or None.
+        library: Where rules come from.
+        project: Folder that relative input paths start from.
+        request: What the caller adds.
+
+    Raises:
+        RecipeError: The recipe, or one that it uses, is wrong; with the place.
+        UsageError: The request names what does not exist.
+        MachineError: A chosen backend is not installed.
+    """
+    planner = _Planner(read, library, project, request or Request())
+    recipe = planner.recipe(address, Place("the command line"))
+    scope = planner.root(recipe)
+    planner.fill()
+    targets = {"default": [], **recipe.targets} if not recipe.targets else dict(recipe.targets)
+    resolved = {name: tuple(planner.target(scope, node) for node in nodes) for name, nodes in targets.items()}
+    if not resolved.get("default"):
+        resolved["default"] = tuple((name,) for name in recipe.nodes if (name,) in planner.calls)
+    graph = Graph(address, planner.tree(), resolved)
+    cycles.refuse(graph)
+    planner.maker.refuse_unused_settings(graph)
+    return Plan(graph, tuple(planner.files))
+
+
+class _Planner:
+    """Two passes: names (`root`), then calls (`fill`), because a name may be used before it stands."""
+
+    def __init__(self, read: Read, library: Library, project: Path, request: Request) -> None:
+        self._read = read
+        self._project = project
+        self._request = request
+        self.maker = CallMaker(library, request.profile, request.backends, request.settings)
+        self.files: list[Path] = []
+        self._recipes: dict[str, Recipe] = {}
+        self._foreign: dict[str, Scope] = {}
+        self._pending: list[tuple[tuple[str, ...], CallDecl, Scope]] = []
+        self._groups: dict[tuple[str, ...], tuple[GroupDecl, Callable[[], Bound]]] = {}
+        self._opening: list[str] = []
+        self.calls: dict[tuple[str, ...], Call] = {}
+        self._overrides: dict[tuple[str, ...], dict[str, dict[str, Call]]] = {}
+
+    def recipe(self, address: str, where: Place) -> Recipe:
+        """The recipe of an address, read once."""
+        if address not in self._recipes:
+            found = self._read(address)
+            if found is None:
+                raise RecipeError(
+                    f"no recipe is called `{address}`", code="DXB-R110", where=where, hint="`dxb ls` shows all of them"
+                )
+            self._recipes[address] = found
+            self.files += found.files
+        return self._recipes[address]
+
+    def root(self, recipe: Recipe) -> Scope:
+        """Declare the recipe that is built; the request may bind its inputs."""
+        for name in self._request.inputs:
+            if name not in recipe.inputs:
+                raise UsageError(
+                    f"`{recipe.address}` has no input `{name}`",
+                    code="DXB-U104",
+                    facts={"inputs": listing(recipe.inputs)},
+                    hint=did_you_mean(name, recipe.inputs),
+                )
+        return self._open(recipe, "", (), {}, self._request.inputs)
+
+    def fill(self) -> None:
+        """Make every declared call."""
+        for address, decl, scope in self._pending:
+            self.calls[address] = self.maker.call(decl, scope, address)
+        for address, (group, _) in self._groups.items():
+            self._overrides[address] = self._override(address, group)
+
+    def target(self, scope: Scope, node: Node) -> tuple[str, ...]:
+        """The call that a target of the recipe names."""
+        bound = scope.resolve(f"${str(node.value).removeprefix('$')}", node.place)
+        call = getattr(bound.input, "call", None)
+        if call is None:
+            raise RecipeError(f"`{node.value}` is not a node that can be built", code="DXB-R113", where=node.place)
+        return tuple(call)
+
+    def tree(self) -> dict[str, Call | Group]:
+        """Calls and groups, nested as the graph wants them."""
+        root: dict[str, Call | Group] = {}
+        blocks: dict[tuple[str, ...], dict[str, Call | Group]] = {(): root}
+        for address, (decl, over) in self._groups.items():
+            members: dict[str, Call | Group] = {}
+            blocks[address] = members
+            collection = over().input
+            if not isinstance(collection, Output | Item):
+                raise RecipeError("`each` takes what a node returns", code="DXB-R105", where=decl.each.place)
+            blocks[address[:-1]][address[-1]] = Group(
+                address[-1], collection, members, self._overrides[address], decl.place
+            )
+        for address, call in self.calls.items():
+            blocks[address[:-1]][address[-1]] = call
+        return root
+
+    def _open(
+        self,
+        recipe: Recipe,
+        prefix: str,
+        group: tuple[str, ...],
+        bound: Mapping[str, Alias | Bound],
+        given: Mapping[str, str],
+    ) -> Scope:
+        if recipe.address in self._opening:
+            loop = " -> ".join([*self._opening, recipe.address])
+            raise RecipeError(
+                "the recipe uses itself", code="DXB-R108", where=Place(str(recipe.file)), facts={"cycle": loop}
+            )
+        self._opening.append(recipe.address)
+        scope = Scope(None)
+        for name, decl in recipe.inputs.items():
+            text = given.get(name, decl.default)
+            if name in bound:
+                scope.names[name] = bound[name]
+            elif text is not None:
+                scope.names[name] = self._value(text, decl.place, name in given)
+            elif decl.optional:
+                scope.names[name] = Bound(None, lambda: type(None))
+            else:
+                raise UsageError(
+                    f"the input `{name}` of `{recipe.address}` is not given",
+                    code="DXB-U105",
+                    where=decl.place,
+                    facts={"it is": decl.help} if decl.help else None,
+                    hint=f"`dxb build {recipe.address} --input {name}=PATH`",
+                )
+        self._declare(recipe.nodes, scope, prefix, group)
+        self._opening.pop()
+        return scope
+
+    def _declare(self, nodes: Mapping[str, Decl], scope: Scope, prefix: str, group: tuple[str, ...]) -> None:
+        for name, decl in nodes.items():
+            address = (*group, prefix + name)
+            if isinstance(decl, CallDecl):
+                found = self.maker.rule_file(decl)
+                scope.names[name] = CallName(address, lambda found=found: found.rule.returns)  # type: ignore[misc]
+                self._pending.append((address, decl, scope))
+            elif isinstance(decl, UseDecl):
+                scope.names[name] = UseName(self._use(decl, scope, f"{address[-1]}/", group))
+            else:
+                scope.names[name] = self._group(address, decl, scope)
+
+    def _group(self, address: tuple[str, ...], decl: GroupDecl, scope: Scope) -> GroupName:
+        def over() -> Bound:
+            return scope.resolve(str(decl.each.value), decl.each.place)
+
+        self._groups[address] = (decl, over)
+        # The item stands in a scope of its own, so that `$body.object` from outside names nothing.
+        around = Scope(scope, {decl.item: item(address, over, decl.each.place)})
+        inner = Scope(around)
+        self._declare(decl.nodes, inner, "", address)
+        return GroupName(address, inner)
+
+    def _use(self, decl: UseDecl, outer: Scope, prefix: str, group: tuple[str, ...]) -> Scope:
+        recipe = self.recipe(str(decl.recipe.value), decl.recipe.place)
+        for key, node in decl.arguments.items():
+            if key not in recipe.inputs:
+                raise RecipeError(
+                    f"`{recipe.address}` has no input `{key}`",
+                    code="DXB-R105",
+                    where=node.place,
+                    facts={"inputs": listing(recipe.inputs)},
+                    hint=did_you_mean(key, recipe.inputs),
+                )
+        bound: dict[str, Alias | Bound] = {}
+        for key, node in decl.arguments.items():
+            text = str(node.value)
+            if text.startswith("$"):
+                bound[key] = Alias(lambda text=text, node=node: outer.resolve(text, node.place))  # type: ignore[misc]
+            else:
+                bound[key] = self._value(text, node.place, False)
+        return self._open(recipe, prefix, group, bound, {})
+
+    def _value(self, text: str, where: Place, from_cli: bool) -> Bound:
+        """An input's text: a target of another recipe (`robot/kuka_leap`, `reference/x:capture`), or a path."""
+        address, _, target = text.partition(":")
+        path = self._path(text, where, from_cli)
+        if (target or not path.exists()) and self._read(address) is not None:
+            return self._foreign_target(address, target, where)
+        kind = "Folder" if path.is_dir() else "File"
+        return Bound(Leaf(path, where), lambda: _leaf_type(kind))
+
+    def _path(self, text: str, where: Place, from_cli: bool) -> Path:
+        if from_cli:
+            return Path(text).absolute()
+        return Path(where.file).parent / text if text.startswith("./") else self._project / text
+
+    def _foreign_target(self, address: str, target: str, where: Place) -> Bound:
+        recipe = self.recipe(address, where)
+        if address not in self._foreign:
+            self._foreign[address] = self._open(recipe, f"{address}:", (), {}, {})
+        scope = self._foreign[address]
+        if not target:
+            chosen = recipe.targets.get("default", [])
+            if len(chosen) != 1:
+                raise RecipeError(
+                    f"`{address}` has {len(chosen)} default targets, name one",
+                    code="DXB-R113",
+                    where=where,
+                    facts={"nodes": listing(scope.names)},
+                    hint=f"`{address}:{min(recipe.nodes)}`",
+                )
+            target = str(chosen[0].value)
+        return scope.resolve(f"${target}", where)
+
+    def _override(self, address: tuple[str, ...], decl: GroupDecl) -> dict[str, dict[str, Call]]:
+        members = {a[-1]: (d, s) for a, d, s in self._pending if a[:-1] == address}
+        found: dict[str, dict[str, Call]] = {}
+        labels = {
+            **decl.overrides,
+            **{label: {} for label in self.maker.labels(address) if label not in decl.overrides},
+        }
+        for label, changes in labels.items():
+            for name, node in changes.items():
+                if name not in members or not isinstance(node.value, dict):
+                    raise RecipeError(
+                        f"`{name}` of `overrides.{label}` is no call of this group",
+                        code="DXB-R114",
+                        where=node.place,
+                        facts={"calls": listing(members)},
+                        hint=did_you_mean(name, members),
+                    )
+            for name, (call, scope) in members.items():
+                changed = changes[name].value if name in changes else {}
+                if changed or self.maker.concerns((*address, name), label):
+                    found.setdefault(label, {})[name] = self.maker.call(call, scope, (*address, name), changed, label)
+        return found
+
+
+def _leaf_type(kind: str) -> Any:
+    from dextera_build.artifacts import base
+
+    return getattr(base, kind)

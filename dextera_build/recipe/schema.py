@@ -1,0 +1,217 @@
+"""The form of a recipe: inputs, nodes, groups, uses of other recipes, targets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TypeAlias
+
+from dextera_build.errors import Place, RecipeError, did_you_mean, listing
+from dextera_build.recipe import strict_yaml
+from dextera_build.recipe.strict_yaml import Node
+
+_NAME = "abcdefghijklmnopqrstuvwxyz0123456789_"
+
+
+@dataclass(frozen=True)
+class InputDecl:
+    """`capture: captures/mug`, or a mapping with `help`, `default` and `optional`."""
+
+    name: str
+    default: str | None
+    optional: bool
+    help: str
+    place: Place
+
+
+@dataclass(frozen=True)
+class CallDecl:
+    """`{rule: factorize.mesh, seen: $object, wall_m: 0.003}`."""
+
+    name: str
+    rule: str
+    backend: Node | None
+    salt: str
+    arguments: dict[str, Node]
+    keys: dict[str, Place]
+    place: Place
+
+
+@dataclass(frozen=True)
+class UseDecl:
+    """`{recipe: twin/tabletop, capture: $capture}`: the nodes of another recipe, with its inputs bound."""
+
+    name: str
+    recipe: Node
+    arguments: dict[str, Node]
+    place: Place
+
+
+@dataclass(frozen=True)
+class GroupDecl:
+    """`{each: $objects, as: object, nodes: {...}, overrides: {mug: {mesh: {...}}}}`."""
+
+    name: str
+    each: Node
+    item: str
+    nodes: dict[str, Decl]
+    overrides: dict[str, dict[str, Node]]
+    place: Place
+
+
+Decl: TypeAlias = CallDecl | UseDecl | GroupDecl
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A recipe as written."""
+
+    address: str
+    file: Path
+    summary: str
+    inputs: dict[str, InputDecl]
+    nodes: dict[str, Decl]
+    targets: dict[str, list[Node]] = field(default_factory=dict)
+    extends: Node | None = None
+    """Address of the recipe whose inputs, nodes and targets this one takes over."""
+    files: tuple[Path, ...] = ()
+    """Every file that it was read from."""
+
+    def over(self, base: Recipe) -> Recipe:
+        """This recipe on top of `base`: what it declares itself wins, a node may stand for an input."""
+        inputs = {name: decl for name, decl in base.inputs.items() if name not in self.nodes}
+        return replace(
+            self,
+            inputs={**inputs, **self.inputs},
+            nodes={**base.nodes, **self.nodes},
+            targets={**base.targets, **self.targets},
+            files=(*self.files, *base.files),
+        )
+
+
+def read(file: Path, address: str, shown: str | None = None) -> Recipe:
+    """Read and check one recipe file.
+
+    Args:
+        file: The YAML file.
+        address: `twin/laptop_scene`.
+        shown: The file's name in messages.
+
+    Raises:
+        RecipeError: With the place of what is wrong.
+    """
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecipeError(f"cannot read the recipe: {error}", code="DXB-R100", where=Place(str(file))) from None
+    root = strict_yaml.parse(text, shown or str(file))
+    parts = _mapping(root, "a recipe", {"summary", "extends", "inputs", "nodes", "targets"})
+    extends = parts.get("extends")
+    nodes = {} if extends and "nodes" not in parts else _nodes(parts.get("nodes"), root.place)
+    inputs = {name: _input(name, node) for name, node in _entries(parts.get("inputs"), "inputs").items()}
+    for name in nodes:
+        if name in inputs:
+            raise RecipeError(f"`{name}` is an input and a node", code="DXB-R112", where=nodes[name].place)
+    targets = {name: _target(node) for name, node in _entries(parts.get("targets"), "targets").items()}
+    summary = _text(parts["summary"], "summary") if "summary" in parts else ""
+    return Recipe(address, file, summary, inputs, nodes, targets, extends, (file,))
+
+
+def _mapping(node: Node, what: str, allowed: Iterable[str]) -> dict[str, Node]:
+    if not isinstance(node.value, dict):
+        raise RecipeError(f"{what} is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
+    known = set(allowed)
+    for key, place in node.keys.items():
+        if key not in known:
+            raise RecipeError(
+                f"{what} has no `{key}`",
+                code="DXB-R112",
+                where=place,
+                facts={"known here": listing(known)},
+                hint=did_you_mean(key, known),
+            )
+    return node.value
+
+
+def _entries(node: Node | None, what: str) -> dict[str, Node]:
+    if node is None or node.value is None:
+        return {}
+    if not isinstance(node.value, dict):
+        raise RecipeError(f"`{what}` is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
+    for key, place in node.keys.items():
+        if not key or set(key) - set(_NAME) or key[0].isdigit():
+            raise RecipeError(
+                f"`{key}` is not a name",
+                code="DXB-R112",
+                where=place,
+                hint="lower-case letters, digits and `_`, not starting with a digit",
+            )
+    return node.value
+
+
+def _text(node: Node, what: str) -> str:
+    if not isinstance(node.value, str):
+        raise RecipeError(f"`{what}` is text, this is {node.kind}", code="DXB-R112", where=node.place)
+    return node.value
+
+
+def _input(name: str, node: Node) -> InputDecl:
+    if isinstance(node.value, str):
+        return InputDecl(name, node.value, False, "", node.place)
+    parts = _mapping(node, f"the input `{name}`", {"help", "default", "optional"})
+    default = parts.get("default")
+    optional = parts.get("optional")
+    return InputDecl(
+        name,
+        _text(default, "default") if default is not None and default.value is not None else None,
+        optional is not None and optional.value is True,
+        _text(parts["help"], "help") if "help" in parts else "",
+        node.place,
+    )
+
+
+def _nodes(node: Node | None, where: Place) -> dict[str, Decl]:
+    found = {name: _node(name, inner, node) for name, inner in _entries(node, "nodes").items() if node is not None}
+    if not found:
+        raise RecipeError("no nodes are declared", code="DXB-R112", where=node.place if node else where)
+    return found
+
+
+def _node(name: str, node: Node, parent: Node) -> Decl:
+    if not isinstance(node.value, dict):
+        raise RecipeError(f"the node `{name}` is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
+    place = parent.keys[name]
+    kinds = [kind for kind in ("rule", "recipe", "each") if kind in node.value]
+    if len(kinds) != 1:
+        raise RecipeError(
+            f"the node `{name}` needs exactly one of `rule`, `recipe`, `each`",
+            code="DXB-R112",
+            where=place,
+            facts={"it has": listing(node.value)},
+        )
+    if kinds == ["each"]:
+        return _group(name, node, place)
+    rest = {key: inner for key, inner in node.value.items() if key not in ("rule", "recipe", "backend", "salt")}
+    if kinds == ["recipe"]:
+        return UseDecl(name, node.value["recipe"], rest, place)
+    salt = _text(node.value["salt"], "salt") if "salt" in node.value else ""
+    rule = _text(node.value["rule"], "rule")
+    return CallDecl(name, rule, node.value.get("backend"), salt, rest, node.keys, node.value["rule"].place)
+
+
+def _group(name: str, node: Node, place: Place) -> GroupDecl:
+    parts = _mapping(node, f"the group `{name}`", {"each", "as", "nodes", "overrides"})
+    item = _text(parts["as"], "as") if "as" in parts else "item"
+    overrides = {
+        label: _entries(members, f"overrides.{label}")
+        for label, members in _entries(parts.get("overrides"), "overrides").items()
+    }
+    return GroupDecl(name, parts["each"], item, _nodes(parts.get("nodes"), place), overrides, place)
+
+
+def _target(node: Node) -> list[Node]:
+    items = node.value if isinstance(node.value, list) else [node]
+    for item in items:
+        _text(item, "a target")
+    return list(items)

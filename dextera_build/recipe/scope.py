@@ -1,0 +1,182 @@
+"""Names in a recipe and what `$name.field` stands for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
+
+from dextera_build.engine.graph import Gather, Input, Item, Leaf, Output
+from dextera_build.errors import Place, RecipeError, did_you_mean, listing
+
+
+@dataclass(frozen=True)
+class Bound:
+    """An input of the engine with the artifact type that it brings."""
+
+    input: Input | None
+    """None: an optional input that was left out."""
+    kind: Callable[[], Any]
+    """The artifact type; asked for late, because it may import a rule."""
+
+    def follow(self, fields: tuple[str, ...], where: Place) -> Bound:
+        """The same input, projected to a field of a field.
+
+        Raises:
+            RecipeError: There is no such field, or it is no artifact.
+        """
+        if not fields or self.input is None:
+            return self
+        if isinstance(self.input, Leaf):
+            raise RecipeError("a file has no fields", code="DXB-R107", where=where)
+        inner = replace(self.input, fields=(*self.input.fields, *fields))
+        return Bound(inner, lambda: _field_type(self.kind(), fields, where))
+
+
+@dataclass(frozen=True)
+class Alias:
+    """Another name for a reference that is resolved when it is used, because what it names may be declared later."""
+
+    resolve: Callable[[], Bound]
+
+
+@dataclass(frozen=True)
+class CallName:
+    """A name of a call; `address` is its place in the graph."""
+
+    address: tuple[str, ...]
+    kind: Callable[[], Any]
+
+
+@dataclass(frozen=True)
+class GroupName:
+    """A name of a group; `scope` holds its members."""
+
+    address: tuple[str, ...]
+    scope: Scope
+
+
+@dataclass(frozen=True)
+class UseName:
+    """A name of a used recipe; `scope` holds its nodes."""
+
+    scope: Scope
+
+
+Entry: TypeAlias = Bound | Alias | CallName | GroupName | UseName
+
+
+@dataclass
+class Scope:
+    """Names of one block; unknown ones are looked up outside."""
+
+    parent: Scope | None
+    names: dict[str, Entry] = field(default_factory=dict)
+
+    def visible(self) -> dict[str, Entry]:
+        """Every name that can be used here."""
+        outer = self.parent.visible() if self.parent else {}
+        return {**outer, **self.names}
+
+    def resolve(self, text: str, where: Place) -> Bound:
+        """What `$a.b.c` stands for.
+
+        Raises:
+            RecipeError: A part names nothing; the message lists what is known.
+        """
+        first, *rest = text.removeprefix("$").split(".")
+        return self._step(self.visible(), first, tuple(rest), "$", where)
+
+    def _step(self, names: dict[str, Entry], first: str, rest: tuple[str, ...], before: str, where: Place) -> Bound:
+        if first not in names:
+            raise RecipeError(
+                f"`{before}{first}` names nothing",
+                code="DXB-R104",
+                where=where,
+                facts={"known here": listing(names, most=30)},
+                hint=did_you_mean(first, names, form=f"`{before}{{}}`"),
+            )
+        entry = names[first]
+        match entry:
+            case Bound():
+                return entry.follow(rest, where)
+            case Alias():
+                return entry.resolve().follow(rest, where)
+            case CallName():
+                return Bound(Output(entry.address), entry.kind).follow(rest, where)
+            case UseName():
+                return self._inside(entry.scope, first, rest, before, where)
+            case GroupName():
+                return _gathered(self._inside(entry.scope, first, rest, before, where), where)
+
+    def _inside(self, scope: Scope, first: str, rest: tuple[str, ...], before: str, where: Place) -> Bound:
+        if not rest:
+            raise RecipeError(
+                f"`{before}{first}` holds nodes, name one of them",
+                code="DXB-R104",
+                where=where,
+                facts={"nodes": listing(scope.names)},
+                hint=f"`{before}{first}.{min(scope.names)}`",
+            )
+        return self._step(scope.names, rest[0], rest[1:], f"{before}{first}.", where)
+
+
+def _gathered(inner: Bound, where: Place) -> Bound:
+    if not isinstance(inner.input, Output):
+        raise RecipeError("a group hands on what its calls return, nothing else", code="DXB-R104", where=where)
+
+    def kind() -> Any:
+        from dextera_build.artifacts.base import Collection
+
+        return Collection[inner.kind()]  # type: ignore[misc]
+
+    return Bound(Gather(inner.input.call, inner.input.fields), kind)
+
+
+def item(group: tuple[str, ...], over: Callable[[], Bound], where: Place) -> Bound:
+    """What the item variable of a group over `over` stands for."""
+
+    def kind() -> Any:
+        return _field_type(over().kind(), ("items", "*"), where)
+
+    return Bound(Item(group), kind)
+
+
+def _field_type(kind: Any, fields: tuple[str, ...], where: Place) -> Any:
+    from typing import get_args, get_origin
+
+    from dextera_build.artifacts.base import Artifact
+
+    for name in fields:
+        if get_origin(kind) is dict:
+            kind = get_args(kind)[1]
+            continue
+        known = getattr(kind, "model_fields", {})
+        if name not in known:
+            raise RecipeError(
+                f"{type_name(kind)} has no `{name}`",
+                code="DXB-R107",
+                where=where,
+                facts={"it has": listing(known)},
+                hint=did_you_mean(name, known),
+            )
+        kind = known[name].annotation
+        kind = next((part for part in get_args(kind) if part is not type(None)), kind) if _optional(kind) else kind
+    if not (isinstance(kind, type) and issubclass(kind, Artifact)):
+        raise RecipeError(
+            f"`{'.'.join(fields)}` is {type_name(kind)}, not an artifact that can be handed on",
+            code="DXB-R107",
+            where=where,
+        )
+    return kind
+
+
+def _optional(kind: Any) -> bool:
+    from typing import get_args
+
+    return type(None) in get_args(kind)
+
+
+def type_name(kind: Any) -> str:
+    """`Mesh`, `Collection[Asset]`."""
+    return getattr(kind, "__name__", str(kind))

@@ -1,0 +1,49 @@
+"""Options given outside the recipe: `body[mug].mesh.wall_m=0.004`."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from dextera_build.errors import Place, UsageError
+from dextera_build.recipe import strict_yaml
+from dextera_build.recipe.strict_yaml import Node
+
+COMMAND_LINE = Place("the command line")
+_STEP = re.compile(r"^(?P<name>[a-z0-9_/:]+)(?:\[(?P<label>[^\]]+)\])?$")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One option of one call, or of all copies of a call in a group."""
+
+    text: str
+    call: tuple[str, ...]
+    labels: tuple[str | None, ...]
+    """One per enclosing group; None stands for every copy."""
+    option: str
+    value: Node
+
+
+def parse(text: str) -> Setting:
+    """Read `NODE.OPTION=VALUE`; the value is YAML.
+
+    Raises:
+        UsageError: The text has another form.
+    """
+    address, equals, value = text.partition("=")
+    steps = [_STEP.match(part) for part in address.strip().split(".")]
+    if not equals or len(steps) < 2 or any(step is None for step in steps):
+        raise UsageError(
+            f"`{text}` is not a setting",
+            code="DXB-U106",
+            hint="`--set 'body[mug].mesh.wall_m=0.004'` sets one option of one node",
+        )
+    parts = [(step["name"], step["label"]) for step in steps if step is not None]
+    return Setting(
+        text,
+        tuple(name for name, _ in parts[:-1]),
+        tuple(label for _, label in parts[:-2]),
+        parts[-1][0],
+        Node(strict_yaml.parse(value or '""', str(COMMAND_LINE)).plain(), COMMAND_LINE),
+    )

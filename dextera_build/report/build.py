@@ -1,0 +1,144 @@
+"""`build`: from an event log and the store to one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from dextera_build import digest
+from dextera_build.engine.events import Event
+from dextera_build.report import flow, objects, provenance, result, timeline
+from dextera_build.report.details import details
+from dextera_build.report.html import Html, join, tag
+from dextera_build.report.pictures import LADDER, Pictures, from_header
+from dextera_build.report.pieces import section
+from dextera_build.report.run import Run, read
+from dextera_build.report.sources import Store
+from dextera_build.report.tables import tables
+
+LIMIT = 5_000_000
+"""Bytes that a report may have; pictures are made coarser until it fits."""
+
+_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+
+
+def read_events(path: Path) -> list[dict[str, Any]]:
+    """The events of an `events.jsonl`; a torn last line is left out."""
+    events = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        try:
+            events.append(json.loads(line))
+        except ValueError:
+            continue
+    return [event for event in events if isinstance(event, dict) and "event" in event]
+
+
+def build(
+    events: Iterable[Event | Mapping[str, Any]],
+    store: Store,
+    out: Path,
+    *,
+    licences: Mapping[str, str] | None = None,
+) -> Path:
+    """Write the report of a run to `out`, whole or not at all, and return `out`.
+
+    Args:
+        events: The run's events, as objects or as read from `events.jsonl`.
+        store: Where results, previews and headers are.
+        out: The HTML file.
+        licences: `rule:backend` or distribution -> licence, as far as the caller knows them.
+    """
+    run = read(events, store)
+    extra = _adopt_images(run, store)
+    text = ""
+    for quality in LADDER:
+        text = page(run, Pictures(extra, quality), licences or {})
+        if len(text.encode()) <= LIMIT:
+            break
+    out.parent.mkdir(parents=True, exist_ok=True)
+    draft = out.with_name(f".{out.name}.part")
+    draft.write_text(text, encoding="utf-8")
+    draft.replace(out)
+    return out
+
+
+def page(run: Run, pictures: Pictures, licences: Mapping[str, str]) -> str:
+    """The whole document."""
+    image, shown = result.hero(run, pictures)
+    strip = result.strip(run, pictures, shown)
+    cards = objects.cards(run, pictures)
+    numbers = tables(run)
+    parts: list[tuple[str, str, list[Html | None]]] = [
+        ("result", "Result", [tag("div", {"class": "result"}, image, result.outcome(run)), strip]),
+        ("objects", "Objects", [tag("div", {"class": "cards"}, cards)] if cards else []),
+        ("numbers", "Numbers", [*numbers]),
+        ("graph", "Graph", [flow.graph(run)]),
+        ("timeline", "Timeline", [timeline.timeline(run)]),
+        ("nodes", "Nodes", [details(run, pictures)]),
+        ("provenance", "Provenance", [tag("div", {"class": "cards"}, provenance.provenance(run, licences))]),
+        ("reproduce", "Make it again", [provenance.reproduce(run)]),
+    ]
+    parts = [part for part in parts if part[2]]
+    menu = tag("nav", {"aria-label": "sections"}, [tag("a", {"href": f"#{name}"}, words) for name, words, _ in parts])
+    sections = [section(name, words, *inner) for name, words, inner in parts]
+    body = tag("main", None, result.title(run), menu, result.failures(run), sections)
+    return "<!doctype html>\n" + tag(
+        "html", {"lang": "en"}, _head(run), tag("body", None, body, _overlays(), _script())
+    )
+
+
+def _head(run: Run) -> Html:
+    style = Html((resources.files(__package__) / "assets/report.css").read_text(encoding="utf-8"))
+    return tag(
+        "head",
+        None,
+        tag("meta", {"charset": "utf-8"}),
+        tag("meta", {"http-equiv": "Content-Security-Policy", "content": _POLICY}),
+        tag("meta", {"name": "viewport", "content": "width=device-width, initial-scale=1"}),
+        tag("meta", {"name": "color-scheme", "content": "light dark"}),
+        tag("title", None, f"{run.recipe} · run {run.name}"),
+        tag("style", None, style),
+    )
+
+
+def _overlays() -> Html:
+    close = tag("button", {"type": "button", "class": "close", "aria-label": "close"}, "×")
+    panel = tag("aside", {"id": "panel", "hidden": True, "tabindex": "-1", "aria-label": "node"}, close, tag("div"))
+    shut = tag("button", {"type": "button", "class": "close", "aria-label": "close"}, "×")
+    large = tag("dialog", {"id": "large", "aria-label": "picture"}, shut, tag("figure"))
+    return join([panel, large])
+
+
+def _script() -> Html:
+    code = (resources.files(__package__) / "assets/report.js").read_text(encoding="utf-8")
+    return tag("script", None, Html(code))
+
+
+class _More:
+    """A store with a few more blobs in memory."""
+
+    def __init__(self, store: Store, blobs: dict[str, bytes]) -> None:
+        self._store = store
+        self._extra = blobs
+        self.actions = store.actions
+        self.blobs = self
+
+    def get(self, name: str, /) -> bytes:
+        """Bytes by digest."""
+        return self._extra[name] if name in self._extra else self._store.blobs.get(name)
+
+
+def _adopt_images(run: Run, store: Store) -> Store:
+    """Show `Image` results that came without a preview: their pixels become one."""
+    blobs: dict[str, bytes] = {}
+    for i, node in enumerate(run.nodes):
+        pixels = None if node.previews else from_header(store, node.artifact, node.fields)
+        if pixels is not None:
+            name = digest.of_bytes(pixels)
+            blobs[name] = pixels
+            run.nodes[i] = replace(node, previews=[(node.line, name)])
+    return _More(store, blobs)

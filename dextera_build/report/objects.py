@@ -1,0 +1,66 @@
+"""One card per copy of a group: its pictures in the order of the chain, what its rules said, its numbers."""
+
+from __future__ import annotations
+
+from dextera_build.report.html import Html, tag
+from dextera_build.report.layout import topological
+from dextera_build.report.pictures import Pictures
+from dextera_build.report.pieces import link, metrics, state
+from dextera_build.report.run import Node, Run
+
+_MESHES = ("Asset", "Body", "Shape", "Mesh")  # artifacts whose preview stands for the object, best first
+
+
+def copies(run: Run) -> dict[tuple[str, str], list[Node]]:
+    """(group, label) -> its nodes, inputs first."""
+    found: dict[tuple[str, str], list[Node]] = {(g, label): [] for g, labels in run.groups.items() for label in labels}
+    for node in topological(run.nodes):
+        name, label = node.steps[0] if node.steps else ("", None)
+        if label is not None:
+            found.setdefault((name, label), []).append(node)
+    return {place: nodes for place, nodes in found.items() if nodes}
+
+
+def portrait(nodes: list[Node]) -> tuple[Node, str, str] | None:
+    """The picture that stands for an object: (node, caption, digest)."""
+    shown = [node for node in nodes if node.previews]
+    for kind in _MESHES:
+        for node in reversed(shown):
+            if node.artifact == kind:
+                return (node, *node.previews[-1])
+    return (shown[-1], *shown[-1].previews[-1]) if shown else None
+
+
+def cards(run: Run, pictures: Pictures) -> list[Html]:
+    """The cards, in the order in which the groups found their objects."""
+    return [_card(group, label, nodes, pictures) for (group, label), nodes in copies(run).items()]
+
+
+def _card(group: str, label: str, nodes: list[Node], pictures: Pictures) -> Html:
+    seen: set[str] = set()
+    figures = []
+    for node in nodes:
+        for caption, digest in node.previews:
+            if digest not in seen:
+                seen.add(digest)
+                figures.append(pictures.figure(digest, caption, note=node.name, name=node.address))
+    lines = [
+        tag("tr", None, tag("th", {"scope": "row"}, link(node, node.name)), tag("td", None, state(node)), _said(node))
+        for node in nodes
+    ]
+    numbers = {name: value for node in nodes for name, value in node.metrics.items()}
+    return tag(
+        "article",
+        {"class": "card object"},
+        tag("h3", None, label, " ", tag("span", {"class": "sub"}, group)),
+        tag("div", {"class": "pictures"}, figures) if any(figures) else None,
+        tag("div", {"class": "columns"}, tag("table", {"class": "chain"}, tag("tbody", None, lines)), metrics(numbers)),
+    )
+
+
+def _said(node: Node) -> Html:
+    if node.error:
+        return tag("td", {"class": "bad"}, str(node.error.get("message", "")))
+    if node.status == "waits":
+        return tag("td", {"class": "quiet"}, f"for {', '.join(node.blocked_by)}")
+    return tag("td", None, node.line)

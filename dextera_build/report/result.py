@@ -1,0 +1,119 @@
+"""The top of the page: what was built, the picture of it, the checks, and a strip of key pictures."""
+
+from __future__ import annotations
+
+import time
+
+from dextera_build.report.html import Html, tag
+from dextera_build.report.layout import topological
+from dextera_build.report.objects import copies, portrait
+from dextera_build.report.pictures import Pictures
+from dextera_build.report.pieces import failure, link, metrics, state
+from dextera_build.report.run import Node, Run
+from dextera_build.report.tables import passed
+from dextera_build.report.wording import count, duration, some, states
+
+_MOST = 3  # pictures of one node in the strip
+
+
+def title(run: Run) -> Html:
+    """Recipe, verdict, when, how long, how many."""
+    verdict = ("ok", "✓ built") if run.ok else ("bad", "✗ failed")
+    if run.interrupted:
+        verdict = ("warn", "- stopped")
+    when = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(run.started))
+    facts = [
+        ("run", run.name),
+        ("when", when),
+        ("profile", run.profile),
+        ("dxb", run.dxb),
+        ("time", duration(run.seconds)),
+        ("saved", duration(run.saved) if run.saved >= 1 else ""),
+        (count(sum(run.counts.values()), "node"), states(run.counts)),
+    ]
+    listed = [tag("div", None, tag("dt", None, name), tag("dd", None, value)) for name, value in facts if value]
+    return tag(
+        "header",
+        None,
+        tag("h1", None, run.recipe or "a run", " ", tag("span", {"class": f"verdict {verdict[0]}"}, verdict[1])),
+        tag("dl", {"class": "strip"}, listed),
+    )
+
+
+def failures(run: Run) -> Html | None:
+    """What failed and what waits for it."""
+    found = []
+    for node in run.nodes:
+        if node.status == "failed":
+            waiting = [n.address for n in run.nodes if node.address in n.blocked_by]
+            found.append(tag("h3", None, link(node), " ", tag("span", {"class": "sub"}, node.rule)))
+            found.append(failure(node.error or {"message": "it ended without a result"}))
+            if waiting:
+                found.append(
+                    tag(
+                        "p",
+                        {"class": "quiet"},
+                        f"{count(len(waiting), 'node waits', 'nodes wait')}: {some(waiting, 8)}",
+                    )
+                )
+    return tag("div", {"class": "card failures"}, tag("h2", None, "What failed"), found) if found else None
+
+
+def hero(run: Run, pictures: Pictures) -> tuple[Html | None, str]:
+    """The picture at the top and its digest: the result that is an image, else the last preview."""
+    found = _hero(run)
+    if found is None:
+        return None, ""
+    node, caption, digest = found
+    figure = pictures.figure(digest, caption, size="hero", note=node.address, name=node.address)
+    return (figure, digest) if figure else (None, "")
+
+
+def outcome(run: Run) -> Html:
+    """What the nodes outside groups said, latest results first, with their numbers and checks."""
+    rows = []
+    for node in reversed(topological([n for n in run.nodes if not n.labels])):
+        verdict = passed(node)
+        check = None
+        if verdict is not None:
+            check = tag("span", {"class": "yes" if verdict else "no"}, "✓ passed" if verdict else "✗ did not pass")
+        said = str(node.error.get("message", "")) if node.error else node.line
+        rows.append(
+            tag(
+                "li",
+                None,
+                tag("div", None, link(node), " ", check or state(node)),
+                tag("p", None, said),
+                metrics(node.metrics),
+            )
+        )
+    return tag("ol", {"class": "outcome"}, rows)
+
+
+def strip(run: Run, pictures: Pictures, without: str) -> Html | None:
+    """Key pictures: those of the nodes outside groups, and one per object."""
+    found: list[tuple[Node, str, str, str]] = []
+    for node in topological([n for n in run.nodes if not n.labels]):
+        found += [(node, node.name, caption, digest) for caption, digest in node.previews[:_MOST]]
+    for (_, label), nodes in copies(run).items():
+        best = portrait(nodes)
+        if best is not None:
+            found.append((best[0], label, best[1], best[2]))
+    figures = []
+    seen = {without}
+    for node, note, caption, digest in found:
+        if digest not in seen:
+            seen.add(digest)
+            size = "small" if node.labels else "large"
+            figures.append(pictures.figure(digest, caption, size=size, note=note, name=node.address))
+    return tag("div", {"class": "pictures key"}, figures) if any(figures) else None
+
+
+def _hero(run: Run) -> tuple[Node, str, str] | None:
+    needed = {address for node in run.nodes for address in node.depends_on}
+    images = [n for n in run.nodes if n.artifact == "Image" and not n.labels and n.previews]
+    # A target is asked for, or nothing else is made of it.
+    images.sort(key=lambda n: (n.address in run.targets, n.address not in needed, n.ended))
+    shown = images or [n for n in topological(run.nodes) if n.previews and not n.labels]
+    shown = shown or [n for n in topological(run.nodes) if n.previews]
+    return (shown[-1], *shown[-1].previews[-1]) if shown else None

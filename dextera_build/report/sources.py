@@ -1,0 +1,117 @@
+"""What the report reads besides events: results and artifact headers, as plain JSON, without knowing any type."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+
+class Blobs(Protocol):
+    """Content-addressed bytes."""
+
+    def get(self, digest: str, /) -> bytes:
+        """Bytes of `digest`; an exception where they are not there."""
+
+
+class Result(Protocol):
+    """What the action cache keeps of one node."""
+
+    @property
+    def line(self) -> str:
+        """What the rule said."""
+
+    @property
+    def previews(self) -> Sequence[tuple[str, str]]:
+        """(caption, digest of PNG)."""
+
+    @property
+    def metrics(self) -> Mapping[str, tuple[float, str]]:
+        """Name -> (value, unit)."""
+
+    @property
+    def seconds(self) -> float:
+        """How long the node took when it ran [s]."""
+
+    @property
+    def log(self) -> str | None:
+        """Digest of what the node logged."""
+
+    @property
+    def key_document(self) -> str:
+        """Digest of the key document."""
+
+
+class Actions(Protocol):
+    """Key -> result."""
+
+    def get(self, key: str, /) -> Result | None:
+        """The result of `key`, or None."""
+
+
+class Store(Protocol):
+    """The part of a store that the report reads."""
+
+    @property
+    def blobs(self) -> Blobs:
+        """Digest -> bytes."""
+
+    @property
+    def actions(self) -> Actions:
+        """Key -> result."""
+
+
+def result(store: Store, key: str | None) -> Result | None:
+    """The stored result of `key`, or None; a damaged entry is no reason for a report to fail."""
+    if key is None:
+        return None
+    try:
+        return store.actions.get(key)
+    except Exception:
+        return None
+
+
+def blob(store: Store, digest: str | None) -> bytes | None:
+    """Bytes, or None where the store does not have them any more."""
+    if not digest:
+        return None
+    try:
+        return store.blobs.get(digest)
+    except Exception:
+        return None
+
+
+def header(store: Store, digest: str | None) -> tuple[str, dict[str, Any]]:
+    """Type name and fields of an artifact; ("", {}) where they cannot be read."""
+    raw = blob(store, digest)
+    try:
+        data = json.loads(raw or b"null")
+    except ValueError:
+        return "", {}
+    if not isinstance(data, dict) or not isinstance(data.get("fields"), dict):
+        return "", {}
+    return str(data.get("artifact", "")), data["fields"]
+
+
+def plain(value: Any) -> Any:
+    """A header's field with `$value` and `$map` unwrapped; references stay as they are."""
+    if isinstance(value, list):
+        return [plain(item) for item in value]
+    if isinstance(value, dict):
+        inner = value.get("$value", value.get("$map", value))
+        return {name: plain(item) for name, item in inner.items()} if isinstance(inner, dict) else value
+    return value
+
+
+def text(store: Store, digest: str | None) -> str:
+    """A blob as text, empty where there is none."""
+    return (blob(store, digest) or b"").decode(errors="replace")
+
+
+def document(store: Store, found: Result | None) -> dict[str, Any]:
+    """The key document of a result as plain data, {} where it is not known."""
+    try:
+        data = json.loads(text(store, found.key_document if found else None) or "null")
+    except ValueError:
+        return {}
+    return data if isinstance(data, dict) else {}

@@ -1,0 +1,87 @@
+"""The words and marks that consoles and the report share: durations, counts, sizes, node states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+MARKS: Mapping[str, str] = {
+    "cached": "=",
+    "ran": "+",
+    "fetched": "↓",
+    "failed": "✗",
+    "waits": "·",
+    "cancelled": "-",
+}
+"""Status -> the sign that stands for it without colour."""
+
+STATES: Mapping[str, tuple[str, str]] = {
+    "ran": ("ran", "ran"),
+    "cached": ("cached", "cached"),
+    "fetched": ("fetched", "fetched"),
+    "failed": ("failed", "failed"),
+    "waits": ("waits", "wait"),
+    "cancelled": ("cancelled", "cancelled"),
+}
+"""Status -> its word for one node and for several, in the order of summaries."""
+
+
+def duration(seconds: float) -> str:
+    """Seconds as people say them: `0.31 s`, `34.2 s`, `1 min 10 s`, `21 min`, `2 h 05 min`."""
+    if seconds < 0.995:
+        return f"{max(seconds, 0.0):.2f} s"
+    if seconds < 99.95:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    if whole < 600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def count(number: int, noun: str, several: str = "") -> str:
+    """`1 node`, `1,204 nodes`; `several` is the plural where an `s` does not make it."""
+    return f"{number:,} {noun if number == 1 else several or noun + 's'}"
+
+
+def states(counts: Mapping[str, int]) -> str:
+    """`9 ran, 9 cached, 1 fetched`: states that did not occur are left out."""
+    found = [f"{counts[s]:,} {words[counts[s] != 1]}" for s, words in STATES.items() if counts.get(s)]
+    return ", ".join(found)
+
+
+def some(names: Iterable[str], most: int = 6) -> str:
+    """Names in their order, shortened after `most`: `scene, usd and 12 more`."""
+    known = list(names)
+    if len(known) <= most:
+        return ", ".join(known)
+    return f"{', '.join(known[:most])} and {len(known) - most} more"
+
+
+def size(octets: int) -> str:
+    """Bytes in decimal units: `812 B`, `4.2 kB`, `1.3 MB`."""
+    number = float(octets)
+    for unit in ("B", "kB", "MB", "GB"):
+        if number < 999.5 or unit == "GB":
+            break
+        number /= 1000
+    return f"{number:.0f} {unit}" if unit == "B" or number >= 99.5 else f"{number:.1f} {unit}"
+
+
+def number(value: float) -> str:
+    """A measured number with four significant digits, without an exponent where people can read it."""
+    if value == 0 or 1e-4 <= abs(value) < 1e6:
+        if value == int(value):
+            return f"{int(value):,}"
+        digits = max(0, 3 - _magnitude(value))
+        return f"{value:,.{digits}f}".rstrip("0").rstrip(".") if digits else f"{value:,.0f}"
+    return f"{value:.3g}"
+
+
+def _magnitude(value: float) -> int:
+    power = 0
+    size = abs(value)
+    while size >= 10:
+        size, power = size / 10, power + 1
+    while 0 < size < 1:
+        size, power = size * 10, power - 1
+    return power

@@ -1,0 +1,215 @@
+"""What a rule author writes with: `rule`, `Options`, `Context`, `Backend`.
+
+A rule is a function from artifacts to one artifact, alone in a file that bears its name. The decorator registers
+nothing: it returns a `Rule`, and the loader finds it by its path.
+"""
+
+from __future__ import annotations
+
+import inspect
+import types
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict
+
+from dextera_build.artifacts.base import Artifact
+from dextera_build.errors import RuleError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+P = ParamSpec("P")
+R = TypeVar("R", bound=Artifact)
+
+
+class Options(BaseModel):
+    """Options of a rule: typed, frozen, every field in the key. Nested groups derive from it too."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+@dataclass(frozen=True)
+class Backend:
+    """What a backend file says of itself, as literals, so that it is read without importing the file.
+
+    A backend of rule `mesh` called `primitives` is the file `mesh_primitives.py` beside `mesh.py` with a module-level
+    `BACKEND = Backend(...)`. Which functions it has to offer is stated by the rule.
+    """
+
+    summary: str
+    """One line for `dxb ls backends`."""
+    profiles: tuple[str, ...] = ()
+    """Profiles that choose it: `stub`, `cpu`, `gpu`, `cloud`."""
+    packages: tuple[str, ...] = ()
+    """Distributions it runs; their versions enter the key."""
+    extra: str = ""
+    """Extra of dextera-build that installs them."""
+    gpu_gb: float = 0.0
+    """GPU memory that it needs [GiB]."""
+    weights: tuple[str, ...] = ()
+    """`name@sha256` of model weights; they enter the key."""
+    licence: str = "Apache-2.0"
+    """Licence of code and weights."""
+
+
+@dataclass
+class Outcome:
+    """What a rule said beside its result."""
+
+    line: str = ""
+    previews: list[tuple[str, bytes]] = field(default_factory=list)
+    metrics: dict[str, tuple[float, str]] = field(default_factory=dict)
+
+
+class Context:
+    """What a rule may do besides computing.
+
+    Args:
+        backend: The chosen backend's module, or None for a rule without backends.
+        scratch: A folder of this call alone, removed afterwards.
+        emit: Takes (kind, data) as it happens: `progress`, `log`.
+    """
+
+    def __init__(
+        self,
+        backend: Any = None,
+        *,
+        scratch: Path,
+        emit: Callable[[str, Mapping[str, object]], None] | None = None,
+    ) -> None:
+        self.backend = backend
+        self.scratch = scratch
+        self.outcome = Outcome()
+        self._emit = emit or (lambda kind, data: None)
+
+    def check(self, holds: bool, message: str, *, hint: str | None = None, **facts: object) -> None:
+        """A post-condition: nothing is published where it does not hold.
+
+        Raises:
+            RuleError: `holds` is false.
+        """
+        if not holds:
+            raise RuleError(message, code="DXB-B201", hint=hint, facts=facts)
+
+    def fail(self, message: str, *, hint: str | None = None, **facts: object) -> typing.NoReturn:
+        """Stop because these inputs cannot be worked with.
+
+        Raises:
+            RuleError: Always.
+        """
+        raise RuleError(message, code="DXB-B202", hint=hint, facts=facts)
+
+    def say(self, line: str) -> None:
+        """The one line about the result that the build log shows: `1 hinge, 0-131 deg`."""
+        self.outcome.line = line
+
+    def preview(self, pixels: np.ndarray, caption: str = "") -> None:
+        """A picture for the report: (H, W, 3) uint8 sRGB."""
+        from dextera_build.artifacts.image import png
+
+        self.outcome.previews.append((caption, png(pixels)))
+
+    def metric(self, name: str, value: float, unit: str = "") -> None:
+        """A number for the report and `dxb show`."""
+        self.outcome.metrics[name] = (float(value), unit)
+
+    def progress(self, done: int, total: int, what: str = "") -> None:
+        """How far the work is, for the live console."""
+        self._emit("progress", {"done": done, "total": total, "what": what})
+
+    def log(self, text: str) -> None:
+        """A line for `dxb log`."""
+        self._emit("log", {"text": text})
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One input of a rule."""
+
+    name: str
+    annotation: Any
+    """`Mesh`, `Collection[Asset]`, ... without the `| None` of an optional input."""
+    optional: bool
+
+
+@dataclass(frozen=True)
+class Rule(Generic[P, R]):
+    """A rule function with what the build must know of it; called like the function itself."""
+
+    function: Callable[P, R]
+    version: int
+    packages: tuple[str, ...]
+    cpus: int
+    memory_gb: float
+
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
+        """Call the plain function."""
+        return self.function(*args, **kwargs)
+
+    @property
+    def summary(self) -> str:
+        """First line of the docstring."""
+        return (inspect.getdoc(self.function) or "").partition("\n")[0]
+
+    @property
+    def slots(self) -> dict[str, Slot]:
+        """Inputs by name, in order."""
+        hints = typing.get_type_hints(self.function, include_extras=True)
+        found = {}
+        for name, parameter in list(inspect.signature(self.function).parameters.items())[1:]:
+            if name == "options":
+                continue
+            annotation = hints[name]
+            optional = parameter.default is not inspect.Parameter.empty
+            found[name] = Slot(name, _without_none(annotation), optional)
+        return found
+
+    @property
+    def takes_options(self) -> bool:
+        """Whether the function has an `options` parameter."""
+        return "options" in inspect.signature(self.function).parameters
+
+    @property
+    def options(self) -> type[Options]:
+        """The options class; an empty one where the rule has none."""
+        kind = typing.get_type_hints(self.function).get("options", Options)
+        return typing.cast(type[Options], _without_none(kind))
+
+    @property
+    def returns(self) -> Any:
+        """The artifact type that comes out."""
+        return typing.get_type_hints(self.function, include_extras=True)["return"]
+
+
+def rule(
+    *, version: int, packages: tuple[str, ...] = (), cpus: int = 1, memory_gb: float = 1.0
+) -> Callable[[Callable[P, R]], Rule[P, R]]:
+    """Declare the function below as the rule that its file is named after.
+
+    The function takes `ctx: Context`, then artifacts (its inputs; `X | None = None` makes one optional), then, by
+    keyword, `options: <Options class>`.
+
+    Args:
+        version: Raise it when the meaning changes although the code digest does not show it.
+        packages: Third-party distributions that the result depends on; their versions enter the key. Those of the
+            chosen backend are added.
+        cpus: Cores that one call keeps busy.
+        memory_gb: Peak memory of one call [GiB].
+    """
+
+    def mark(function: Callable[P, R]) -> Rule[P, R]:
+        return Rule(function, version, packages, cpus, memory_gb)
+
+    return mark
+
+
+def _without_none(annotation: Any) -> Any:
+    if get_origin(annotation) in (typing.Union, types.UnionType):
+        return next(part for part in get_args(annotation) if part is not type(None))
+    return annotation

@@ -1,0 +1,71 @@
+"""Carries out one call inside a worker: load the rule, decode its inputs, call it, check and store what it returns."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from dextera_build.errors import RuleError
+from dextera_build.loader import Library
+from dextera_build.store.store import Store
+
+Emit = Callable[[str, Mapping[str, object]], None]
+
+
+def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
+    """Run one task of the engine.
+
+    Args:
+        task: `rule`, `backend`, `options`, `inputs` (slot -> digest), `store`, `project`.
+        emit: Takes progress and log lines as they come.
+
+    Returns:
+        `output` (digest), `line`, `previews` ([caption, digest]), `metrics` (name -> [value, unit]).
+
+    Raises:
+        DxbError: The rule refused its inputs or a check failed.
+    """
+    from dextera_build.rule import Context
+
+    found = _library(task["project"]).find(task["rule"])
+    backend = found.backends[task["backend"]].load() if task["backend"] else None
+    store = _store(task["store"])
+    rule = found.rule
+    inputs = {
+        name: slot.annotation.decode(task["inputs"][name], store.blobs.get)
+        for name, slot in rule.slots.items()
+        if name in task["inputs"]
+    }
+    # JSON mode takes a list for a tuple, and the engine speaks JSON.
+    options = rule.options.model_validate_json(json.dumps(task["options"]))
+    with tempfile.TemporaryDirectory(prefix="dxb-") as scratch:
+        ctx = Context(backend, scratch=Path(scratch), emit=emit)
+        keyword = {"options": options} if rule.takes_options else {}
+        result = rule(ctx, **inputs, **keyword)
+    wanted = rule.returns
+    if not any(base.__name__ == wanted.__name__ for base in type(result).__mro__):
+        raise RuleError(
+            f"{found.path} returned {type(result).__name__}, but {wanted.__name__} is declared",
+            code="DXB-B203",
+            where=found.place,
+        )
+    return {
+        "output": result.encode(store.blobs.put),
+        "line": ctx.outcome.line,
+        "previews": [[caption, store.blobs.put(data)] for caption, data in ctx.outcome.previews],
+        "metrics": {name: list(value) for name, value in ctx.outcome.metrics.items()},
+    }
+
+
+@lru_cache(maxsize=1)
+def _library(project: str) -> Library:
+    return Library(Path(project))
+
+
+@lru_cache(maxsize=1)
+def _store(root: str) -> Store:
+    return Store(Path(root))

@@ -1,0 +1,76 @@
+"""How physics artifacts become MuJoCo contact and joint parameters.
+
+**Restitution.** A MuJoCo contact is a damped spring. Half a cycle of one with damping ratio z returns the speed times
+e = exp(-pi z / sqrt(1 - z^2)), so z = -ln e / sqrt(pi^2 + ln^2 e). `solref` takes (time constant, z); the natural
+frequency is 1 / (time constant * z), and it is kept at `CONTACT_RATE` whatever e is, so that bouncy things are no
+stiffer than others. e <= 0.01 counts as no bounce: z = 1, which never overshoots, so a body that starts in slight
+penetration is pushed out and not thrown.
+
+**Friction.** Sliding friction is the body's own. Object geoms have priority 1, the static scene 0, so the object's
+parameters win over the table's; between two objects MuJoCo takes the larger friction. Torsion and rolling are lengths
+[m]: the radius of a small contact patch.
+
+**Hinges.** A joint that holds its place in the photograph has at least as much dry friction as gravity asks of it.
+`HOLD` times the largest gravity torque over the motion is what laptop hinges are built for: they hold, and a hand
+moves them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dextera_build.artifacts.object import Body, Joint, Physics
+
+GRAVITY = 9.81
+"""[m/s^2]."""
+CONTACT_RATE = 100.0
+"""Natural frequency of contacts [rad/s]; with a 2 ms step this is far from instability."""
+TORSION_M = 0.003
+"""Torsional friction: 2/3 of the radius of a contact patch of 4.5 mm [m]."""
+ROLLING_M = 0.0001
+"""Rolling friction, MuJoCo's default [m]."""
+HOLD = 1.5
+"""Dry joint friction over the largest gravity load."""
+DAMPING_S = 0.05
+"""Viscous damping over dry friction [s/rad or s/m]: at 1 rad/s it adds a twentieth."""
+SLIDER_FRICTION = 0.2
+"""Friction coefficient of drawer rails."""
+
+
+def solref(restitution: float) -> tuple[float, float]:
+    """MuJoCo `solref` (time constant [s], damping ratio) for a coefficient of restitution in 0..1."""
+    if restitution <= 0.01:
+        return 1.0 / CONTACT_RATE, 1.0
+    log = math.log(min(restitution, 0.99))
+    ratio = -log / math.hypot(math.pi, log)
+    return 1.0 / (CONTACT_RATE * ratio), ratio
+
+
+def friction(physics: Physics) -> tuple[float, float, float]:
+    """Sliding (no unit), torsional [m] and rolling [m] friction of a MuJoCo geom."""
+    return physics.friction, TORSION_M, ROLLING_M
+
+
+def joint_friction(joint: Joint, body: Body, physics: Physics) -> tuple[float, float]:
+    """`frictionloss` [N m or N] and `damping` [N m s/rad or N s/m] that hold the joint against gravity."""
+    carried = carried_links(joint.child, body)
+    axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
+    load = 0.0
+    for name in carried:
+        weight = physics.links[name].mass_kg * GRAVITY
+        if joint.type == "prismatic":
+            load += weight * (abs(float(axis[2])) + SLIDER_FRICTION / HOLD)
+            continue
+        arm = np.subtract(physics.links[name].centre, joint.origin)
+        load += weight * float(np.linalg.norm(arm - axis * (arm @ axis)))
+    return HOLD * load, HOLD * load * DAMPING_S
+
+
+def carried_links(link: str, body: Body) -> list[str]:
+    """`link` and all links beyond it."""
+    found = [link]
+    for name in found:
+        found += [joint.child for joint in body.joints if joint.parent == name]
+    return found

@@ -1,0 +1,151 @@
+"""MuJoCo renders through a calibrated camera: colour, image-plane depth, segmentation.
+
+The camera of this project (OpenCV axes, integer pixel centres, any principal point) is given to the renderer directly,
+so a model needs no camera of its own. `camera_spec` writes the same camera into a model.
+
+EGL is chosen by the package `dextera_build.sim` unless `MUJOCO_GL` is set.
+"""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any, Self
+
+import mujoco
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.geometry.cameras import GL_FROM_CV
+
+OFFSAMPLES = 4
+"""Samples per pixel; fixed, because the picture depends on it."""
+
+
+class Eye:
+    """A camera that looks into one MuJoCo model; a context manager, because it holds a GL context.
+
+    Args:
+        model: Compiled model; its off-screen buffer size and sample count are set here.
+        camera: Intrinsics [px].
+        world_from_camera: (4, 4) T_world_camera, OpenCV axes, in the model's world frame [m].
+        shadows: Draw shadows and reflections in colour renders.
+        geomgroups: Groups of geoms that are drawn; None leaves MuJoCo's default (0, 1, 2).
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        camera: Camera,
+        world_from_camera: np.ndarray,
+        *,
+        shadows: bool = False,
+        geomgroups: tuple[int, ...] | None = None,
+    ) -> None:
+        model.vis.global_.offwidth = max(model.vis.global_.offwidth, camera.width)
+        model.vis.global_.offheight = max(model.vis.global_.offheight, camera.height)
+        model.vis.quality.offsamples = OFFSAMPLES
+        self._model, self._camera, self._pose = model, camera, np.asarray(world_from_camera, np.float64)
+        self._shadows = shadows
+        self._option = mujoco.MjvOption()
+        if geomgroups is not None:
+            self._option.geomgroup[:] = [int(group in geomgroups) for group in range(len(self._option.geomgroup))]
+        self._renderer = mujoco.Renderer(model, camera.height, camera.width)
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Free the GL context."""
+        self._renderer.close()
+
+    def rgb(self, data: Any) -> np.ndarray:
+        """Colours (H, W, 3) uint8 sRGB of the state in `data` (after `mj_forward`)."""
+        self._look(data)
+        flags = self._renderer.scene.flags
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            flags[flag] = self._shadows
+        return np.array(self._renderer.render())
+
+    def depth(self, data: Any) -> np.ndarray:
+        """Image-plane z (H, W) float32 [m]; 0 where nothing is."""
+        self._look(data)
+        self._renderer.enable_depth_rendering()
+        depth = np.array(self._renderer.render())
+        self._renderer.disable_depth_rendering()
+        far = self._model.vis.map.zfar * self._model.stat.extent
+        depth[depth >= far * (1.0 - 1e-4)] = 0.0
+        return depth
+
+    def segmentation(self, data: Any) -> np.ndarray:
+        """Geom ids (H, W) int32; -1 where no geom is."""
+        self._look(data)
+        self._renderer.enable_segmentation_rendering()
+        pairs = np.array(self._renderer.render())
+        self._renderer.disable_segmentation_rendering()
+        return np.where(pairs[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM), pairs[..., 0], -1).astype(np.int32)
+
+    def _look(self, data: Any) -> None:
+        self._renderer.update_scene(data, scene_option=self._option)
+        rotation, place = self._pose[:3, :3], self._pose[:3, 3]
+        camera = self._camera
+        for eye in self._renderer.scene.camera:
+            near = eye.frustum_near
+            # The picture spans 0..W in continuous coordinates, where the centre of pixel 0 lies at 0.5.
+            left, right = -(camera.cx + 0.5) / camera.fx, (camera.width - camera.cx - 0.5) / camera.fx
+            up, down = (camera.cy + 0.5) / camera.fy, -(camera.height - camera.cy - 0.5) / camera.fy
+            eye.pos[:] = place
+            eye.forward[:], eye.up[:] = rotation[:, 2], -rotation[:, 1]
+            eye.frustum_center = near * (left + right) / 2
+            eye.frustum_width = near * (right - left) / 2
+            eye.frustum_bottom, eye.frustum_top = near * down, near * up
+
+
+def render_rgb(
+    model: Any, data: Any, camera: Camera, world_from_camera: np.ndarray, *, shadows: bool = False
+) -> np.ndarray:
+    """Colours (H, W, 3) uint8 sRGB; see `Eye` for the arguments."""
+    with Eye(model, camera, world_from_camera, shadows=shadows) as eye:
+        return eye.rgb(data)
+
+
+def render_depth(model: Any, data: Any, camera: Camera, world_from_camera: np.ndarray) -> np.ndarray:
+    """Image-plane z (H, W) float32 [m], 0 where nothing is; see `Eye` for the arguments."""
+    with Eye(model, camera, world_from_camera) as eye:
+        return eye.depth(data)
+
+
+def render_segmentation(model: Any, data: Any, camera: Camera, world_from_camera: np.ndarray) -> np.ndarray:
+    """Geom ids (H, W) int32, -1 where no geom is; see `Eye` for the arguments."""
+    with Eye(model, camera, world_from_camera) as eye:
+        return eye.segmentation(data)
+
+
+def bodies_of(model: Any, geoms: np.ndarray) -> np.ndarray:
+    """Body ids (H, W) int32 of a segmentation's geom ids; -1 where no geom is."""
+    owner = np.append(np.asarray(model.geom_bodyid, np.int32), np.int32(-1))
+    return np.asarray(owner[geoms])
+
+
+def camera_spec(parent: Any, name: str, camera: Camera, world_from_camera: np.ndarray) -> Any:
+    """Add the camera to a spec body (`MjsBody`) whose frame is the world's, and return the `MjsCamera`.
+
+    The sensor is written as a pixel of one micrometre; MuJoCo's principal point is an offset of the image centre
+    with y up (from 3.6 on).
+    """
+    pixel_m = 1e-6
+    sensor = (camera.width * pixel_m, camera.height * pixel_m)
+    offset = (camera.width / 2 - camera.cx - 0.5, camera.height / 2 - camera.cy - 0.5)
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, (world_from_camera @ GL_FROM_CV)[:3, :3].flatten())
+    return parent.add_camera(
+        name=name,
+        pos=world_from_camera[:3, 3],
+        quat=quaternion,
+        resolution=(camera.width, camera.height),
+        sensor_size=sensor,
+        focal_pixel=(camera.fx, camera.fy),
+        principal_pixel=offset,
+    )

@@ -1,0 +1,148 @@
+"""Robots in MuJoCo: MJCF from a description, portraits, masses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.geometry import transforms
+from dextera_build.sim.rendering import render_rgb
+
+
+def mjcf(robot: Any) -> str:
+    """MJCF text of a robot description (the options of rule `simulate.robot`).
+
+    Bodies carry explicit inertials, joints position actuators of the same name, frames are sites; link geometry is in
+    group 0 and collides unless it says otherwise. Units: metres, radians, kilograms.
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = robot.name
+    spec.compiler.degree = False
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    for name, colour in robot.colours.items():
+        spec.add_material(name=name, rgba=[*colour, 1.0], specular=0.35, shininess=0.5)
+    bodies: dict[str, Any] = {}
+    for chain in robot.chains:
+        for mount in chain.mounts:
+            parent = bodies[mount.parent] if mount.parent else spec.worldbody
+            _add_chain(spec, parent, mount, chain.links, bodies)
+    for role, frame in robot.frames.items():
+        bodies[frame.link].add_site(name=role, pos=frame.at_m, quat=frame.quaternion, size=[0.005, 0, 0], group=4)
+    for one, other in robot.apart:
+        spec.add_exclude(bodyname1=one, bodyname2=other)
+    spec.compile()
+    return str(spec.to_xml())
+
+
+def _add_chain(spec: Any, parent: Any, mount: Any, links: Any, bodies: dict[str, Any]) -> None:
+    body = parent
+    for number, link in enumerate(links):
+        pose = _pose(link.at_m, link.quaternion)
+        if number == 0:
+            pose = _pose(mount.at_m, mount.quaternion) @ pose
+        body = body.add_body(name=mount.prefix + link.name, pos=pose[:3, 3], quat=_quaternion(pose))
+        body.explicitinertial = True
+        body.mass = link.mass_kg
+        body.ipos, body.iquat, body.inertia = link.centre_m, link.inertia_quaternion, link.inertia_kgm2
+        if link.joint is not None:
+            _add_joint(spec, body, mount.prefix, link.joint)
+        for piece in link.pieces:
+            _add_piece(body, piece)
+        bodies[mount.prefix + link.name] = body
+
+
+def _add_joint(spec: Any, body: Any, prefix: str, joint: Any) -> None:
+    name = prefix + joint.name
+    limits = [joint.lower_rad, joint.upper_rad]
+    body.add_joint(
+        name=name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=joint.axis,
+        range=limits,
+        limited=True,
+        armature=joint.armature_kgm2,
+    )
+    actuator = spec.add_actuator(
+        name=name,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        target=name,
+        ctrlrange=limits,
+        ctrllimited=True,
+        forcerange=[-joint.effort_nm, joint.effort_nm],
+        forcelimited=True,
+    )
+    actuator.set_to_position(kp=joint.stiffness_nm_rad, kv=joint.damping_nms_rad)
+
+
+def _add_piece(body: Any, piece: Any) -> None:
+    kinds = {
+        "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+        "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+        "box": mujoco.mjtGeom.mjGEOM_BOX,
+        "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+        "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    }
+    geom = body.add_geom(type=kinds[piece.shape], material=piece.colour)
+    if piece.shape in ("capsule", "cylinder"):
+        geom.fromto = [*piece.from_m, *piece.to_m]
+        geom.size = [piece.radius_m, 0, 0]
+    else:
+        geom.pos, geom.quat = piece.at_m, piece.quaternion
+        geom.size = [piece.radius_m, 0, 0] if piece.shape == "sphere" else piece.half_m
+    if not piece.collides:
+        geom.contype = geom.conaffinity = 0
+
+
+def mass(text: str) -> float:
+    """Total mass of a compiled MJCF text [kg]."""
+    return float(mujoco.MjModel.from_xml_string(text).body_mass.sum())
+
+
+def portrait(text: str, joints: Mapping[str, float], size: int = 480) -> np.ndarray:
+    """A picture (size, size, 3) uint8 of the robot at `joints` [rad], from its front left."""
+    spec = mujoco.MjSpec.from_string(text)
+    spec.worldbody.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=[-0.5, -0.4, -1], pos=[2, 2, 3], diffuse=[0.6] * 3
+    )
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.86, 0.88, 0.9],
+        rgb2=[0.7, 0.72, 0.75],
+        width=32,
+        height=192,
+    )
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for name, position in joints.items():
+        data.joint(name).qpos[0] = position
+    mujoco.mj_forward(model, data)
+    places = data.geom_xpos
+    middle = (places.min(axis=0) + places.max(axis=0)) / 2
+    reach = float(np.linalg.norm(places - middle, axis=1).max()) + 0.1
+    forward = np.array([-0.75, -0.55, -0.35])
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    eye = middle - forward * reach * 2.6
+    pose = transforms.rigid(np.stack([right, np.cross(forward, right), forward], axis=1), eye)
+    half = (size - 1) / 2
+    camera = Camera(width=size, height=size, fx=size * 1.2, fy=size * 1.2, cx=half, cy=half)
+    return render_rgb(model, data, camera, pose, shadows=True)
+
+
+def _pose(place: Any, quaternion: Any) -> np.ndarray:
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, np.asarray(quaternion, np.float64) / np.linalg.norm(quaternion))
+    return transforms.rigid(matrix.reshape(3, 3), np.asarray(place, np.float64))
+
+
+def _quaternion(pose: np.ndarray) -> np.ndarray:
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, pose[:3, :3].flatten())
+    return quaternion

@@ -1,0 +1,41 @@
+"""A picture without any fault, and how it is averaged from finer ones. Needs no renderer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera
+
+GAMMA = 2.2
+"""Exponent that stands for the sRGB curve when light is averaged."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What a faultless camera sees."""
+
+    rgb: np.ndarray  # (H, W, 3) float64, sRGB 0..1
+    depth: np.ndarray  # (H, W) float64, image-plane z [m]; 0 where nothing is
+    labels: np.ndarray  # (H, W) int32, object label at the pixel's centre; 0 for everything else
+
+
+def enlarge(camera: Camera, factor: int) -> Camera:
+    """The same camera with `factor` times as many pixels per edge."""
+    return Camera(
+        width=camera.width * factor,
+        height=camera.height * factor,
+        fx=camera.fx * factor,
+        fy=camera.fy * factor,
+        cx=(camera.cx + 0.5) * factor - 0.5,
+        cy=(camera.cy + 0.5) * factor - 0.5,
+    )
+
+
+def average(pixels: np.ndarray, factor: int) -> np.ndarray:
+    """Mean of `factor` x `factor` blocks of sRGB bytes in linear light, (H, W, 3) float64 sRGB 0..1."""
+    linear = ((np.arange(256) / 255.0) ** GAMMA)[pixels]
+    height, width = pixels.shape[0] // factor, pixels.shape[1] // factor
+    blocks = linear.reshape(height, factor, width, factor, 3).mean(axis=(1, 3))
+    return np.asarray(blocks ** (1 / GAMMA))

@@ -1,0 +1,161 @@
+"""Content-addressed blobs: digest -> bytes, one read-only file each under `ab/cdef...`."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from dextera_build.errors import StoreError
+from dextera_build.store import files
+
+_HEX = frozenset("0123456789abcdef")
+
+
+class MissingBlob(StoreError):  # noqa: N818 - says what it found
+    """Bytes that something refers to are not in the store, or were damaged and set aside."""
+
+    CODE = "DXB-S103"
+
+    def __init__(self, digest: str, reason: str = "it is not there") -> None:
+        super().__init__(
+            f"blob `{digest[:12]}` cannot be read: {reason}",
+            code=self.CODE,
+            facts={"digest": digest},
+            hint="build again: what made it runs anew",
+        )
+        self.digest = digest
+
+
+class Blobs:
+    """Blobs below one folder.
+
+    Writers never replace a good file and readers check what they read, so any number of processes may share it.
+
+    Args:
+        root: The folder; made when the first blob comes.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._base = f"{root}/"
+        self._quarantine = root.parent / "local" / "quarantine"
+
+    def path(self, digest: str) -> Path:
+        """Where the blob is, or would be."""
+        return Path(self._file(digest))
+
+    def has(self, digest: str) -> bool:
+        """Whether there is such a blob; its bytes are not read."""
+        return os.path.exists(self._file(digest))
+
+    def size(self, digest: str) -> int | None:
+        """Size of the blob [bytes], or None where there is none."""
+        try:
+            return os.stat(self._file(digest)).st_size
+        except OSError:
+            return None
+
+    def put(self, data: bytes) -> str:
+        """Store `data` and return its digest.
+
+        Raises:
+            StoreError: The disk is full, or the store cannot be written.
+        """
+        digest = hashlib.sha256(data).hexdigest()
+        # A short file is what a power cut leaves; it is replaced.
+        if self.size(digest) != len(data):
+            files.write(self._file(digest), data)
+        return digest
+
+    def put_file(self, path: Path) -> tuple[str, int]:
+        """Store the bytes of a file, sharing its blocks where the file system can, and return (digest, size).
+
+        Raises:
+            OSError: `path` cannot be read.
+            StoreError: The disk is full, or the store cannot be written.
+        """
+        source = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            return self._take(source)
+        finally:
+            os.close(source)
+
+    def get(self, digest: str) -> bytes:
+        """The bytes of a blob, checked against its digest.
+
+        Raises:
+            MissingBlob: It is not there, or its bytes are not what they were; then it was set aside.
+        """
+        try:
+            data = files.read(self._file(digest))
+        except OSError as error:
+            reason = "it is not there" if isinstance(error, FileNotFoundError) else str(error.strerror)
+            raise MissingBlob(digest, reason) from None
+        if hashlib.sha256(data).hexdigest() != digest:
+            self.quarantine(digest)
+            raise MissingBlob(digest, "its bytes were damaged, it was set aside")
+        return data
+
+    def quarantine(self, digest: str) -> None:
+        """Set a damaged blob aside, so that it counts as missing."""
+        # A store that cannot be written keeps it: readers check the bytes anyway.
+        with suppress(OSError):
+            self._quarantine.mkdir(parents=True, exist_ok=True)
+            os.replace(self._file(digest), self._quarantine / digest)
+
+    def all(self) -> Iterator[tuple[str, int]]:
+        """Every blob with its size [bytes]."""
+        yield from entries(self.root)
+
+    def _file(self, digest: str) -> str:
+        if len(digest) != 64 or not _HEX.issuperset(digest):
+            raise StoreError(f"`{digest}` is not a SHA-256 digest", code="DXB-S104")
+        return f"{self._base}{digest[:2]}/{digest[2:]}"
+
+    def _take(self, source: int) -> tuple[str, int]:
+        known = hashlib.sha256()
+        for chunk in files.chunks(source):
+            known.update(chunk)
+        digest, size = known.hexdigest(), os.lseek(source, 0, os.SEEK_CUR)
+        if self.size(digest) == size:
+            return digest, size
+        os.lseek(source, 0, os.SEEK_SET)
+        with files.new_file(self._file(digest)) as target:
+            copied = self._copy(source, target)
+            if copied != digest:
+                raise _ChangedError(digest)
+        return digest, size
+
+    def _copy(self, source: int, target: int) -> str:
+        state = hashlib.sha256()
+        if files.clone(source, target):
+            for chunk in files.chunks(target):
+                state.update(chunk)
+            return state.hexdigest()
+        for chunk in files.chunks(source):
+            state.update(chunk)
+            files.write_all(target, chunk)
+        return state.hexdigest()
+
+
+class _ChangedError(StoreError):
+    """A file changed between two readings; whoever reads files tries again."""
+
+    def __init__(self, digest: str) -> None:
+        super().__init__("a file changed while it was read", code="DXB-S105", facts={"digest": digest})
+
+
+def entries(root: Path) -> Iterator[tuple[str, int]]:
+    """Every finished file under the two levels `ab/cdef...` of `root` as (digest, size)."""
+    if not root.is_dir():
+        return
+    for shard in sorted(os.scandir(root), key=lambda entry: entry.name):
+        if len(shard.name) != 2 or not shard.is_dir():
+            continue
+        for entry in sorted(os.scandir(shard.path), key=lambda entry: entry.name):
+            if not entry.name.startswith(files.TEMPORARY):
+                with suppress(FileNotFoundError):
+                    yield shard.name + entry.name, entry.stat().st_size

@@ -1,0 +1,133 @@
+"""Writing files so that a reader sees all of them or none, and saying well what went wrong.
+
+Nothing is flushed to the disk on purpose: after a power cut a file may be short or empty, which its digest shows, and
+what it held is built again.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import itertools
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from dextera_build.errors import StoreError
+
+_FICLONE = 0x40049409
+_CHUNK = 1 << 20
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_TOKEN = os.urandom(4).hex()  # two machines may write to one folder with equal process ids
+_COUNTER = itertools.count()
+TEMPORARY = ".tmp-"
+"""How names of unfinished files begin."""
+
+
+def store_error(error: OSError, path: str) -> StoreError:
+    """What a failed write to the store means for the person who builds."""
+    if error.errno in _FULL:
+        return StoreError(
+            "the store is full",
+            code="DXB-S101",
+            facts={"file": path, "system says": error.strerror, **_free(path)},
+            hint="`dxb cache size` shows what it holds; free space, or set `DXB_CACHE` to a larger disk",
+        )
+    return StoreError(
+        "the store cannot be written",
+        code="DXB-S102",
+        facts={"file": path, "system says": error.strerror},
+        hint="set `DXB_CACHE` to a folder that you may write to",
+    )
+
+
+@contextmanager
+def new_file(path: str, mode: int = 0o444) -> Iterator[int]:
+    """Yield a descriptor to write to; when the block ends the file takes the place of `path` at once.
+
+    Raises:
+        StoreError: The disk is full, or the folder cannot be written.
+    """
+    folder = os.path.dirname(path)
+    temporary = f"{folder}/{TEMPORARY}{_TOKEN}-{os.getpid()}-{next(_COUNTER)}"
+    descriptor = -1
+    try:
+        descriptor = _create(folder, temporary, mode)
+        yield descriptor
+        os.close(descriptor)
+        descriptor = -1
+        os.replace(temporary, path)
+    except BaseException as error:
+        if descriptor >= 0:
+            os.close(descriptor)
+        with suppress(OSError):
+            os.unlink(temporary)
+        if isinstance(error, OSError):
+            raise store_error(error, path) from None
+        raise
+
+
+def write(path: str, data: bytes, mode: int = 0o444) -> None:
+    """Put `data` at `path`, all or nothing.
+
+    Raises:
+        StoreError: The disk is full, or the folder cannot be written.
+    """
+    with new_file(path, mode) as descriptor:
+        write_all(descriptor, data)
+
+
+def write_all(descriptor: int, data: bytes) -> None:
+    """Write all of `data`, however small the pieces that the system takes."""
+    done = os.write(descriptor, data)
+    while done < len(data):
+        done += os.write(descriptor, data[done : done + _CHUNK])
+
+
+def read(path: str) -> bytes:
+    """All bytes of a file, with few system calls."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        size = os.fstat(descriptor).st_size
+        data = os.read(descriptor, size + 1)
+        if len(data) == size:
+            return data
+        parts = [data]
+        while part := os.read(descriptor, _CHUNK):
+            parts.append(part)
+        return b"".join(parts)
+    finally:
+        os.close(descriptor)
+
+
+def clone(source: int, target: int) -> bool:
+    """Share the blocks of `source` with `target` where the file system can (btrfs, xfs, bcachefs)."""
+    try:
+        fcntl.ioctl(target, _FICLONE, source)
+    except OSError:
+        return False
+    return True
+
+
+def chunks(descriptor: int) -> Iterator[bytes]:
+    """The bytes of an open file from where it stands, in pieces."""
+    while chunk := os.read(descriptor, _CHUNK):
+        yield chunk
+
+
+def _create(folder: str, temporary: str, mode: int) -> int:
+    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+    try:
+        return os.open(temporary, flags, mode)
+    except FileNotFoundError:
+        os.makedirs(folder, exist_ok=True)
+        return os.open(temporary, flags, mode)
+
+
+def _free(path: str) -> dict[str, str]:
+    folder = os.path.dirname(path)
+    try:
+        state = os.statvfs(folder)
+    except OSError:
+        return {}
+    return {"free": f"{state.f_bavail * state.f_frsize / 2**20:,.0f} MiB"}

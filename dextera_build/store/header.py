@@ -1,0 +1,110 @@
+"""Artifact headers read as plain JSON, without any type; `artifacts/base.py` describes the format."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from dextera_build import digest as digests
+from dextera_build.errors import RuleError, did_you_mean, listing
+
+Read = Callable[[str], bytes]
+"""digest -> bytes."""
+
+
+def closure(header: bytes) -> tuple[list[str], list[str]]:
+    """What one header refers to directly: (artifacts, blobs) by digest, in the order in which they stand."""
+    refs: list[str] = []
+    blobs: list[str] = []
+    stack: list[Any] = [*reversed(json.loads(header)["fields"].values())]
+    while stack:
+        value = stack.pop()
+        if isinstance(value, list):
+            stack += reversed(value)
+        elif isinstance(value, dict):
+            ((tag, body),) = value.items()
+            if tag == "$ref":
+                refs.append(body)
+            elif tag == "$bytes":
+                blobs.append(body[0])
+            elif tag == "$array":
+                blobs.append(body[2])
+            else:
+                stack += reversed(body.values())
+    return refs, blobs
+
+
+def project(read: Read, digest: str, fields: Sequence[str]) -> str:
+    """Follow artifact fields from `digest`; a step may also be a key of a map of artifacts.
+
+    Raises:
+        RuleError: A field does not exist, or leads to something that is not an artifact.
+    """
+    kind = owner = ""
+    here: Any = {"$ref": digest}
+    for place, step in enumerate(fields):
+        if "$ref" in here:
+            header = json.loads(read(here["$ref"]))
+            kind, known = header["artifact"], header["fields"]
+            owner = f"a field of {kind}"
+        else:
+            known = here["$map"]
+            owner = f"in `{fields[place - 1]}` of {kind}"
+        if step not in known:
+            raise _no_field(step, owner, known)
+        here = known[step]
+        last = place == len(fields) - 1
+        if not isinstance(here, dict) or ("$ref" not in here and (last or "$map" not in here)):
+            raise _no_artifact(step, owner, here, known)
+    return str(here["$ref"])
+
+
+def items(read: Read, digest: str) -> dict[str, str]:
+    """Label -> artifact of what `each` opens: the map of artifacts under the field `items`.
+
+    Raises:
+        RuleError: The artifact has no such field.
+    """
+    header = json.loads(read(digest))
+    body = header["fields"].get("items")
+    inner = body.get("$map") if isinstance(body, dict) else None
+    if inner is None or not all(isinstance(item, dict) and "$ref" in item for item in inner.values()):
+        raise RuleError(
+            f"a {header['artifact']} cannot be opened by `each`",
+            code="DXB-B313",
+            facts={"needed": "a field `items` that maps labels to artifacts", "fields": listing(header["fields"])},
+        )
+    return {label: item["$ref"] for label, item in inner.items()}
+
+
+def file_header(blob: str, size: int) -> bytes:
+    """The header of the `File` with this content."""
+    return digests.canonical({"artifact": "File", "fields": {"data": {"$bytes": [blob, size]}}})
+
+
+def folder_header(tree: Mapping[str, tuple[str, int]]) -> bytes:
+    """The header of the `Folder` with these files: relative POSIX path -> (blob, size)."""
+    content = {name: {"$bytes": [blob, size]} for name, (blob, size) in tree.items()}
+    return digests.canonical({"artifact": "Folder", "fields": {"files": {"$map": content}}})
+
+
+def collection_header(parts: Mapping[str, str]) -> bytes:
+    """The header of the `Collection` of these artifacts: label -> digest."""
+    content = {label: {"$ref": digest} for label, digest in parts.items()}
+    return digests.canonical({"artifact": "Collection", "fields": {"items": {"$map": content}}})
+
+
+def _no_field(step: str, owner: str, known: Mapping[str, Any]) -> RuleError:
+    return RuleError(
+        f"`{step}` is not {owner}",
+        code="DXB-B311",
+        facts={"known": listing(known)},
+        hint=did_you_mean(step, known),
+    )
+
+
+def _no_artifact(step: str, owner: str, value: Any, known: Mapping[str, Any]) -> RuleError:
+    reach = [name for name, body in known.items() if isinstance(body, dict) and ("$ref" in body or "$map" in body)]
+    state = "is not set" if value is None else "is not an artifact"
+    return RuleError(f"`{step}`, {owner}, {state}", code="DXB-B312", facts={"artifacts": listing(reach)})

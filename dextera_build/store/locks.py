@@ -1,0 +1,110 @@
+"""One builder per key: advisory locks on single bytes of one file, at the place that the key's digest names.
+
+A lock vanishes with the process that holds it, so a killed build never blocks the next one, and there are no lock files
+to clean up. Whoever waited looks into the cache again before building.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import struct
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+_FLOCK = struct.Struct("hhqqi4x")
+"""`struct flock` of Linux on 64 bits: type, whence, start, length, pid."""
+
+# POSIX locks belong to the process and are all dropped when any descriptor of the file is closed, so each file is
+# opened once per process and never closed, and threads exclude one another by `_held`.
+_guard = threading.Lock()
+_open: dict[str, int] = {}
+_held: set[tuple[int, int]] = set()
+
+
+class Locks:
+    """Locks of one store.
+
+    Args:
+        path: The lock file; never holds a byte.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._pid = os.getpid()
+
+    def take(self, key: str) -> bool:
+        """Take the lock of `key`, or return False where another holds it.
+
+        A store that cannot be written, or a file system without locks, gives every lock: nothing can be published
+        there twice anyway.
+        """
+        descriptor = self._descriptor()
+        if descriptor < 0:
+            return True
+        place = (descriptor, _offset(key))
+        with _guard:
+            if place in _held:
+                return False
+            try:
+                fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place[1])
+            except BlockingIOError:
+                return False
+            except PermissionError:
+                return False
+            except OSError:
+                return True
+            _held.add(place)
+        return True
+
+    def release(self, key: str) -> None:
+        """Give the lock of `key` back; one that is not held is left alone."""
+        place = (self._descriptor(), _offset(key))
+        with _guard:
+            if place in _held:
+                _held.discard(place)
+                with suppress(OSError):
+                    fcntl.lockf(place[0], fcntl.LOCK_UN, 1, place[1])
+
+    def holder(self, key: str) -> int | None:
+        """Process id of who holds the lock of `key` on this machine, or None where that is not known."""
+        descriptor = self._descriptor()
+        if descriptor < 0 or sys.platform != "linux":
+            return None
+        if (descriptor, _offset(key)) in _held:
+            return os.getpid()
+        question = _FLOCK.pack(fcntl.F_WRLCK, os.SEEK_SET, _offset(key), 1, 0)
+        try:
+            kind, _, _, _, pid = _FLOCK.unpack(fcntl.fcntl(descriptor, fcntl.F_GETLK, question))
+        except (OSError, struct.error):
+            return None
+        return pid if kind != fcntl.F_UNLCK and pid > 0 else None
+
+    @contextmanager
+    def hold(self, key: str, patience_s: float = 0.02) -> Iterator[None]:
+        """Wait for the lock of `key`, looking every `patience_s` [s], and hold it for the block."""
+        while not self.take(key):
+            time.sleep(patience_s)
+        try:
+            yield
+        finally:
+            self.release(key)
+
+    def _descriptor(self) -> int:
+        name = str(self._path)
+        with _guard:
+            if name not in _open:
+                try:
+                    self._path.parent.mkdir(parents=True, exist_ok=True)
+                    _open[name] = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+                except OSError:
+                    return -1
+            return _open[name]
+
+
+def _offset(key: str) -> int:
+    return int(key[:15], 16)

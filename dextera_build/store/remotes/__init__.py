@@ -1,0 +1,1 @@
+"""Other stores that this one reads from and writes to."""

@@ -1,0 +1,106 @@
+"""What a `stat` says of a file, and the record of everything that a build looked at.
+
+A signature that is equal says that a file is unchanged, unless it was written so shortly before we looked that a second
+write could bear the same time stamp. `is_racy` finds those, as git does.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import time
+from collections.abc import Iterable
+from typing import TypeAlias
+
+Signature: TypeAlias = tuple[int, int, int, int]
+"""(mtime_ns, ctime_ns, size, inode)."""
+
+IGNORED = frozenset({".git", "__pycache__"})
+"""Names that are not content of a folder."""
+
+_FINE_NS = 20_000_000
+"""Two kernel ticks at 100 Hz, the coarsest step of a file system with nanosecond stamps."""
+_COARSE_NS = 2_000_000_000
+"""Step of FAT; HFS+ and ext3 step by one second."""
+
+
+def of(state: os.stat_result) -> Signature:
+    """The signature that a `stat` result holds."""
+    return (state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino)
+
+
+def look(path: str) -> Signature | None:
+    """The signature of a file (its target, for a link), or None where there is none."""
+    try:
+        return of(os.stat(path))
+    except OSError:
+        return None
+
+
+def names(folder: str) -> list[str] | None:
+    """What a folder holds, sorted, without `IGNORED`; None where it is not a folder."""
+    try:
+        return sorted(name for name in os.listdir(folder) if name not in IGNORED)
+    except OSError:
+        return None
+
+
+def is_racy(signature: Signature, looked_ns: int) -> bool:
+    """Whether a write after `looked_ns` (nanoseconds since the epoch) could leave this very signature."""
+    mtime, ctime = signature[0], signature[1]
+    margin = _FINE_NS if mtime % 1_000_000_000 else _COARSE_NS
+    return max(mtime, ctime) >= looked_ns - margin
+
+
+class Watch:
+    """Signatures of what a build reads, each taken before it is read.
+
+    Attributes:
+        files: Path -> signature, None for a file that was looked for and is not there.
+        folders: Path -> sorted names, for folders whose list of names matters.
+        present: Path -> size [bytes] of files that never change but may be deleted.
+    """
+
+    def __init__(self) -> None:
+        self.files: dict[str, Signature | None] = {}
+        self.folders: dict[str, list[str] | None] = {}
+        self.present: dict[str, int] = {}
+        self.started_ns = time.time_ns()
+
+    def file(self, path: str | os.PathLike[str]) -> None:
+        """Note a file that is about to be read; the first look counts."""
+        name = os.fspath(path)
+        if name not in self.files:
+            self.files[name] = look(name)
+
+    def folder(self, path: str | os.PathLike[str]) -> None:
+        """Note a folder whose list of names matters."""
+        name = os.fspath(path)
+        if name not in self.folders:
+            self.folders[name] = names(name)
+
+    def blobs(self, paths: Iterable[str | os.PathLike[str]]) -> None:
+        """Note files of the store that a later build relies on."""
+        for path in paths:
+            name = os.fspath(path)
+            self.present[name] = os.stat(name).st_size
+
+    def settled(self) -> bool:
+        """Whether every file is what it was at the first look, and none may change without a trace."""
+        return all(
+            look(path) == known and (known is None or not is_racy(known, self.started_ns))
+            for path, known in self.files.items()
+        ) and all(names(path) == known for path, known in self.folders.items())
+
+
+def kind(mode: int) -> str:
+    """What sort of thing a `stat` mode names, for messages."""
+    sorts = (
+        (stat.S_ISREG, "file"),
+        (stat.S_ISDIR, "folder"),
+        (stat.S_ISSOCK, "socket"),
+        (stat.S_ISFIFO, "pipe"),
+        (stat.S_ISCHR, "device"),
+        (stat.S_ISBLK, "device"),
+    )
+    return next((name for test, name in sorts if test(mode)), "special file")

@@ -1,0 +1,191 @@
+"""From files and folders of a project to artifact digests, without reading what did not change.
+
+As git does: a file whose (mtime, ctime, size, inode) is known keeps its digest, unless it was written so shortly before
+it was read that a second write could have left the same stamps; then it is read again.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import stat
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from dextera_build.errors import RecipeError, StoreError
+from dextera_build.store import files, header, signature
+from dextera_build.store.cas import Blobs
+
+_FORM = 1
+_TRIES = 3
+
+
+class StatCache:
+    """Digests of project files; the table is local to this machine.
+
+    Args:
+        blobs: Where contents go.
+        table: The file that remembers signatures between runs; written by `save`.
+
+    Attributes:
+        watch: When set, every file and folder that is looked at is noted there.
+    """
+
+    def __init__(self, blobs: Blobs, table: Path) -> None:
+        self.watch: signature.Watch | None = None
+        self._blobs = blobs
+        self._table = table
+        self._known: dict[str, list[int | str]] | None = None
+        self._dirty = False
+
+    def digest_leaf(self, path: Path) -> str:
+        """Digest of the `File` or `Folder` artifact with this content, all of which is in the store then.
+
+        Raises:
+            RecipeError: There is no such file, it cannot be read, or it is neither a file nor a folder.
+            StoreError: The store cannot take it.
+        """
+        name = os.path.abspath(path)
+        state = _stat(name)
+        if not stat.S_ISDIR(state.st_mode):
+            return self._blobs.put(header.file_header(*self._file(name, state)))
+        tree = {}
+        for inner, inner_state in self._walk(name):
+            tree[os.path.relpath(inner, name).replace(os.sep, "/")] = self._file(inner, inner_state)
+        return self._blobs.put(header.folder_header(tree))
+
+    def save(self) -> None:
+        """Write the table, all or nothing; a store that cannot be written keeps the old one."""
+        if self._dirty and self._known is not None:
+            data = json.dumps({"form": _FORM, "files": self._known}).encode()
+            with suppress(StoreError):
+                files.write(str(self._table), data, 0o644)
+                self._dirty = False
+
+    def _file(self, path: str, state: os.stat_result) -> tuple[str, int]:
+        known = self._load().get(path)
+        seen = signature.of(state)
+        if known is not None and tuple(known[:4]) == seen and not signature.is_racy(seen, int(known[4])):
+            digest = str(known[5])
+            if self._blobs.size(digest) == seen[2]:
+                self._note(path, seen)
+                return digest, seen[2]
+        return self._read(path, state)
+
+    def _read(self, path: str, state: os.stat_result) -> tuple[str, int]:
+        if not stat.S_ISREG(state.st_mode):
+            raise _refused(path, state)
+        for _ in range(_TRIES):
+            before, now = signature.of(state), time.time_ns()
+            self._note(path, before)
+            try:
+                digest, size = self._blobs.put_file(Path(path))
+            except OSError as error:
+                raise _unreadable(path, error) from None
+            except StoreError as error:
+                if error.code != "DXB-S105":
+                    raise
+                digest = ""
+            state = _stat(path)
+            if digest and signature.of(state) == before:
+                self._load()[path] = [*before, now, digest]
+                self._dirty = True
+                return digest, size
+        raise RecipeError(
+            f"`{path}` keeps changing while it is read",
+            code="DXB-R304",
+            hint="build again when whatever writes it is done",
+        )
+
+    def _walk(self, root: str) -> Iterator[tuple[str, os.stat_result]]:
+        """Files below `root` by name; links are followed."""
+        stack: list[tuple[str, frozenset[tuple[int, int]]]] = [(root, frozenset())]
+        while stack:
+            folder, above = stack.pop()
+            state = _stat(folder)
+            identity = (state.st_dev, state.st_ino)
+            if identity in above:
+                raise _loop(folder)
+            if self.watch is not None:
+                self.watch.folder(folder)
+            for inner in _inside(folder):
+                inner_state = _stat(inner)
+                if stat.S_ISDIR(inner_state.st_mode):
+                    stack.append((inner, above | {identity}))
+                else:
+                    yield inner, inner_state
+
+    def _note(self, path: str, seen: signature.Signature) -> None:
+        if self.watch is not None:
+            self.watch.files.setdefault(path, seen)
+
+    def _load(self) -> dict[str, list[int | str]]:
+        if self._known is None:
+            self._known = {}
+            with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+                stored = json.loads(files.read(str(self._table)))
+                if stored["form"] == _FORM:
+                    self._known = {name: row for name, row in stored["files"].items() if len(row) == 6}
+        return self._known
+
+
+def _stat(path: str) -> os.stat_result:
+    try:
+        state = os.stat(path)
+        path.encode()
+    except OSError as error:
+        raise _unreadable(path, error) from None
+    except UnicodeEncodeError:
+        shown = path.encode(errors="surrogateescape").decode(errors="replace")
+        raise RecipeError(f"the name of `{shown}` is not UTF-8", code="DXB-R305", hint="rename it") from None
+    return state
+
+
+def _inside(folder: str) -> list[str]:
+    try:
+        found = sorted(entry for entry in os.listdir(folder) if entry not in signature.IGNORED)
+    except OSError as error:
+        raise _unreadable(folder, error) from None
+    return [os.path.join(folder, entry) for entry in found]
+
+
+def _unreadable(path: str, error: OSError) -> RecipeError:
+    if error.errno == errno.ELOOP:
+        return _loop(path)
+    if error.errno in (errno.ENOENT, errno.ENOTDIR):
+        if os.path.islink(path):
+            target = os.readlink(path)
+            return RecipeError(
+                f"`{path}` is a link to `{target}`, which is not there", code="DXB-R301", hint=f"ls -l {path}"
+            )
+        return RecipeError(
+            f"there is no file or folder `{path}`",
+            code="DXB-R301",
+            facts={"nearest": _nearest(path)},
+            hint=f"ls {_nearest(path)}",
+        )
+    return RecipeError(
+        f"`{path}` cannot be read", code="DXB-R302", facts={"system says": error.strerror}, hint=f"ls -ld {path}"
+    )
+
+
+def _refused(path: str, state: os.stat_result) -> RecipeError:
+    return RecipeError(
+        f"`{path}` is a {signature.kind(state.st_mode)}, not a file or a folder",
+        code="DXB-R303",
+        hint="name a file or a folder, or take it out of the folder",
+    )
+
+
+def _loop(path: str) -> RecipeError:
+    return RecipeError(f"`{path}` is a link that leads back to itself", code="DXB-R303", hint=f"ls -l {path}")
+
+
+def _nearest(path: str) -> str:
+    folder = os.path.dirname(path)
+    while not os.path.isdir(folder):
+        folder = os.path.dirname(folder)
+    return folder

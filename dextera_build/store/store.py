@@ -1,0 +1,60 @@
+"""The store: digest -> bytes, key -> result, and what this machine remembers."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+
+from dextera_build.errors import StoreError
+from dextera_build.store import files
+from dextera_build.store.actions import Actions
+from dextera_build.store.cas import Blobs, entries
+from dextera_build.store.locks import Locks
+from dextera_build.store.statcache import StatCache
+
+_TAG = b"""Signature: 8a477f597d28d172789f06886806bc55
+# This file marks a cache: backup programs leave it out.
+# See https://bford.info/cachedir/
+"""
+
+
+class Store:
+    """One folder that builds share.
+
+        cas/ab/cdef...   blobs, read-only, by SHA-256
+        ac/ab/cdef...    results by key, REAPI `ActionResult` messages
+        runs/0001/       event logs
+        local/           what belongs to this machine: signatures of project files, history, snapshots, locks
+
+    Args:
+        root: The folder; made when it is not there.
+
+    Raises:
+        StoreError: The folder is not there and cannot be made.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root.absolute()
+        self.local = self.root / "local"
+        self._prepare()
+        self.blobs = Blobs(self.root / "cas")
+        self.actions = Actions(self.root / "ac", self.blobs)
+        self.leaves = StatCache(self.blobs, self.local / "leaves.json")
+        self.locks = Locks(self.local / "locks")
+
+    def size(self) -> dict[str, tuple[int, int]]:
+        """(count, bytes) of `blobs` and `actions`."""
+        found = {"blobs": self.blobs.root, "actions": self.actions.root}
+        sizes = {name: [size for _, size in entries(root)] for name, root in found.items()}
+        return {name: (len(each), sum(each)) for name, each in sizes.items()}
+
+    def _prepare(self) -> None:
+        try:
+            self.root.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise files.store_error(error, str(self.root)) from None
+        tag = self.root / "CACHEDIR.TAG"
+        if not tag.exists():
+            # A store that can only be read still serves what it holds.
+            with suppress(StoreError):
+                files.write(str(tag), _TAG, 0o644)

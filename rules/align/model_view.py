@@ -1,0 +1,112 @@
+"""A rigid model under trial poses: renders, scores and distances; the ray structure is built once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.object import ObjectView
+from dextera_build.geometry import cameras, transforms
+from dextera_build.geometry.registration import Similarity
+
+FREE_SPACE_M = 0.01
+"""A model surface this far in front of what was measured stands in space that the camera looked through [m]."""
+
+
+MOST = 1500
+"""Points of either side that a registration works with."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """How a placed model agrees with the view; occluded pixels are left out."""
+
+    iou: float  # of the rendered and the seen mask
+    residual_m: float  # mean of |depth difference|, cut at 2 cm, over common pixels [m]
+    violation: float  # part of the rendered pixels that stand in free space
+
+    @property
+    def cost(self) -> float:
+        """One number to compare poses by; lower is better."""
+        return (1.0 - self.iou) + self.residual_m / 0.02 + self.violation
+
+
+class ModelView:
+    """A model before one camera.
+
+    Args:
+        vertices: (V, 3) in model units.
+        faces: (F, 3) int.
+        seen: The view to compare with.
+        pixels: Renders are thinned to about this many rays.
+    """
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, seen: ObjectView, pixels: int = 20000) -> None:
+        import open3d as o3d
+
+        self._tensor = o3d.core.Tensor
+        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+        self._scene.add_triangles(
+            o3d.core.Tensor(np.ascontiguousarray(vertices, np.float32)),
+            o3d.core.Tensor(np.ascontiguousarray(faces, np.uint32)),
+        )
+        height, width = seen.mask.shape
+        stride = max(1, round(float(np.sqrt(height * width / pixels))))
+        rows, columns = slice(stride // 2, None, stride), slice(stride // 2, None, stride)
+        directions = cameras.rays(height, width, seen.camera.matrix())[rows, columns]
+        self._directions = directions @ seen.world_from_camera[:3, :3].T
+        self._origin = seen.world_from_camera[:3, 3]
+        self._depth = seen.depth.depth[rows, columns].astype(np.float64)
+        self._known = ~seen.occluder[rows, columns]
+        self._mask = seen.mask[rows, columns]
+
+    def visible(self, placed: Similarity) -> tuple[np.ndarray, np.ndarray]:
+        """Model-frame points (N, 3) and outward normals (N, 3) that the camera would see, occluded ones left out."""
+        depth, normals = self._cast(placed)
+        here = np.isfinite(depth) & self._known
+        thin = slice(None, None, max(1, int(here.sum()) // MOST))
+        points = self._origin + depth[here][thin, None] * self._directions[here][thin]
+        return placed.unapply(points), normals[here][thin]
+
+    def score(self, placed: Similarity) -> Score:
+        """Compare the render of the placed model with the view."""
+        depth, _ = self._cast(placed)
+        drawn = np.isfinite(depth) & self._known
+        seen = self._mask & self._known
+        union = int((drawn | seen).sum())
+        both = drawn & seen & (self._depth > 0.0)
+        difference = np.abs(depth[both] - self._depth[both])
+        residual = float(np.minimum(difference, 0.02).mean()) if both.any() else 0.02
+        in_front = drawn & (self._depth > 0.0) & (np.where(drawn, depth, 0.0) < self._depth - FREE_SPACE_M)
+        violation = float(in_front.sum() / max(int(drawn.sum()), 1))
+        return Score(float((drawn & seen).sum() / union) if union else 0.0, residual, violation)
+
+    def distances(self, placed: Similarity, points: np.ndarray) -> np.ndarray:
+        """Distance (N,) of world points to the placed surface [m]."""
+        local = np.ascontiguousarray(placed.unapply(points), np.float32)
+        return np.asarray(self._scene.compute_distance(self._tensor(local)).numpy() * placed.scale, np.float64)
+
+    def turned_distances(self, points: np.ndarray, rotation: np.ndarray, middle: np.ndarray) -> np.ndarray:
+        """Distance (N,) of model points to the model after a turn about `middle`, in model units."""
+        moved = np.ascontiguousarray((points - middle) @ rotation.T + middle, np.float32)
+        return np.asarray(self._scene.compute_distance(self._tensor(moved)).numpy(), np.float64)
+
+    def _cast(self, placed: Similarity) -> tuple[np.ndarray, np.ndarray]:
+        """Depth (h, w) [m], inf where nothing is, and model-frame normals (h, w, 3) towards the camera."""
+        # The rays are moved into the model's frame; their parameter, and so the depth, stays the same.
+        rotation = placed.pose[:3, :3]
+        origin = (self._origin - placed.pose[:3, 3]) @ rotation / placed.scale
+        directions = self._directions @ rotation / placed.scale
+        rays = np.concatenate([np.broadcast_to(origin, directions.shape), directions], axis=-1)
+        answer = self._scene.cast_rays(self._tensor(np.ascontiguousarray(rays, np.float32)))
+        normals = answer["primitive_normals"].numpy().astype(np.float64)
+        away = (normals * directions).sum(axis=-1) > 0.0
+        return answer["t_hit"].numpy().astype(np.float64), np.where(away[..., None], -normals, normals)
+
+
+def seen_points(seen: ObjectView, most: int = MOST) -> np.ndarray:
+    """World points (N, 3) of the object's valid pixels, thinned evenly to about `most`."""
+    valid = seen.mask & (seen.depth.depth > 0.0)
+    points = cameras.backproject(seen.depth.depth, seen.camera.matrix())[valid]
+    return transforms.apply(seen.world_from_camera, points)[:: max(1, len(points) // most)]

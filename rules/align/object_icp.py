@@ -1,0 +1,114 @@
+"""Backend icp of align.object: extent ratios, then ICP over similarities; the render decides."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.object import Body, ObjectView, Placement
+from dextera_build.geometry import registration, transforms
+from dextera_build.geometry.registration import Search, Similarity
+from dextera_build.rule import Backend
+
+from . import overlay_picture, posing, starts
+from .model_view import ModelView, Score, seen_points
+from .placed import Placed
+
+if TYPE_CHECKING:
+    from .object import ObjectOptions
+
+BACKEND = Backend(
+    summary="Sim(3) ICP on render-visible points, chosen by render score",
+    profiles=("cpu", "gpu"),
+    packages=("open3d", "scipy"),
+    extra="twin",
+)
+
+
+def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
+    """Refine the body's own pose where that is good, else try every orientation.
+
+    Args:
+        body: Links in mesh units, joints as they stand in the photograph.
+        seen: The view to agree with.
+        options: See `ObjectOptions`.
+    """
+    vertices, faces = posing.surface(body)
+    model = ModelView(vertices, faces, seen)
+    points = seen_points(seen)
+    guess = Similarity(1.0, np.array(body.world_from_object))
+    score = model.score(guess)
+    if score.iou >= options.guess_iou and score.violation <= options.most_violation:
+        best, method = _refined(model, vertices, points, guess, score, options)
+    else:
+        best, method = starts.search(model, vertices, faces, seen, options)
+    best, rested = _rested(model, vertices, best, options)
+    return _result(model, vertices, points, best, method + rested)
+
+
+def picture(body: Body, seen: ObjectView, placement: Placement) -> np.ndarray:
+    """The placed model on the crop, (H, W, 3) uint8."""
+    return overlay_picture.draw(*posing.surface(body), seen, placement)
+
+
+def _refined(
+    model: ModelView, vertices: np.ndarray, points: np.ndarray, guess: Similarity, score: Score, options: ObjectOptions
+) -> tuple[Similarity, str]:
+    freedom = registration.FREE
+    if guess.pose[2, 2] > np.cos(0.01):
+        standing = abs(_lowest(vertices, guess)) <= options.rest_m
+        freedom = registration.RESTING if standing else registration.UPRIGHT
+    search = Search(freedom, guess.scale, options.guess_scale_sigma, options.iterations)
+    refined = registration.icp(guess, model.visible, points, search)
+    gain = score.cost - model.score(refined).cost
+    if gain < options.gain:
+        return guess, f"guess kept (refining gained {gain:.3f})"
+    return refined, f"guess refined (gained {gain:.3f})"
+
+
+def _lowest(vertices: np.ndarray, placed: Similarity) -> float:
+    return float(placed.apply(vertices)[:, 2].min())
+
+
+def _rested(
+    model: ModelView, vertices: np.ndarray, placed: Similarity, options: ObjectOptions
+) -> tuple[Similarity, str]:
+    """Put a body that is nearly on the support onto it, unless the view says otherwise."""
+    lowest = _lowest(vertices, placed)
+    if abs(lowest) > options.rest_m:
+        return placed, f", stands {lowest * 1000:.0f} mm above the support"
+    if abs(lowest) < 1e-4:
+        return placed, ""
+    moved = replace(placed, pose=transforms.rigid(np.eye(3), np.array([0.0, 0.0, -lowest])) @ placed.pose)
+    if model.score(moved).cost > model.score(placed).cost + 0.05:
+        return placed, f", seen {lowest * 1000:.0f} mm above the support"
+    return moved, f", set down by {lowest * 1000:.1f} mm"
+
+
+def _result(model: ModelView, vertices: np.ndarray, points: np.ndarray, placed: Similarity, method: str) -> Placed:
+    distances = np.sort(model.distances(placed, points))
+    score = model.score(placed)
+    placement = Placement(
+        world_from_object=placed.pose,
+        scale=placed.scale,
+        residual_m=float(distances[: max(1, int(0.9 * len(distances)))].mean()),
+        overlap=float((distances <= 0.005).mean()),
+        method=method,
+        ambiguous=_is_round(model, vertices),
+    )
+    return Placed(placement, score.iou, score.violation, _lowest(vertices, placed))
+
+
+def _is_round(model: ModelView, vertices: np.ndarray) -> bool:
+    """Whether the model looks the same after any turn about one of its axes."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    sample = vertices[:: max(1, len(vertices) // 2000)]
+    for axis in np.eye(3):
+        turns = [registration.rotation(axis * angle) for angle in (0.37, 0.9, 1.7)]
+        off = [np.quantile(model.turned_distances(sample, turn, (low + high) / 2.0), 0.995) for turn in turns]
+        if max(off) < 0.015 * size:
+            return True
+    return False

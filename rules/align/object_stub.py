@@ -1,0 +1,27 @@
+"""Backend stub of align.object: believes the body's own pose."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dextera_build.artifacts.object import Body, ObjectView, Placement
+from dextera_build.rule import Backend
+
+from .placed import Placed
+
+if TYPE_CHECKING:
+    from .object import ObjectOptions
+
+BACKEND = Backend(summary="the body's own pose at scale 1, for tests", profiles=("stub",))
+
+
+def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
+    """The guess, unscaled and unchecked."""
+    placement = Placement(
+        world_from_object=body.world_from_object, scale=1.0, residual_m=0.0, overlap=1.0, method="guess, unchecked"
+    )
+    return Placed(placement, iou=1.0, violation=0.0, gap_m=0.0)
+
+
+def picture(body: Body, seen: ObjectView, placement: Placement) -> None:
+    """A stub draws nothing."""

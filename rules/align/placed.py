@@ -1,0 +1,20 @@
+"""What a backend of align.object hands back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dextera_build.artifacts.object import Placement
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A placement and how its render agrees with the view."""
+
+    placement: Placement
+    iou: float
+    """Mask intersection over union, occluded pixels left out."""
+    violation: float
+    """Part of the rendered pixels that stand in free space."""
+    gap_m: float
+    """Height of the lowest point above the support [m]."""

@@ -1,0 +1,141 @@
+"""Placement of a model of unknown scale and canonical pose: every orientation is tried, the render decides."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.object import ObjectView
+from dextera_build.geometry import registration, transforms
+from dextera_build.geometry.registration import Search, Similarity
+
+from .model_view import ModelView, seen_points
+
+if TYPE_CHECKING:
+    from .object import ObjectOptions
+
+_COARSE = 3000
+"""Rays of the renders that sort the starts."""
+_SQUARE = np.radians(6.0)
+"""A model that ends nearer to upright than this is set upright: things stand on flat bases."""
+
+
+def search(
+    model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: ObjectView, options: ObjectOptions
+) -> tuple[Similarity, str]:
+    """The best placement over 6 up directions x 24 turns, and 600 rotations spread over SO(3).
+
+    Args:
+        model: The model before the camera, at full resolution.
+        vertices: (V, 3) in model units.
+        faces: (F, 3) int.
+        seen: The view.
+        options: See `ObjectOptions`.
+    """
+    coarse = ModelView(vertices, faces, seen, pixels=_COARSE)
+    points = seen_points(seen)
+    upright, tilted = _upright(), list(registration.spread_rotations(600))
+    tried = []
+    for rotations in (upright, tilted):
+        for start in _finalists(coarse, vertices, seen, points, rotations, options.finalists):
+            step = Search(registration.FREE, start.scale, options.start_scale_sigma, iterations=15)
+            tried.append(registration.icp(start, coarse.visible, points, step))
+    best = min(tried, key=lambda candidate: coarse.score(candidate).cost)
+    # A handle or a lid decides the turn of a nearly round body, and no small step leads there.
+    for start in _sorted(coarse, _turns(_surface_middle(vertices, faces), best))[:4]:
+        step = Search(registration.FREE, start.scale, options.start_scale_sigma, iterations=15)
+        tried.append(registration.icp(start, coarse.visible, points, step))
+    best = min(tried, key=lambda candidate: coarse.score(candidate).cost)
+    last = Search(registration.FREE, best.scale, options.start_scale_sigma, options.iterations)
+    free = registration.icp(best, model.visible, points, last)
+    ends = [best, free, *_squared(model, vertices, free, points, options)]
+    final = min(ends, key=lambda candidate: model.score(candidate).cost)
+    return final, f"best of {len(upright)} upright and {len(tilted)} tilted starts"
+
+
+def _upright() -> list[np.ndarray]:
+    """24 turns of each of the six rotations that bring another axis up."""
+    rotations = registration.cube_rotations()
+    ups = [tuple(np.round(rotation[2]).astype(int).tolist()) for rotation in rotations]
+    tops = [rotations[ups.index(up)] for up in sorted(set(ups))]
+    return [yaw @ top for top in tops for yaw in registration.yaws(24)]
+
+
+def _finalists(
+    model: ModelView, vertices: np.ndarray, seen: ObjectView, points: np.ndarray, rotations: list[np.ndarray], most: int
+) -> list[Similarity]:
+    whole = np.array([_whole(seen.mask, seen.occluder), _whole(seen.mask.T, seen.occluder.T), False])
+    starts = [_placed(vertices, seen, points, rotation, whole) for rotation in rotations]
+    return _sorted(model, starts)[:most]
+
+
+def _sorted(model: ModelView, starts: list[Similarity]) -> list[Similarity]:
+    costs = [model.score(start).cost for start in starts]
+    return [starts[index] for index in np.argsort(costs, kind="stable")]
+
+
+def _surface_middle(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Centroid (3,) of the surface: near the axis of a round body, whatever its handle."""
+    corners = vertices[faces]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return np.asarray(np.average(corners.mean(axis=1), axis=0, weights=areas))
+
+
+def _turns(centre: np.ndarray, placed: Similarity) -> list[Similarity]:
+    """The placement turned about the vertical through `centre` (model frame), in 24 steps without the first."""
+    middle = placed.apply(centre[None])[0]
+    turns = registration.yaws(24)[1:]
+    poses = [transforms.rigid(turn, middle - turn @ middle) @ placed.pose for turn in turns]
+    return [Similarity(placed.scale, pose) for pose in poses]
+
+
+def _squared(
+    model: ModelView, vertices: np.ndarray, placed: Similarity, points: np.ndarray, options: ObjectOptions
+) -> list[Similarity]:
+    """The placement with its nearest axis made vertical and its base on the support, refined; or nothing."""
+    rotation = placed.pose[:3, :3]
+    nearest = int(np.argmax(np.abs(rotation[2])))
+    up = rotation[:, nearest] * np.sign(rotation[2, nearest])
+    if up[2] < np.cos(_SQUARE):
+        return []
+    upright = transforms.rotation_between(up, np.array([0.0, 0.0, 1.0])) @ rotation
+    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
+    place = placed.apply(middle[None])[0] - placed.scale * upright @ middle
+    square = Similarity(placed.scale, transforms.rigid(upright, place))
+    lowest = float(square.apply(vertices)[:, 2].min())
+    freedom = registration.UPRIGHT
+    if abs(lowest) <= options.rest_m:
+        freedom = registration.RESTING
+        square = Similarity(placed.scale, transforms.rigid(upright, place - [0.0, 0.0, lowest]))
+    search = Search(freedom, placed.scale, options.start_scale_sigma, options.iterations)
+    return [registration.icp(square, model.visible, points, search)]
+
+
+def _whole(mask: np.ndarray, occluder: np.ndarray) -> bool:
+    """Whether neither the image border nor an occluder cuts the mask's first and last column."""
+    columns = np.flatnonzero(mask.any(axis=0))
+    last = mask.shape[1] - 1
+    if columns[0] <= 1 or columns[-1] >= last - 1:
+        return False
+    ends = ((columns[0], columns[0] - 2), (columns[-1], columns[-1] + 2))
+    return all(float(occluder[mask[:, end], np.clip(beyond, 0, last)].mean()) < 0.3 for end, beyond in ends)
+
+
+def _placed(
+    vertices: np.ndarray, seen: ObjectView, points: np.ndarray, rotation: np.ndarray, whole: np.ndarray
+) -> Similarity:
+    """The model in one orientation, as large and where the seen extents say."""
+    camera_from_world = transforms.invert(seen.world_from_camera)
+    local = transforms.apply(camera_from_world, points)
+    turned = vertices @ (camera_from_world[:3, :3] @ rotation).T
+    # Nothing else to go by where both axes are cut.
+    usable = whole if whole.any() else np.array([True, True, False])
+    scale = registration.extent_scale(turned, local, usable) or 1.0
+    middle = (turned.min(axis=0) + turned.max(axis=0)) / 2.0
+    depth = float(turned[:, 2].max() - turned[:, 2].min()) * scale
+    low, high = np.quantile(local, 0.01, axis=0), np.quantile(local, 0.99, axis=0)
+    # The front half is seen; its nearest point is that of the model.
+    centre = np.array([*((low + high) / 2.0)[:2], low[2] + depth / 2.0])
+    place = transforms.apply(seen.world_from_camera, (centre - scale * middle)[None])[0]
+    return Similarity(scale, transforms.rigid(rotation, place))

@@ -1,0 +1,88 @@
+"""align.support: find the plane that the objects stand on and make it the world's floor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.object import Support
+from dextera_build.geometry import cameras, planes, regions, transforms
+from dextera_build.rule import Context, Options, rule
+
+from .surfaces import Surface, choose, find
+
+
+class SupportOptions(Options):
+    """Options of align.support."""
+
+    farthest_m: float = 4.0
+    """Depth beyond this is not looked at [m]."""
+    warp_m: float = 0.002
+    """How uneven a support may be beside the depth camera's noise, one standard deviation [m]."""
+    smallest_m2: float = 0.02
+    """A support has at least this area in view [m^2]."""
+    surfaces: int = 6
+    """How many planes are compared."""
+    seed: int = 0
+    """Seed of the random sampling."""
+
+
+@rule(version=1)
+def support(ctx: Context, capture: Capture, *, options: SupportOptions) -> Support:
+    """Return the support plane and the world frame on it: z up along the normal, origin in its middle [m].
+
+    The camera is taken to be roughly upright and to look at the support from above.
+    """
+    k = capture.camera.matrix()
+    points = cameras.backproject(capture.depth.depth, k)
+    valid = (capture.depth.depth > 0) & (capture.depth.depth <= options.farthest_m)
+    if valid.sum() < 1000:
+        ctx.fail(
+            "too little depth to find a support",
+            pixels=f"{int(valid.sum()):,} within {options.farthest_m:g} m",
+            hint="capture the table from 0.4 to 2 m, or raise `farthest_m`",
+        )
+    found = find(points, valid, options.surfaces, options.warp_m, np.random.default_rng(options.seed))
+    best = choose(found, options.smallest_m2)
+    if best is None:
+        ctx.fail(
+            "no support plane is in view",
+            planes=_listing(found),
+            smallest=f"{options.smallest_m2:g} m^2, facing up",
+            hint="show more of the table, or lower `smallest_m2`",
+        )
+    result = _support(best, points, valid)
+    area = regions.area(result.polygon)
+    ctx.check(result.residual_m < 0.02, "the support is not flat", residual=f"{result.residual_m * 1000:.1f} mm")
+    ctx.say(
+        f"{area:.2f} m² at {result.world_from_camera[2, 3]:.2f} m below the camera, {result.residual_m * 1000:.1f} mm rms"
+    )
+    ctx.metric("support residual", result.residual_m * 1000, "mm")
+    ctx.metric("support inliers", result.inlier_fraction)
+    ctx.preview(_painted(capture.rgb.pixels, best.region), "support")
+    return result
+
+
+def _support(surface: Surface, points: np.ndarray, valid: np.ndarray) -> Support:
+    outline = surface.outline
+    middle = surface.lift(regions.centroid(outline))
+    world_from_camera = transforms.rigid(surface.axes, -surface.axes @ middle)
+    heights = planes.distance(surface.plane, points[surface.region])
+    polygon = outline - regions.centroid(outline)
+    return Support(
+        world_from_camera=world_from_camera,
+        polygon=np.ascontiguousarray(polygon),
+        residual_m=float(np.sqrt(np.mean(np.square(heights)))),
+        inlier_fraction=float(surface.region.sum() / valid.sum()),
+    )
+
+
+def _listing(found: list[Surface]) -> str:
+    parts = [f"{s.area_m2:.3f} m^2 tilted {np.degrees(s.tilt_rad):.0f} deg" for s in found]
+    return ", ".join(parts) if parts else "none"
+
+
+def _painted(pixels: np.ndarray, region: np.ndarray) -> np.ndarray:
+    painted = pixels.copy()
+    painted[region] = (0.55 * painted[region] + 0.45 * np.array([40, 190, 90])).astype(np.uint8)
+    return painted

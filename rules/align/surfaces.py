@@ -1,0 +1,164 @@
+"""Flat surfaces in a depth image, and which of them carries the objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dextera_build.geometry import planes, regions
+
+CELL_M = 0.02
+SAMPLES = 8000
+GATE = 3.0
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A connected flat region of the depth image."""
+
+    plane: planes.Plane
+    """Normal towards the camera, in the camera frame [m]."""
+    region: np.ndarray
+    """(H, W) bool, its pixels."""
+    outline: np.ndarray
+    """(P, 2) convex outline in the plane's own x, y axes (see `axes`), about the camera's foot point [m]."""
+    below: float
+    """Part of the pixels over or under the outline that lie below the plane: nothing shows below a true support."""
+
+    @property
+    def axes(self) -> np.ndarray:
+        """Rows x (camera's right), y (away from the camera), z (normal) in the camera frame, (3, 3)."""
+        return plane_axes(self.plane)
+
+    @property
+    def area_m2(self) -> float:
+        """Area of the outline [m^2]."""
+        return regions.area(self.outline)
+
+    @property
+    def tilt_rad(self) -> float:
+        """Angle between the normal and the half circle of normals that an upright camera can see from above."""
+        normal = self.plane[0]
+        return float(np.arccos(np.clip(np.hypot(min(normal[1], 0.0), normal[2]), 0.0, 1.0)))
+
+    def lift(self, xy: np.ndarray) -> np.ndarray:
+        """The (3,) point in the camera frame of a point of the plane's own axes."""
+        foot = -self.plane[0] * self.plane[1]
+        return np.asarray(foot + self.axes[0] * xy[0] + self.axes[1] * xy[1])
+
+
+def plane_axes(plane: planes.Plane) -> np.ndarray:
+    """World axes as rows in the camera frame, (3, 3): x the camera's right in the plane, z the normal, y = z cross x."""
+    z = plane[0]
+    x = np.array([1.0, 0.0, 0.0]) - z[0] * z
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z])
+
+
+def find(points: np.ndarray, valid: np.ndarray, most: int, warp_m: float, rng: np.random.Generator) -> list[Surface]:
+    """Planes in the order in which they explain the pixels.
+
+    Args:
+        points: (H, W, 3) camera frame [m].
+        valid: (H, W) bool, pixels to look at.
+        most: Number of planes at most.
+        warp_m: Unevenness that is added to the depth noise [m].
+        rng: Source of the samples.
+    """
+    sigma = np.hypot(planes.depth_sigma(points[..., 2]), warp_m)
+    left = valid.copy()
+    found = []
+    for _ in range(most):
+        if left.sum() < 0.01 * valid.sum() or left.sum() < 500:
+            break
+        rows, columns = np.nonzero(left)
+        pick = rng.choice(len(rows), size=min(SAMPLES, len(rows)), replace=False)
+        sample, noise = points[rows[pick], columns[pick]], sigma[rows[pick], columns[pick]]
+        plane = planes.facing(planes.ransac(sample, noise, rng, gate=GATE))
+        near = left & (np.abs(planes.distance(plane, points)) < GATE * sigma)
+        surface = _connected(plane, points, near)
+        if surface is not None:
+            found.append(_refined(surface, points, sigma, valid))
+        left &= ~near
+    return found
+
+
+def choose(found: list[Surface], smallest_m2: float) -> Surface | None:
+    """The surface that carries the objects: large in the image, facing up, and not the floor below a table."""
+    fit = [s for s in found if s.area_m2 >= smallest_m2 and _upness(s) > 0]
+    if not fit:
+        return None
+    best = max(fit, key=_score)
+    for other in fit:
+        parallel = abs(float(best.plane[0] @ other.plane[0])) > np.cos(np.radians(10))
+        # Camera height over a table is smaller than over the floor that shows beside it.
+        is_table = best.plane[1] - other.plane[1] > 0.3 and _score(other) > 0.2 * _score(best)
+        if parallel and is_table:
+            best = other
+    return best
+
+
+def _upness(surface: Surface) -> float:
+    """1 for normals that point up in the image or at a camera above, falling to 0 for walls and side faces."""
+    normal = surface.plane[0]
+    return float(np.clip((0.15 - normal[1]) / 0.3, 0.0, 1.0) * (abs(normal[0]) < 0.5))
+
+
+def _score(surface: Surface) -> float:
+    return float(surface.region.sum()) * _upness(surface) * max(0.0, 1.0 - 5.0 * surface.below)
+
+
+def _connected(plane: planes.Plane, points: np.ndarray, near: np.ndarray) -> Surface | None:
+    """The largest region of a plane's inliers that hangs together in the plane, gaps of a few cells bridged."""
+    axes = plane_axes(plane)
+    xy = points[near] @ axes[:2].T
+    if len(xy) < 100:
+        return None
+    cells = np.floor(xy / CELL_M).astype(np.int64)
+    cells -= cells.min(axis=0)
+    shape = np.minimum(cells.max(axis=0) + 1, 2000)
+    cells = np.minimum(cells, shape - 1)
+    counts = np.zeros(tuple(shape + 4), np.int64)
+    np.add.at(counts, (cells[:, 0] + 2, cells[:, 1] + 2), 1)
+    region = regions.largest(_bridged(counts > 2), counts)
+    inside = region[cells[:, 0] + 2, cells[:, 1] + 2] & (counts[cells[:, 0] + 2, cells[:, 1] + 2] > 2)
+    if inside.sum() < 100:
+        return None
+    pixels = near.copy()
+    pixels[near] = inside
+    border = pixels & ~_between(pixels)
+    return Surface(plane, pixels, regions.convex_hull(points[border] @ axes[:2].T), below=0.0)
+
+
+def _between(pixels: np.ndarray) -> np.ndarray:
+    """Pixels of a mask that lie between two others of their row; they cannot be corners of a plane's outline."""
+    before = np.logical_or.accumulate(pixels, axis=1)
+    after = np.logical_or.accumulate(pixels[:, ::-1], axis=1)[:, ::-1]
+    between = np.zeros_like(pixels)
+    between[:, 1:-1] = before[:, :-2] & after[:, 2:]
+    return between
+
+
+def _bridged(filled: np.ndarray) -> np.ndarray:
+    """Dilation by two cells."""
+    wide = filled.copy()
+    for _ in range(2):
+        grown = wide.copy()
+        grown[1:] |= wide[:-1]
+        grown[:-1] |= wide[1:]
+        grown[:, 1:] |= wide[:, :-1]
+        grown[:, :-1] |= wide[:, 1:]
+        wide = grown
+    return wide
+
+
+def _refined(surface: Surface, points: np.ndarray, sigma: np.ndarray, valid: np.ndarray) -> Surface:
+    """The surface after a fit to its own region alone, without the inliers of what lies beyond."""
+    plane = planes.facing(planes.refine(surface.plane, points[surface.region], sigma[surface.region], gate=GATE))
+    near = valid & (np.abs(planes.distance(plane, points)) < GATE * sigma)
+    surface = _connected(plane, points, near) or surface
+    coarse = points[::2, ::2]
+    within = valid[::2, ::2] & regions.inside_convex(coarse @ surface.axes[:2].T, surface.outline)
+    low = within & (planes.distance(surface.plane, coarse) < -2.0 * GATE * sigma[::2, ::2])
+    return replace(surface, below=float(low.sum() / max(1, within.sum())))

@@ -1,0 +1,59 @@
+"""background.static: the scene with every object, and the robot, taken out of the photograph."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.object import Segmentation, Support
+from dextera_build.artifacts.scene import Background
+from dextera_build.rule import Context, Options, rule
+
+
+class StaticOptions(Options):
+    """Options of background.static."""
+
+    dilate: float = 0.025
+    """How far masks grow before filling, as a part of the image width: covers soft edges and contact shadows."""
+    shadow_reach_m: float = 0.1
+    """Shadows are lightened this far from a mask on the support [m]; 0 leaves them."""
+    texel_m: float = 0.001
+    """Smallest texel of the rectified support [m]."""
+    snap_m: float = 0.015
+    """Surface within this height of the support becomes the support [m]."""
+    stride_px: int = 6
+    """Spacing of the mesh's vertices in the photograph [px]."""
+    edge: float = 0.05
+    """Relative depth step between neighbouring vertices that cuts the mesh."""
+    farthest_m: float = 4.0
+    """Surface farther from the camera is left out [m]."""
+    margin_m: float = 0.1
+    """How far the collision box of the support reaches beyond what was seen of it [m]."""
+    thickness_m: float = 0.05
+    """Thickness of the collision box of the support [m]."""
+
+
+@rule(version=1)
+def static(
+    ctx: Context, capture: Capture, support: Support, segmentation: Segmentation, *, options: StaticOptions
+) -> Background:
+    """Return the cleaned photograph and depth, a textured surface in the world frame [m] and collision boxes.
+
+    The surface is for the eye; the boxes collide. The first box is the support with its top at z = 0.
+    """
+    size = capture.depth.depth.shape
+    labels = segmentation.labels.labels
+    if labels.shape != size:
+        ctx.fail("the segmentation is of another picture", photograph=f"{size}", labels=f"{labels.shape}")
+    result: Background = ctx.backend.clean(capture, support, segmentation, options)
+    top = result.boxes[0].centre[2] + result.boxes[0].half_size[2]
+    ctx.check(abs(top) < 1e-9, "the support's box does not end at z = 0", top=f"{top * 1000:.3f} mm")
+    ctx.check(len(result.mesh.faces) > 0, "nothing of the background was measured", hint="lower `stride_px`")
+    hidden = (labels > 0) | segmentation.fixed
+    untouched = float((result.image.pixels == capture.rgb.pixels).all(axis=-1).mean())
+    ctx.metric("filled", 100.0 * (1.0 - untouched), "%")
+    ctx.metric("faces", len(result.mesh.faces))
+    ctx.say(
+        f"{hidden.mean():.0%} of the photograph taken out, {len(result.mesh.faces):,} faces, "
+        f"{len(result.boxes)} collision {'box' if len(result.boxes) == 1 else 'boxes'}"
+    )
+    ctx.preview(result.image.pixels, "the photograph without objects")
+    return result

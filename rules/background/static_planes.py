@@ -1,0 +1,138 @@
+"""background.static by planes: the support is filled in its own plane, everything else in the picture."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.object import Segmentation, Support
+from dextera_build.artifacts.scene import Background
+from dextera_build.geometry import regions
+from dextera_build.rule import Backend
+
+from .boxes import support_box
+from .layers import Layers, split
+from .rectified import top_view
+from .surface import grid_mesh, snap
+from .synthesis import fill_texture, membrane, smooth_part
+
+if TYPE_CHECKING:
+    from .static import StaticOptions
+
+BACKEND = Backend(
+    summary="rectified texture synthesis on the support, inpainting elsewhere, depth from the plane",
+    profiles=("cpu", "gpu"),
+    packages=("opencv-python-headless",),
+    extra="twin",
+)
+
+
+MOST_GAIN = 1.6
+"""Shadows and reflections are evened out by at most this factor."""
+SAME_COLOUR = 30.0
+"""Unmeasured pixels this near to the smooth colour of the support are support, of 255."""
+
+
+def clean(capture: Capture, support: Support, segmentation: Segmentation, options: StaticOptions) -> Background:
+    """Take everything that stands on the support out of photograph and depth, and build the surface behind it."""
+    cv2.setNumThreads(1)
+    hole = _grown((segmentation.labels.labels > 0) | segmentation.fixed, options.dilate)
+    layers = split(capture, support, hole, options.snap_m)
+    image = capture.rgb.pixels.astype(np.float32)
+    if (hole & layers.behind).any():
+        image = _fill_support(image, layers, capture, support, options)
+    pixels = _inpaint(np.clip(np.round(image), 0, 255).astype(np.uint8), hole & ~layers.behind)
+    depth = _depth(capture.depth.depth, layers, support, options)
+    mesh = grid_mesh(pixels, depth, capture.camera, support.world_from_camera, options.stride_px, options.edge)
+    return Background(
+        image=Image(pixels=pixels),
+        depth=DepthImage(depth=depth),
+        mesh=snap(mesh, options.snap_m),
+        boxes=(support_box(support.polygon, options.margin_m, options.thickness_m),),
+    )
+
+
+def _grown(mask: np.ndarray, part: float) -> np.ndarray:
+    """`mask` without inner gaps (what shows through a handle goes too), grown by a part of the width."""
+    radius = max(1, round(part * mask.shape[1]))
+    outside = np.pad(~mask, 1, constant_values=True)
+    mask = np.pad(mask, 1) | ~regions.largest(outside)
+    mask = mask[1:-1, 1:-1]
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), disc) > 0)
+
+
+def _fill_support(
+    image: np.ndarray, layers: Layers, capture: Capture, support: Support, options: StaticOptions
+) -> np.ndarray:
+    """The picture with holes on the support filled in its plane, and shadows beside them lightened."""
+    target = layers.hole & layers.behind
+    spots = layers.floor[target]
+    margin = max(0.15, 0.6 * float(np.ptp(spots, axis=0).max()))
+    limits = layers.floor[layers.behind]
+    view = top_view(spots, limits, margin, options.texel_m, capture.camera, support.world_from_camera)
+    gap = view.lay(target.astype(np.uint8), smooth=False) > 0
+    flat = view.lay(image)
+    level, free = (view.lay(m.astype(np.uint8), smooth=False) > 0 for m in (layers.level, layers.behind & ~layers.hole))
+    source = _alike(flat, level & ~gap, free & ~gap, 0.03 / view.texel)
+    gain = _gain(flat, gap, source, options.shadow_reach_m / view.texel)
+    filled = fill_texture(flat * gain, gap, source, view.distance())
+    # What is not filled keeps its own pixels; only its light changes.
+    beside = (layers.behind & ~layers.hole)[..., None]
+    lit = np.where(beside, view.lift(gain - 1.0, target.shape) + 1.0, 1.0)
+    return np.where(target[..., None], view.lift(filled, target.shape), image * lit).astype(np.float32)
+
+
+def _alike(flat: np.ndarray, level: np.ndarray, free: np.ndarray, sigma: float) -> np.ndarray:
+    """What was measured to be support, and unmeasured pixels around it that have its colour."""
+    if level.sum() < 500:
+        return free
+    expected = smooth_part(flat, level, sigma)
+    step = np.abs(cv2.blur(flat, (9, 9)) - expected).max(axis=-1)
+    return np.asarray(level | (free & (step < SAME_COLOUR)))
+
+
+def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, reach: float) -> np.ndarray:
+    """Factors (H, W, 3) that take shadows and coloured reflections out of the surroundings of `gap`.
+
+    They carry the smooth light of what lies farther away than `reach` [px] up to the gap.
+    """
+    away = cv2.distanceTransform((~gap).astype(np.uint8), cv2.DIST_L2, 5)
+    rest = source & (away > reach)
+    if reach <= 0 or rest.sum() < 500:
+        return np.ones_like(flat)
+    light = smooth_part(flat, rest, reach / 4)
+    local = smooth_part(flat, source, reach / 8)
+    gain = np.clip(light / np.maximum(local, 1.0), 1.0 / MOST_GAIN, MOST_GAIN)
+    weight = np.clip(2.0 * (1.0 - away / reach), 0.0, 1.0)
+    # Neither the view's border nor what is not known to be support may show a step.
+    rim = np.pad((source | gap)[1:-1, 1:-1], 1).astype(np.uint8)
+    inner = np.clip(cv2.distanceTransform(rim, cv2.DIST_L2, 5) / (reach / 4), 0.0, 1.0)
+    return np.asarray(gain ** (weight * np.where(gap, 1.0, inner))[..., None], np.float32)
+
+
+def _inpaint(pixels: np.ndarray, hole: np.ndarray) -> np.ndarray:
+    """Fill what is not the support: the mean of Telea's and the Navier-Stokes inpainting."""
+    if not hole.any():
+        return pixels
+    mask = hole.astype(np.uint8)
+    both = [cv2.inpaint(pixels, mask, 5, how).astype(np.float32) for how in (cv2.INPAINT_TELEA, cv2.INPAINT_NS)]
+    return np.asarray(np.round((both[0] + both[1]) / 2), np.uint8)
+
+
+def _depth(depth: np.ndarray, layers: Layers, support: Support, options: StaticOptions) -> np.ndarray:
+    """Depth of the empty scene: the plane where it is support, what lies around a hole elsewhere, 0 if unknown."""
+    clean = np.where(layers.hole, 0.0, depth)
+    near = regions.inside_convex(layers.floor, support.polygon, options.margin_m) & layers.behind
+    open_ = (layers.hole & layers.behind) | ((depth == 0) & near)
+    clean[open_] = layers.plane[open_]
+    rest = layers.hole & ~layers.behind
+    if rest.any() and layers.elsewhere.any():
+        inverse = np.where(layers.elsewhere, 1.0 / np.maximum(depth, 1e-3), 0.0).astype(np.float32)[..., None]
+        clean[rest] = 1.0 / np.maximum(membrane(inverse, layers.elsewhere)[..., 0][rest], 1e-3)
+    clean[clean > options.farthest_m] = 0.0
+    return clean.astype(np.float32)

@@ -1,0 +1,46 @@
+"""background.static without image processing: holes take the support's mean colour, the surface is two triangles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.object import Segmentation, Support
+from dextera_build.artifacts.scene import Background
+from dextera_build.geometry import cameras, transforms
+from dextera_build.rule import Backend
+
+from .boxes import support_box
+from .surface import plane_depth
+
+if TYPE_CHECKING:
+    from .static import StaticOptions
+
+BACKEND = Backend(summary="one colour for holes, a flat rectangle for the scene", profiles=("stub",))
+
+
+def clean(capture: Capture, support: Support, segmentation: Segmentation, options: StaticOptions) -> Background:
+    """Fill holes with one colour and lay the photograph on the support."""
+    hole = (segmentation.labels.labels > 0) | segmentation.fixed
+    pixels = capture.rgb.pixels.copy()
+    pixels[hole] = np.round(pixels[~hole].mean(axis=0)).astype(np.uint8) if (~hole).any() else 128
+    k = capture.camera.matrix()
+    plane = plane_depth(capture.camera, support.world_from_camera)
+    depth = np.where(hole, np.where(np.isfinite(plane), plane, 0.0), capture.depth.depth).astype(np.float32)
+    box = support_box(support.polygon, 0.0, options.thickness_m)
+    x, y = box.half_size[:2]
+    turn = np.array([[np.cos(box.yaw), -np.sin(box.yaw)], [np.sin(box.yaw), np.cos(box.yaw)]])
+    flat = np.array([[-x, -y], [x, -y], [x, y], [-x, y]]) @ turn.T + box.centre[:2]
+    corners = np.concatenate([flat, np.zeros((4, 1))], axis=1)
+    seen = cameras.project(transforms.apply(transforms.invert(support.world_from_camera), corners), k)
+    size = (capture.camera.width, capture.camera.height)
+    uv = np.clip(np.stack([(seen[:, 0] + 0.5) / size[0], 1 - (seen[:, 1] + 0.5) / size[1]], axis=1), 0, 1)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    image = Image(pixels=pixels)
+    mesh = Mesh(vertices=corners.astype(np.float32), faces=faces, uv=uv[faces].astype(np.float32), texture=image)
+    boxes = (support_box(support.polygon, options.margin_m, options.thickness_m),)
+    return Background(image=image, depth=DepthImage(depth=depth), mesh=mesh, boxes=boxes)

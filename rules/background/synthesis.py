@@ -1,0 +1,154 @@
+"""Fill holes of a flat, textured surface from its own surroundings.
+
+The picture is split into a smooth part, which light and shadow live in, and a detail part. The smooth part is carried
+across the hole as a membrane; the detail is quilted from patches that fit what is known around each tile (after Efros
+and Freeman 2001), so wood grain and seams run on, and brightness has no steps.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+MOST_TILES = 120
+COARSER = 1.2
+"""Texture may come from places this many times coarser than where it goes."""
+CONTRAST = 0.5
+"""How much a difference in contrast counts against a patch, beside its correlation."""
+
+
+def membrane(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """`values` (H, W, C) float32 with everything outside `known` (H, W) interpolated smoothly (push-pull pyramid)."""
+    weight = known.astype(np.float32)[..., None]
+    if min(known.shape) <= 2 or known.all():
+        total = max(float(weight.sum()), 1e-6)
+        mean = (values * weight).sum(axis=(0, 1)) / total
+        return np.where(known[..., None], values, mean).astype(np.float32)
+    size = ((known.shape[1] + 1) // 2, (known.shape[0] + 1) // 2)
+    less = cv2.resize(values * weight, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], -1)
+    part = cv2.resize(weight, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], 1)
+    coarse = membrane((less / np.maximum(part, 1e-6)).astype(np.float32), part[..., 0] > 1e-3)
+    back = cv2.resize(coarse, known.shape[::-1], interpolation=cv2.INTER_LINEAR).reshape(values.shape)
+    filled = np.where(known[..., None], values, back).astype(np.float32)
+    # A few sweeps of relaxation take the pyramid's blocks out.
+    for _ in range(8):
+        smooth = cv2.blur(filled, (3, 3)).reshape(values.shape)
+        filled = np.where(known[..., None], values, smooth)
+    return filled
+
+
+def smooth_part(image: np.ndarray, known: np.ndarray, sigma: float) -> np.ndarray:
+    """Gaussian mean (H, W, 3) of the known pixels, carried on as a membrane elsewhere; `sigma` in pixels."""
+    weight = cv2.GaussianBlur(known.astype(np.float32), (0, 0), sigma)[..., None]
+    mean = cv2.GaussianBlur(image * known[..., None].astype(np.float32), (0, 0), sigma).reshape(image.shape)
+    return membrane(mean / np.maximum(weight, 1e-4), known)
+
+
+def fill_texture(
+    image: np.ndarray, hole: np.ndarray, source: np.ndarray, blur: np.ndarray, sigma: float = 12.0
+) -> np.ndarray:
+    """Fill `hole` of a flat texture.
+
+    Args:
+        image: (H, W, 3) float32, 0..255.
+        hole: (H, W) pixels to fill.
+        source: (H, W) pixels that texture may come from.
+        blur: (H, W) how coarse the picture is there, any unit; texture is not taken from much coarser places.
+        sigma: Border between smooth part and detail [px].
+
+    Returns:
+        (H, W, 3) float32; pixels outside `hole` as they were.
+    """
+    if not hole.any() or source.sum() < 100:
+        return image
+    smooth = smooth_part(image, source, sigma)
+    detail = np.where(source[..., None], image - smooth, 0.0).astype(np.float32)
+    quilted = _quilt(detail, hole, source & ~hole, blur)
+    return np.where(hole[..., None], smooth + quilted, image).astype(np.float32)
+
+
+def _quilt(detail: np.ndarray, hole: np.ndarray, good: np.ndarray, blur: np.ndarray) -> np.ndarray:
+    tile = 2 * max(10, round(float(np.sqrt(hole.sum() / MOST_TILES)) / 2))
+    reach = tile // 2
+    window = tile + 2 * reach
+    rim = ((window, window + detail.shape[0] % 2), (window, window + detail.shape[1] % 2))
+    work = np.pad(detail, (*rim, (0, 0)))
+    open_, known = np.pad(hole, rim), np.pad(good, rim)
+    blur = np.pad(blur, rim, mode="edge")
+    search = _Search(work, known, blur, window)
+    fixed = known.copy()
+    waiting = _tiles(open_, tile)
+    while waiting and search.possible:
+        fractions = [known[_box(t, reach, window)].mean() for t in waiting]
+        corner = waiting.pop(int(np.argmax(fractions)))
+        area = _box(corner, reach, window)
+        patch = search.best(work[area], known[area], float(np.median(blur[area])))
+        fresh = open_[area] & ~fixed[area]
+        blend = _feather(known[area], reach)[..., None]
+        work[area] = np.where(fresh[..., None], work[area] * (1 - blend) + patch * blend, work[area])
+        known[area] |= fresh
+    return np.asarray(work[rim[0][0] : rim[0][0] + detail.shape[0], rim[1][0] : rim[1][0] + detail.shape[1]])
+
+
+class _Search:
+    """Finds windows of known texture at half resolution, which is enough to place them."""
+
+    def __init__(self, texture: np.ndarray, known: np.ndarray, blur: np.ndarray, window: int) -> None:
+        self._texture = texture.copy()
+        self._window = window
+        self._half = _halved(texture.mean(axis=-1))
+        ones = np.ones((window // 2, window // 2), np.uint8)
+        # Where a whole window of texture may be copied from, by its upper left corner.
+        free = cv2.erode(known[::2, ::2].astype(np.uint8), ones, anchor=(0, 0), borderValue=0) > 0
+        rows, columns = (n - window // 2 + 1 for n in self._half.shape)
+        self._allowed = free[:rows, :columns]
+        self._blur = blur[window // 2 :: 2, window // 2 :: 2][:rows, :columns]
+        square = cv2.boxFilter(self._half**2, -1, ones.shape, anchor=(0, 0))
+        mean = cv2.boxFilter(self._half, -1, ones.shape, anchor=(0, 0))
+        self._spread = np.sqrt(np.maximum(square - mean**2, 0.0))[:rows, :columns]
+        self.possible = bool(self._allowed.any())
+
+    def best(self, target: np.ndarray, context: np.ndarray, blur: float) -> np.ndarray:
+        """The window that agrees best with `target` where `context` holds."""
+        small = context[::2, ::2].astype(np.float32)
+        if small.any():
+            wanted = _halved(target.mean(axis=-1))
+            # Correlation, because the least squared difference prefers flat patches.
+            fit = cv2.matchTemplate(self._half, wanted, cv2.TM_CCOEFF_NORMED, mask=small)
+            spread = float(np.std(wanted[small > 0]))
+            cost = CONTRAST * np.abs(np.log((self._spread + 1.0) / (spread + 1.0))) - np.clip(
+                np.nan_to_num(fit, nan=-1.0, posinf=-1.0), -1.0, 1.0
+            )
+        else:
+            cost = np.zeros(self._allowed.shape, np.float32)
+        coarse = max(COARSER * blur, float(self._blur[self._allowed].min()) * COARSER)
+        cost = np.where(self._allowed & (self._blur <= coarse), cost, np.inf)
+        row, column = (2 * int(n) for n in np.unravel_index(int(np.argmin(cost)), cost.shape))
+        return np.asarray(self._texture[row : row + self._window, column : column + self._window])
+
+
+def _halved(picture: np.ndarray) -> np.ndarray:
+    return np.asarray(cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.float32)
+
+
+def _tiles(hole: np.ndarray, tile: int) -> list[tuple[int, int]]:
+    rows, columns = np.nonzero(hole)
+    found = []
+    for top in range(int(rows.min()), int(rows.max()) + 1, tile):
+        for left in range(int(columns.min()), int(columns.max()) + 1, tile):
+            if hole[top : top + tile, left : left + tile].any():
+                found.append((top, left))
+    return found
+
+
+def _box(corner: tuple[int, int], reach: int, window: int) -> tuple[slice, slice]:
+    top, left = corner[0] - reach, corner[1] - reach
+    return slice(top, top + window), slice(left, left + window)
+
+
+def _feather(overlap: np.ndarray, reach: int) -> np.ndarray:
+    """Weight of the new patch in its overlap with older ones: 0 at the window's rim, 1 inside."""
+    rows, columns = np.indices(overlap.shape)
+    height, width = overlap.shape
+    rim = np.minimum.reduce([rows, columns, height - 1 - rows, width - 1 - columns])
+    return np.where(overlap, np.clip(rim / max(reach, 1), 0.0, 1.0), 1.0).astype(np.float32)

@@ -1,0 +1,47 @@
+"""capture.reference: photograph a reference world as an RGB-D camera would."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.world import World
+from dextera_build.rule import Context, Options, rule
+
+from .sensor import ColourNoiseOptions, DepthNoiseOptions, measure_colour, measure_depth
+
+
+class ReferenceOptions(Options):
+    """Options of capture.reference."""
+
+    seed: int = 0
+    """Seed of the noise."""
+    supersample: int = 2
+    """Samples per pixel edge of the colour render."""
+    depth_noise: DepthNoiseOptions = DepthNoiseOptions()
+    """Faults of the depth stream."""
+    colour_noise: ColourNoiseOptions = ColourNoiseOptions()
+    """Faults of the colour stream."""
+
+
+@rule(version=1, packages=("numpy",), cpus=2, memory_gb=2.0)
+def reference(
+    ctx: Context, world: World, robot: RobotModel | None = None, *, options: ReferenceOptions | None = None
+) -> Capture:
+    """Return what the world's camera reports: colours, depth [m] with noise and holes, intrinsics; nothing else.
+
+    The backend offers `photograph(world, robot, supersample=...) -> Shot`.
+    """
+    options = options or ReferenceOptions()
+    shot = ctx.backend.photograph(world, robot, supersample=options.supersample)
+    rng = np.random.default_rng(options.seed)
+    depth = measure_depth(shot.depth, world.camera.matrix(), options.depth_noise, rng)
+    rgb = measure_colour(shot.rgb, options.colour_noise, rng)
+    valid = depth > 0
+    ctx.check(bool(valid.mean() > 0.5), "most of the picture has no depth", hint="look at `world.camera`")
+    error = float(np.abs(depth - shot.depth)[valid].mean())
+    ctx.say(f"{rgb.shape[1]} x {rgb.shape[0]} px, depth on {valid.mean():.0%}, mean depth noise {1000 * error:.1f} mm")
+    ctx.preview(rgb, "photograph")
+    return Capture(rgb=Image(pixels=rgb), depth=DepthImage(depth=depth), camera=world.camera)

@@ -1,0 +1,95 @@
+"""The fixtures of a reference world: table, pedestal of the robot, floor, walls."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.world import Part
+from dextera_build.geometry import transforms
+from dextera_build.rule import Options
+
+from . import solids, textures
+
+
+class TableOptions(Options):
+    """A wooden table with its top at z = 0."""
+
+    centre_m: tuple[float, float] = (0.0, 0.0)
+    """x and y of its middle [m]."""
+    size_m: tuple[float, float, float] = (1.4, 0.9, 0.035)
+    """Width, depth, thickness of the top [m]."""
+    colour: tuple[float, float, float] = (0.62, 0.45, 0.30)
+    """sRGB."""
+    planks: int = 6
+    """Boards of the top."""
+    gloss: float = 0.25
+    """Strength of highlights, 0..1."""
+    seed: int = 11
+    """Seed of the grain."""
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner of the top, (2,) each [m]."""
+        half = np.array(self.size_m[:2]) / 2
+        return np.array(self.centre_m) - half, np.array(self.centre_m) + half
+
+    def parts(self) -> dict[str, Part]:
+        """Top and legs, in the world frame."""
+        x, y, z = self.size_m
+        rows = round(2048 * y / x)
+        grain = textures.wood(rows, 2048, self.colour, self.planks, self.seed)
+        edge = textures.wood(rows, 2048, self.colour, 1, self.seed + 1)
+        top = solids.slab(self.size_m, 0.02, 0.003, np.concatenate([grain, edge]))
+        parts = {"table": Part(mesh=_at(top, (*self.centre_m, -z)), gloss=self.gloss)}
+        steel = np.tile(textures.plain(64, 64, (0.2, 0.2, 0.21), 0.03, 4, self.seed), (2, 3, 1))
+        for number, (i, j) in enumerate(((-1, -1), (1, -1), (-1, 1), (1, 1))):
+            place = (self.centre_m[0] + i * (x / 2 - 0.06), self.centre_m[1] + j * (y / 2 - 0.06), -0.74)
+            leg = _at(solids.box((0.05, 0.05, 0.74 - z), steel), place)
+            parts[f"leg_{number}"] = Part(mesh=leg)
+        return parts
+
+
+class RoomOptions(Options):
+    """Floor, back wall with a skirting board, and the pedestal that carries the robot."""
+
+    floor_z_m: float = -0.74
+    """Height of the floor [m]."""
+    wall_y_m: float = 1.9
+    """Where the back wall stands [m]."""
+    width_m: float = 5.0
+    """Width of floor and wall [m]."""
+    wall: tuple[float, float, float] = (0.80, 0.81, 0.80)
+    """sRGB."""
+    floor: tuple[float, float, float] = (0.47, 0.47, 0.46)
+    """sRGB."""
+    pedestal_m: tuple[float, float, float, float] | None = None
+    """x and y of its middle, edge length, height of its top above z = 0 [m]; None leaves it out."""
+    seed: int = 21
+    """Seed of the textures."""
+
+    def parts(self) -> dict[str, Part]:
+        """All of them, in the world frame."""
+        w, z, y = self.width_m, self.floor_z_m, self.wall_y_m
+        floor = _sheets(textures.plain(1024, 1024, self.floor, 0.10, 6, self.seed))
+        wall = _sheets(textures.plain(512, 1024, self.wall, 0.025, 5, self.seed + 1))
+        board = _sheets(textures.plain(64, 512, (0.92, 0.92, 0.9), 0.02, 4, self.seed + 2))
+        parts = {
+            "floor": Part(mesh=_at(solids.box((w, w, 0.02), floor), (0, y - w / 2, z - 0.02)), gloss=0.1),
+            "wall": Part(mesh=_at(solids.box((w, 0.05, 3.0), wall), (0, y + 0.025, z))),
+            "skirting": Part(mesh=_at(solids.box((w, 0.015, 0.09), board), (0, y - 0.0075, z)), gloss=0.2),
+        }
+        if self.pedestal_m is not None:
+            x, front, size, top = self.pedestal_m
+            steel = _sheets(textures.plain(256, 256, (0.30, 0.31, 0.33), 0.03, 8, self.seed + 3))
+            block = _at(solids.box((size, size, top - z), steel), (x, front, z))
+            parts["pedestal"] = Part(mesh=block, gloss=0.2)
+        return parts
+
+
+def _sheets(picture: np.ndarray) -> np.ndarray:
+    """An atlas with the same picture on all six faces."""
+    return np.tile(picture, (2, 3, 1))
+
+
+def _at(mesh: Mesh, place: tuple[float, float, float]) -> Mesh:
+    return solids.moved(mesh, transforms.rigid(np.eye(3), np.array(place, np.float64)))

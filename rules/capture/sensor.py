@@ -1,0 +1,113 @@
+"""What an RGB-D camera does to a faultless picture: noise, holes, quantisation.
+
+Depth follows a stereo camera with projector (Intel RealSense D435): the standard deviation of z is
+z^2 * subpixel / (focal * baseline), because the error is constant in disparity; neighbouring pixels share their
+matching window, so their errors are correlated.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.geometry import cameras
+from dextera_build.rule import Options
+
+
+class DepthNoiseOptions(Options):
+    """Faults of the depth stream."""
+
+    baseline_m: float = 0.05
+    """Distance of the two infrared cameras [m]."""
+    focal_px: float = 640.0
+    """Focal length of the infrared cameras [px]."""
+    subpixel_px: float = 0.05
+    """Standard deviation of the disparity [px]."""
+    correlation_px: int = 3
+    """Width of the window that neighbours share [px]."""
+    edge_px: int = 2
+    """Half width of the band without depth along edges [px]."""
+    edge_step: float = 0.02
+    """Relative step in depth that makes an edge."""
+    edge_loss: float = 0.9
+    """Part of the pixels in that band that are lost."""
+    grazing_deg: float = 82.0
+    """Angle between ray and normal beyond which nothing comes back [deg]."""
+    dropout: float = 0.002
+    """Part of all pixels lost at random."""
+    nearest_m: float = 0.2
+    """Smallest depth that is measured [m]."""
+    farthest_m: float = 6.0
+    """Largest depth that is measured [m]."""
+    step_m: float = 0.001
+    """Quantisation [m]."""
+
+
+class ColourNoiseOptions(Options):
+    """Faults of the colour stream."""
+
+    sigma: float = 0.006
+    """Standard deviation per channel of a mid grey, 0..1; it grows with the root of the brightness."""
+    vignetting: float = 0.18
+    """Loss of brightness in the corners, 0..1."""
+
+
+def measure_depth(depth: np.ndarray, k: np.ndarray, options: DepthNoiseOptions, rng: np.random.Generator) -> np.ndarray:
+    """Depth as the camera reports it: (H, W) float32 [m], 0 where it measured nothing.
+
+    Args:
+        depth: (H, W) true image-plane z [m], 0 where nothing is.
+        k: (3, 3) intrinsics [px].
+        options: Faults.
+        rng: Source of all randomness.
+    """
+    sigma = depth**2 * options.subpixel_px / (options.focal_px * options.baseline_m)
+    noisy = depth + sigma * _correlated(depth.shape, options.correlation_px, rng)
+    chance = rng.uniform(size=depth.shape)
+    lost = (depth < options.nearest_m) | (depth > options.farthest_m)
+    lost |= edges(depth, options.edge_px, options.edge_step) & (chance < options.edge_loss)
+    lost |= chance > 1.0 - options.dropout
+    lost |= facing(depth, k) < np.cos(np.radians(options.grazing_deg))
+    counts = np.round(noisy / options.step_m)
+    return np.asarray(np.where(lost, 0.0, counts * options.step_m), np.float32)
+
+
+def measure_colour(rgb: np.ndarray, options: ColourNoiseOptions, rng: np.random.Generator) -> np.ndarray:
+    """Colours as the camera reports them: (H, W, 3) uint8 of (H, W, 3) float64 sRGB 0..1."""
+    height, width = rgb.shape[:2]
+    row, column = np.mgrid[0:height, 0:width] - np.array([[[(height - 1) / 2]], [[(width - 1) / 2]]])
+    corner = (row**2 + column**2) / ((height / 2) ** 2 + (width / 2) ** 2)
+    dimmed = rgb * (1.0 - options.vignetting * corner)[..., None]
+    noise = rng.standard_normal(rgb.shape) * options.sigma * np.sqrt(np.clip(dimmed, 0.02, 1) / 0.5)
+    return np.asarray(np.round(np.clip(dimmed + noise, 0, 1) * 255), np.uint8)
+
+
+def edges(depth: np.ndarray, width: int, step: float) -> np.ndarray:
+    """Pixels (H, W) bool within `width` of a relative depth step larger than `step` between neighbours."""
+    found = np.zeros(depth.shape, bool)
+    for axis in (0, 1):
+        near = np.minimum(depth.take(range(depth.shape[axis] - 1), axis), depth.take(range(1, depth.shape[axis]), axis))
+        jump = np.abs(np.diff(depth, axis=axis)) > step * np.maximum(near, 1e-9)
+        found |= np.pad(jump, [(0, int(axis == 0)), (0, int(axis == 1))])
+        found |= np.pad(jump, [(int(axis == 0), 0), (int(axis == 1), 0)])
+    for _ in range(width - 1):
+        grown = found.copy()
+        grown[1:] |= found[:-1]
+        grown[:-1] |= found[1:]
+        grown[:, 1:] |= found[:, :-1]
+        grown[:, :-1] |= found[:, 1:]
+        found = grown
+    return found
+
+
+def facing(depth: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Cosine (H, W) of the angle between each pixel's ray and the surface's normal, from neighbours' points."""
+    points = cameras.backproject(depth, k)
+    normal = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
+    length = np.linalg.norm(normal, axis=-1) * np.linalg.norm(points, axis=-1)
+    return np.asarray(np.abs((normal * points).sum(axis=-1)) / np.maximum(length, 1e-18))
+
+
+def _correlated(shape: tuple[int, ...], width: int, rng: np.random.Generator) -> np.ndarray:
+    white = rng.standard_normal((shape[0] + width - 1, shape[1] + width - 1))
+    total = sum(white[i : i + shape[0], j : j + shape[1]] for i in range(width) for j in range(width))
+    return np.asarray(total) / width

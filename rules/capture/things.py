@@ -1,0 +1,194 @@
+"""The kinds of things that a reference world is made of, as options, and how each is built.
+
+A new kind is a class with a literal `kind` and a `parts()`, and a place in `ThingOptions`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from dextera_build.artifacts.world import Part
+from dextera_build.geometry import transforms
+from dextera_build.rule import Options
+
+from . import solids, textures
+
+
+class Placed(Options):
+    """What every thing on the table has."""
+
+    at_m: tuple[float, float]
+    """x and y of its middle on the table [m]."""
+    yaw_deg: float = 0.0
+    """Rotation about z [deg]."""
+    seed: int = 0
+    """Seed of its textures."""
+
+    def pose(self) -> np.ndarray:
+        """T_world_thing, (4, 4): it stands on z = 0."""
+        angle = np.radians(self.yaw_deg)
+        c, s = np.cos(angle), np.sin(angle)
+        return transforms.rigid(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), np.array([*self.at_m, 0.0]))
+
+
+class Carton(Placed):
+    """A cardboard box with printed faces."""
+
+    kind: Literal["carton"]
+    size_m: tuple[float, float, float] = (0.11, 0.06, 0.18)
+    """Width, depth, height [m]."""
+    colour: tuple[float, float, float] = (0.9, 0.72, 0.2)
+    """Ground colour, sRGB."""
+    accent: tuple[float, float, float] = (0.75, 0.15, 0.12)
+    """Colour of the print, sRGB."""
+    brand: str = "CRUNCH"
+    """The large print."""
+    line: str = "OAT & HONEY"
+    """The small print."""
+
+    def parts(self) -> dict[str, Part]:
+        """The box."""
+        atlas = textures.carton(self.brand, self.line, self.colour, self.accent, self.seed)
+        return {"box": Part(mesh=solids.box(self.size_m, atlas), gloss=0.15)}
+
+
+class Cylinder(Placed):
+    """A can, a jar: a solid cylinder with a band."""
+
+    kind: Literal["cylinder"]
+    radius_m: float = 0.035
+    """Radius [m]."""
+    height_m: float = 0.12
+    """Height [m]."""
+    colour: tuple[float, float, float] = (0.75, 0.76, 0.78)
+    """sRGB."""
+    band: tuple[float, float, float] = (0.2, 0.5, 0.25)
+    """Colour of the label, sRGB."""
+
+    def parts(self) -> dict[str, Part]:
+        """The can."""
+        r, h = self.radius_m, self.height_m
+        profile = np.array([[0, 0], [r - 0.001, 0], [r, 0.001], [r, h - 0.001], [r - 0.001, h], [0, h]])
+        whole = 2 * r + h
+        ends = ((r + 0.1 * h) / whole, (r + 0.9 * h) / whole)
+        picture = textures.banded(textures.plain(512, 1024, self.colour, 0.02, 8, self.seed), ((*ends, self.band),))
+        return {"can": Part(mesh=solids.turned(profile, picture), gloss=0.4)}
+
+
+class Bowl(Placed):
+    """A hollow round bowl with a foot."""
+
+    kind: Literal["bowl"]
+    radius_m: float = 0.075
+    """Outer radius of the rim [m]."""
+    foot_radius_m: float = 0.036
+    """Radius of the foot [m]."""
+    height_m: float = 0.058
+    """Height [m]."""
+    wall_m: float = 0.005
+    """Thickness of the wall [m]."""
+    colour: tuple[float, float, float] = (0.5, 0.51, 0.52)
+    """sRGB."""
+    speck: tuple[float, float, float] = (0.28, 0.29, 0.3)
+    """Colour of the specks, sRGB."""
+
+    def parts(self) -> dict[str, Part]:
+        """The shell."""
+        t = np.linspace(0, np.pi / 2, 18)
+        rise = self.height_m - 0.006
+        outer = np.c_[
+            self.foot_radius_m + (self.radius_m - self.foot_radius_m) * np.sin(t), 0.006 + rise * (1 - np.cos(t))
+        ]
+        span, depth = self.radius_m - self.wall_m, self.height_m - self.wall_m
+        inner = np.c_[span * np.sin(t) ** 0.9, self.wall_m + depth * (1 - np.cos(t))][::-1]
+        middle = (outer[-1] + inner[0]) / 2 + [0, 0.0012]
+        foot = [[0, 0], [self.foot_radius_m - 0.001, 0], [self.foot_radius_m, 0.001]]
+        profile = np.concatenate([foot, outer, [middle], inner[:-1], [[0, self.wall_m]]])
+        picture = textures.speckled(768, 1536, self.colour, self.speck, 0.3, self.seed)
+        return {"shell": Part(mesh=solids.turned(profile, picture), gloss=0.5)}
+
+
+class Mug(Placed):
+    """A hollow mug with a handle towards its +x."""
+
+    kind: Literal["mug"]
+    radius_m: float = 0.041
+    """Outer radius [m]."""
+    height_m: float = 0.095
+    """Height [m]."""
+    wall_m: float = 0.004
+    """Thickness of the wall [m]."""
+    reach_m: float = 0.030
+    """How far the handle stands off [m]."""
+    colour: tuple[float, float, float] = (0.12, 0.28, 0.62)
+    """sRGB."""
+    band: tuple[float, float, float] = (0.93, 0.93, 0.9)
+    """Colour of the ring, sRGB."""
+
+    def parts(self) -> dict[str, Part]:
+        """The shell and the handle, whose ends lie inside the wall."""
+        r, h, w = self.radius_m, self.height_m, self.wall_m
+        outer = [[0, 0], [r - 0.005, 0], [r - 0.0015, 0.0015], [r, 0.005], [r, h - 0.0015], [r - 0.001, h]]
+        inner = [[r - w + 0.001, h], [r - w, h - 0.0015], [r - w, w + 0.006], [r - w - 0.006, w], [0, w]]
+        profile = np.array(outer + inner)
+        length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))])
+        base, top = length[3] / length[-1], length[4] / length[-1]
+        rings = tuple(
+            (base + a * (top - base), base + b * (top - base), self.band) for a, b in ((0.72, 0.78), (0.82, 0.84))
+        )
+        glaze = textures.plain(768, 1024, self.colour, 0.03, 6, self.seed)
+        angle = np.linspace(-np.pi / 2, np.pi / 2, 28)
+        path = np.c_[
+            r - w / 2 + (self.reach_m + w / 2 - 0.005) * np.cos(angle) ** 0.8,
+            np.zeros(28),
+            0.52 * h + 0.30 * h * np.sin(angle),
+        ]
+        handle = solids.tube(path, 0.0065, 0.0045, glaze[:256, :256])
+        shell = solids.turned(profile, textures.banded(glaze, rings))
+        return {"shell": Part(mesh=shell, gloss=0.6), "handle": Part(mesh=handle, gloss=0.6)}
+
+
+class Laptop(Placed):
+    """An open laptop; its user sits at -y."""
+
+    kind: Literal["laptop"]
+    width_m: float = 0.32
+    """Width [m]."""
+    depth_m: float = 0.22
+    """Depth of the base [m]."""
+    base_m: float = 0.016
+    """Thickness of the base [m]."""
+    lid_m: float = 0.007
+    """Thickness of the lid [m]."""
+    opening_deg: float = 110.0
+    """Angle between the display and the keyboard; 0 is closed [deg]."""
+
+    def parts(self) -> dict[str, Part]:
+        """Base, lid and hinge barrel."""
+        base = solids.slab((self.width_m, self.depth_m, self.base_m), 0.012, 0.0015, textures.keyboard(self.seed))
+        picture = textures.screen(self.seed)
+        half = len(picture) // 2
+        # The display is read from the other side of the lid: its upper edge lies at -y of the closed lid.
+        picture = np.concatenate([picture[:half], picture[half:][::-1]])
+        lid = solids.slab((self.width_m, self.depth_m - 0.008, self.lid_m), 0.010, 0.001, picture)
+        angle = -np.radians(self.opening_deg)
+        c, s = np.cos(angle), np.sin(angle)
+        axis = np.array([0.0, self.depth_m / 2 - 0.006, self.base_m + 0.002])
+        opened = transforms.rigid(np.array([[1, 0, 0], [0, c, -s], [0, s, c]]), axis)
+        closed = transforms.rigid(np.eye(3), np.array([0, -(self.depth_m - 0.008) / 2 + 0.002, -0.001]))
+        barrel = np.array([[0, 0], [0.0055, 0], [0.0055, 0.7 * self.width_m], [0, 0.7 * self.width_m]])
+        turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+        along = transforms.rigid(turn, axis - [0.35 * self.width_m, 0, 0.001])
+        hinge = solids.turned(barrel, textures.plain(64, 64, (0.2, 0.2, 0.21), 0.02, 4, self.seed), 24)
+        return {
+            "base": Part(mesh=base, gloss=0.3),
+            "lid": Part(mesh=solids.moved(lid, opened @ closed), gloss=0.5),
+            "hinge": Part(mesh=solids.moved(hinge, along), gloss=0.3),
+        }
+
+
+ThingOptions = Annotated[Carton | Cylinder | Bowl | Mug | Laptop, Field(discriminator="kind")]
+"""Any kind of thing."""

@@ -1,0 +1,56 @@
+"""capture.truth: what a reference world knows of itself; only rules of stage `evaluate` may take it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.image import DepthImage, Image, LabelImage
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.scene import Truth, TruthObject
+from dextera_build.artifacts.world import World
+from dextera_build.rule import Context, Options, rule
+
+from . import solids
+
+
+class TruthOptions(Options):
+    """Options of capture.truth."""
+
+    supersample: int = 2
+    """Samples per pixel edge of the colour render."""
+
+
+@rule(version=1, packages=("numpy",), cpus=2, memory_gb=2.0)
+def truth(ctx: Context, world: World, robot: RobotModel | None = None, *, options: TruthOptions | None = None) -> Truth:
+    """Return surfaces as posed in the world frame [m], faultless colours and depth, labels of visible pixels.
+
+    The backend offers `photograph(world, robot, supersample=...) -> Shot`, as that of `capture.reference` does.
+    """
+    options = options or TruthOptions()
+    shot = ctx.backend.photograph(world, robot, supersample=options.supersample)
+    objects = {
+        name: TruthObject(mesh=solids.moved(thing.surface, thing.world_from_thing), label=label)
+        for label, (name, thing) in enumerate(world.objects.items(), start=1)
+    }
+    seen = {name: int((shot.labels == known.label).sum()) for name, known in objects.items()}
+    for name, pixels in seen.items():
+        ctx.check(pixels > 0, f"`{name}` is hidden from the camera", hint=f"move `objects.{name}.at_m`")
+    ctx.say(", ".join(f"{name} {pixels:,} px" for name, pixels in seen.items()))
+    rgb = np.asarray(np.round(np.clip(shot.rgb, 0, 1) * 255), np.uint8)
+    ctx.preview(_tinted(rgb, shot.labels), "visible instances")
+    return Truth(
+        objects=objects,
+        labels=LabelImage(labels=shot.labels),
+        rgb=Image(pixels=rgb),
+        depth=DepthImage(depth=shot.depth.astype(np.float32)),
+        camera=world.camera,
+        world_from_camera=world.world_from_camera,
+    )
+
+
+def _tinted(rgb: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """The picture with each instance in its own tint; hues by the golden angle."""
+    hue = 2 * np.pi * 0.381966 * labels
+    tint = 127.5 + 127.5 * np.stack([np.cos(hue), np.cos(hue - 2.094), np.cos(hue + 2.094)], axis=-1)
+    mixed = np.where(labels[..., None] > 0, 0.5 * rgb + 0.5 * tint, 0.6 * rgb)
+    return np.asarray(np.round(mixed), np.uint8)

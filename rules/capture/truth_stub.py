@@ -1,0 +1,22 @@
+"""Pictures by ray casting, without lights and without the robot: instant and without a GL context."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.world import World
+from dextera_build.rule import Backend
+from dextera_build.sim.shot import Shot
+
+from .unlit import unlit
+
+BACKEND = Backend(
+    summary="ray casting, no lights, no robot",
+    profiles=("stub",),
+    packages=("open3d",),
+    extra="twin",
+)
+
+
+def photograph(world: World, robot: RobotModel | None, *, supersample: int) -> Shot:
+    """Unlit colours, depth [m] and object labels through the world's camera; `supersample` does nothing."""
+    return unlit(world)

@@ -1,0 +1,161 @@
+"""capture.world: a reference world from its description."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from pydantic import Field
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.world import Lamp, Part, RobotStand, Thing, World
+from dextera_build.geometry import cameras, transforms
+from dextera_build.rule import Context, Options, rule
+
+from . import solids
+from .room import RoomOptions, TableOptions
+from .things import ThingOptions
+
+
+class CameraOptions(Options):
+    """A pinhole camera and where it looks."""
+
+    width_px: int = 1280
+    """Image width [px]."""
+    height_px: int = 720
+    """Image height [px]."""
+    fx_px: float = 912.0
+    """Focal length along x [px]."""
+    fy_px: float = 912.0
+    """Focal length along y [px]."""
+    cx_px: float = 639.5
+    """Principal point, x [px]."""
+    cy_px: float = 359.5
+    """Principal point, y [px]."""
+    eye_m: tuple[float, float, float]
+    """Optical centre in the world [m]."""
+    target_m: tuple[float, float, float]
+    """Point in the world that projects to the principal point [m]."""
+
+
+class LampOptions(Options):
+    """A light from far away."""
+
+    direction: tuple[float, float, float]
+    """Where the light goes."""
+    strength: float
+    """Diffuse intensity, 0..1."""
+    shadow: bool = False
+    """Whether it throws shadows."""
+
+
+class StandOptions(Options):
+    """Where the robot stands."""
+
+    position_m: tuple[float, float, float]
+    """Origin of its base in the world [m]."""
+    yaw_deg: float = 0.0
+    """Rotation about z [deg]."""
+    joints_deg: dict[str, float] = Field(default_factory=dict)
+    """Joint -> position [deg]; joints left out stand at home."""
+
+
+class WorldOptions(Options):
+    """Options of capture.world: the world as data. z is up, the table's top is z = 0."""
+
+    camera: CameraOptions
+    """The camera."""
+    table: TableOptions = TableOptions()
+    """The table."""
+    room: RoomOptions = RoomOptions()
+    """Floor and wall."""
+    objects: dict[str, ThingOptions]
+    """What stands on the table, by name."""
+    lamps: tuple[LampOptions, ...]
+    """Lights."""
+    ambient: float = 0.4
+    """Intensity of the light from everywhere, 0..1."""
+    robot: StandOptions | None = None
+    """The robot's place."""
+
+
+@rule(version=1, packages=("numpy", "pillow", "manifold3d"))
+def world(ctx: Context, *, options: WorldOptions) -> World:
+    """Return the reference world: textured closed meshes [m], poses in the world frame, lights, camera."""
+    objects = {}
+    for name, thing in options.objects.items():
+        objects[name] = _thing(thing.parts(), thing.pose())
+        ctx.check(objects[name].surface.is_closed, f"the surface of `{name}` is open")
+    camera, pose = _camera(ctx, options.camera)
+    _check_places(ctx, objects, options.table)
+    _check_view(ctx, objects, camera, pose)
+    fixtures = {
+        name: _thing({name: part}, np.eye(4)) for name, part in (options.table.parts() | options.room.parts()).items()
+    }
+    stand = None
+    if options.robot is not None:
+        joints = {name: float(np.radians(value)) for name, value in options.robot.joints_deg.items()}
+        yaw = float(np.radians(options.robot.yaw_deg))
+        stand = RobotStand(position=options.robot.position_m, yaw=yaw, joints=joints)
+    ctx.say(f"{len(objects)} objects, {len(fixtures)} fixtures, {'a' if stand else 'no'} robot")
+    return World(
+        objects=objects,
+        fixtures=fixtures,
+        lamps=tuple(Lamp(**lamp.model_dump()) for lamp in options.lamps),
+        ambient=options.ambient,
+        stand=stand,
+        camera=camera,
+        world_from_camera=pose,
+    )
+
+
+def _thing(parts: dict[str, Part], pose: np.ndarray) -> Thing:
+    surface = solids.union([part.mesh for part in parts.values()])
+    return Thing(parts=parts, surface=surface, world_from_thing=pose)
+
+
+def _camera(ctx: Context, options: CameraOptions) -> tuple[Camera, np.ndarray]:
+    eye, target = np.array(options.eye_m), np.array(options.target_m)
+    forward = target - eye
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    ctx.check(bool(np.linalg.norm(right) > 1e-6), "the camera looks straight up or down", hint="move `target_m`")
+    forward, right = forward / np.linalg.norm(forward), right / np.linalg.norm(right)
+    pose = transforms.rigid(np.stack([right, np.cross(forward, right), forward], axis=1), eye)
+    camera = Camera(
+        width=options.width_px,
+        height=options.height_px,
+        fx=options.fx_px,
+        fy=options.fy_px,
+        cx=options.cx_px,
+        cy=options.cy_px,
+    )
+    return camera, pose
+
+
+def _posed(thing: Thing) -> Mesh:
+    return solids.moved(thing.surface, thing.world_from_thing)
+
+
+def _check_places(ctx: Context, objects: dict[str, Thing], table: TableOptions) -> None:
+    low, high = table.bounds()
+    posed = {name: _posed(thing) for name, thing in objects.items()}
+    for name, mesh in posed.items():
+        points = mesh.vertices
+        inside = bool((points[:, :2] >= low).all() and (points[:, :2] <= high).all())
+        ctx.check(inside, f"`{name}` does not stand on the table", hint=f"move `objects.{name}.at_m`")
+        ctx.check(
+            abs(points[:, 2].min()) < 1e-6, f"`{name}` does not touch the table", lowest=f"{points[:, 2].min():g} m"
+        )
+    for one, other in itertools.combinations(posed, 2):
+        apart = solids.gap(posed[one], posed[other]) > 0
+        ctx.check(apart, f"`{one}` and `{other}` run into each other", hint=f"move `objects.{other}.at_m`")
+
+
+def _check_view(ctx: Context, objects: dict[str, Thing], camera: Camera, pose: np.ndarray) -> None:
+    for name, thing in objects.items():
+        points = transforms.apply(transforms.invert(pose), _posed(thing).vertices.astype(np.float64))
+        ahead = bool((points[:, 2] > 0).all())
+        pixels = cameras.project(points, camera.matrix()) if ahead else np.full((1, 2), -1.0)
+        inside = ahead and bool((pixels >= 0).all() and (pixels <= [camera.width - 1, camera.height - 1]).all())
+        ctx.check(inside, f"`{name}` is not wholly in the picture", hint=f"move `objects.{name}.at_m` or the camera")

@@ -1,0 +1,48 @@
+"""evaluate.overlay: the photograph and the rendered twin, side by side and one over the other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.scene import Scene
+from dextera_build.rule import Context, Options, rule
+
+from .panels import board
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+class OverlayOptions(Options):
+    """Options of evaluate.overlay."""
+
+    blend: float = 0.5
+    """Part of the twin in the blended picture, 0..1."""
+
+
+@rule(version=1)
+def overlay(ctx: Context, capture: Capture, scene: Scene, *, options: OverlayOptions) -> Image:
+    """Return four pictures from the photograph's camera: photograph, twin, blend, and the twin's outlines on the photo.
+
+    The twin stands as in keyframe `home`. Where nothing of its surface is seen, its cleaned picture shows.
+    """
+    camera = scene.camera
+    size = capture.rgb.pixels.shape[:2]
+    if size != (camera.height, camera.width):
+        ctx.fail(
+            "the scene's camera is not the photograph's",
+            photograph=f"{size[1]} x {size[0]} px",
+            scene=f"{camera.width} x {camera.height} px",
+        )
+    twin: np.ndarray
+    owner: np.ndarray
+    twin, owner = ctx.backend.render(scene)
+    ctx.check(twin.shape == capture.rgb.pixels.shape, "the render has another size than the photograph")
+    shown = sum(bool((owner == number).any()) for number in range(len(scene.bodies)))
+    ctx.metric("objects in view", shown, f"of {len(scene.bodies)}")
+    ctx.say(f"{shown} of {len(scene.bodies)} objects in view")
+    picture = board(capture.rgb.pixels, twin, owner, scene.bodies, options.blend)
+    ctx.preview(picture, "photograph, twin, blend, outlines")
+    return Image(pixels=picture)

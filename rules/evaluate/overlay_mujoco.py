@@ -1,0 +1,39 @@
+"""evaluate.overlay rendered by MuJoCo."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from dextera_build.artifacts.scene import Scene
+from dextera_build.rule import Backend
+from dextera_build.sim import model as models
+from dextera_build.sim import rendering
+
+BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu", "gpu"), packages=("mujoco",), extra="twin")
+
+
+def render(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Colours (H, W, 3) uint8 and, per pixel, the position of its object in `scene.bodies` (H, W) int32, else -1."""
+    model = models.compile_folder(scene.model)
+    data = models.at_home(model)
+    with rendering.Eye(model, scene.camera, scene.world_from_camera) as eye:
+        pixels = eye.rgb(data)
+        geoms = eye.segmentation(data)
+    roots = np.append(np.asarray(model.body_rootid), -1)[rendering.bodies_of(model, geoms)]
+    owner = np.full(geoms.shape, -1, np.int32)
+    for number, name in enumerate(scene.bodies):
+        owner[roots == model.body(name).id] = number
+    return _backed(pixels, geoms < 0, scene), owner
+
+
+def _backed(pixels: np.ndarray, nothing: np.ndarray, scene: Scene) -> np.ndarray:
+    """`pixels` over the cleaned photograph, which the background's texture is, where the twin has no surface."""
+    from PIL import Image
+
+    data = scene.model.files.get("assets/background.png")
+    if data is None:
+        return pixels
+    behind = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+    return np.where(nothing[..., None], behind, pixels) if behind.shape == pixels.shape else pixels

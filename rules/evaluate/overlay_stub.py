@@ -1,0 +1,16 @@
+"""evaluate.overlay without a renderer: a grey picture with no object in it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.scene import Scene
+from dextera_build.rule import Backend
+
+BACKEND = Backend(summary="no rendering: a grey picture", profiles=("stub",))
+
+
+def render(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Grey pixels of the camera's size, and no object anywhere."""
+    size = (scene.camera.height, scene.camera.width)
+    return np.full((*size, 3), 128, np.uint8), np.full(size, -1, np.int32)

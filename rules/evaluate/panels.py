@@ -1,0 +1,98 @@
+"""Comparison pictures: labelled panels, blends and outlines."""
+
+from __future__ import annotations
+
+import colorsys
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from PIL.ImageFont import FreeTypeFont, ImageFont
+
+GAP, BAR = 6, 26
+PAPER, INK = (250, 250, 250), (40, 44, 52)
+
+
+def board(photo: np.ndarray, twin: np.ndarray, owner: np.ndarray, names: tuple[str, ...], blend: float) -> np.ndarray:
+    """Two by two labelled panels of one camera.
+
+    Args:
+        photo: (H, W, 3) uint8 photograph.
+        twin: (H, W, 3) uint8 render.
+        owner: (H, W) int32, index into `names` of the object in each pixel of the render, -1 where none is.
+        names: Object names.
+        blend: Part of the render in the blended panel.
+    """
+    mixed = np.round(photo * (1.0 - blend) + twin * blend).astype(np.uint8)
+    traced = outlined(photo, owner, names)
+    panels = [("photograph", photo), ("twin", twin), (f"{blend:.0%} twin over photograph", mixed)]
+    panels.append(("outlines of the twin on the photograph", traced))
+    titled = [_titled(pixels, title) for title, pixels in panels]
+    rows = [_beside(titled[0], titled[1], axis=1), _beside(titled[2], titled[3], axis=1)]
+    return np.pad(_beside(rows[0], rows[1], axis=0), ((GAP, GAP), (GAP, GAP), (0, 0)), constant_values=PAPER[0])
+
+
+def outlined(photo: np.ndarray, owner: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+    """The photograph with each object's outline, two pixels wide, and its name."""
+    from PIL import Image, ImageDraw
+
+    pixels = photo.copy()
+    spots = []
+    for number, name in enumerate(names):
+        mask = owner == number
+        if not mask.any():
+            continue
+        colour = _colour(number)
+        pixels[_rim(mask)] = colour
+        rows, columns = np.nonzero(mask)
+        spots.append((name, float(columns.mean()), float(rows.min()), colour))
+    picture = Image.fromarray(pixels)
+    pen = ImageDraw.Draw(picture)
+    font = _font(14)
+    for name, x, y, colour in spots:
+        width = pen.textlength(name, font=font)
+        left = min(max(2.0, x - width / 2), photo.shape[1] - width - 4)
+        top = max(2.0, y - 22)
+        pen.rectangle([left - 3, top - 1, left + width + 3, top + 17], fill=colour)
+        pen.text((left, top), name, fill=(255, 255, 255), font=font)
+    return np.array(picture, np.uint8)
+
+
+def _rim(mask: np.ndarray) -> np.ndarray:
+    """Pixels within two of the mask's border, on both sides."""
+    padded = np.pad(mask, 1)
+    grown, shrunk = mask.copy(), mask.copy()
+    for row in range(3):
+        for column in range(3):
+            part = padded[row : row + mask.shape[0], column : column + mask.shape[1]]
+            grown |= part
+            shrunk &= part
+    return np.asarray(grown & ~shrunk)
+
+
+def _colour(number: int) -> tuple[int, int, int]:
+    """Well separated hues: the golden angle apart."""
+    red, green, blue = colorsys.hsv_to_rgb((0.92 + number * 0.381966) % 1.0, 0.85, 0.85)
+    return round(red * 255), round(green * 255), round(blue * 255)
+
+
+def _titled(pixels: np.ndarray, title: str) -> np.ndarray:
+    from PIL import Image, ImageDraw
+
+    picture = Image.new("RGB", (pixels.shape[1], pixels.shape[0] + BAR), PAPER)
+    picture.paste(Image.fromarray(pixels), (0, BAR))
+    ImageDraw.Draw(picture).text((4, 4), title, fill=INK, font=_font(15))
+    return np.array(picture, np.uint8)
+
+
+def _beside(first: np.ndarray, second: np.ndarray, axis: int) -> np.ndarray:
+    shape = list(first.shape)
+    shape[axis] = GAP
+    return np.concatenate([first, np.full(shape, PAPER[0], np.uint8), second], axis=axis)
+
+
+def _font(size: int) -> FreeTypeFont | ImageFont:
+    from PIL import ImageFont
+
+    return ImageFont.load_default(size)

@@ -1,0 +1,112 @@
+"""evaluate.summary: one table from the tables of many captures, with pooled means and their intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.table import Cell, Column, Table
+from dextera_build.rule import Context, Options, rule
+
+
+class SummaryOptions(Options):
+    """Options of evaluate.summary."""
+
+    draws: int = 10000
+    """Bootstrap samples."""
+    confidence: float = 0.95
+    """Probability that the interval covers."""
+    seed: int = 0
+    """Seed of the bootstrap."""
+
+
+@rule(version=1)
+def summary(ctx: Context, tables: Collection[Table], *, options: SummaryOptions) -> Table:
+    """Return a row per table and a row for all rows pooled: mean, standard deviation, count and interval.
+
+    Numeric columns that say which direction is better are averaged; a column of results is counted.
+    """
+    if not tables.items:
+        ctx.fail("there is no table to sum up", hint="check the pattern of the captures")
+    labels = sorted(tables.items)
+    first = tables.items[labels[0]]
+    for label in labels:
+        if tables.items[label].columns != first.columns:
+            ctx.fail(f"the table of `{label}` has other columns than that of `{labels[0]}`")
+    measures = [i for i, column in enumerate(first.columns) if column.better]
+    kinds = _kinds([tables.items[label] for label in labels])
+    rows = [_row(label, tables.items[label].rows, measures, kinds, options) for label in labels]
+    pooled = tuple(row for label in labels for row in tables.items[label].rows)
+    total = _row("all", pooled, measures, kinds, options)
+    counted = ", ".join(f"{total[len(total) - len(kinds) + k]} {kind}" for k, kind in enumerate(kinds))
+    if measures:
+        ctx.say(f"mean {first.columns[measures[0]].name} {total[2]:.3f} over {total[1]} rows, {counted}".rstrip(", "))
+        ctx.metric(f"mean {first.columns[measures[0]].name}", float(total[2] or 0.0))
+    else:
+        ctx.say(f"{len(pooled)} rows, {counted}")
+    return Table(
+        title=f"{first.title}, {len(labels)} captures",
+        columns=_columns(first, measures, kinds),
+        rows=(*rows, total),
+        notes=(*_definitions(first), *_notes(options)),
+    )
+
+
+def interval(values: np.ndarray, options: SummaryOptions) -> tuple[float, float]:
+    """Percentile bootstrap interval of the mean of (N,) values."""
+    rng = np.random.default_rng(options.seed)
+    picks = rng.integers(0, len(values), size=(options.draws, len(values)))
+    tail = (1.0 - options.confidence) / 2.0
+    low, high = np.quantile(values[picks].mean(axis=1), [tail, 1.0 - tail])
+    return float(low), float(high)
+
+
+def _kinds(tables: list[Table]) -> list[str]:
+    """Values of the column `result`, in alphabetical order."""
+    found = set()
+    for table in tables:
+        names = [column.name for column in table.columns]
+        if "result" in names:
+            found |= {str(row[names.index("result")]) for row in table.rows}
+    return sorted(found)
+
+
+def _row(
+    label: str, rows: tuple[tuple[Cell, ...], ...], measures: list[int], kinds: list[str], options: SummaryOptions
+) -> tuple[Cell, ...]:
+    cells: list[Cell] = [label]
+    for i in measures:
+        values = np.array([float(row[i]) for row in rows if isinstance(row[i], int | float)])
+        if not len(values):
+            cells += [0, None, None, None, None]
+            continue
+        spread = float(values.std(ddof=1)) if len(values) > 1 else None
+        low, high = interval(values, options)
+        cells += [len(values), float(values.mean()), spread, low, high]
+    cells += [sum(kind in row for row in rows) for kind in kinds]
+    return tuple(cells)
+
+
+def _columns(first: Table, measures: list[int], kinds: list[str]) -> tuple[Column, ...]:
+    columns = [Column(name="capture")]
+    for i in measures:
+        column = first.columns[i]
+        columns.append(Column(name="count" if len(measures) == 1 else f"{column.name} count"))
+        for suffix in ("mean", "deviation", "low", "high"):
+            better = column.better if suffix == "mean" else ""
+            name = f"{column.name} {suffix}"
+            columns.append(Column(name=name, unit=column.unit, digits=column.digits, better=better))
+    return (*columns, *(Column(name=kind) for kind in kinds))
+
+
+def _definitions(first: Table) -> tuple[str, ...]:
+    """Notes of the tables that define something; those that count belong to one table."""
+    return tuple(note for note in first.notes if ":" in note)
+
+
+def _notes(options: SummaryOptions) -> tuple[str, ...]:
+    return (
+        "all: every row of every table, each with the same weight",
+        "deviation: sample standard deviation (n - 1); no number for a single row",
+        f"low, high: {options.confidence:.0%} percentile bootstrap interval of the mean over rows, {options.draws} draws",
+    )

@@ -1,0 +1,89 @@
+"""factorize.articulate: links and joints of one object."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from dextera_build.artifacts.object import Body, Link, ObjectView, Shape
+from dextera_build.rule import Context, Options, rule
+
+
+class DeclaredHinge(Options):
+    """A hinge that a person measured, in the object frame."""
+
+    origin_m: tuple[float, float, float]
+    """A point on the axis [m]."""
+    axis: tuple[float, float, float]
+    """Direction; the lid opens by the right-hand rule."""
+    angle_rad: float
+    """How far it stands open in the photograph [rad]; 0 is closed."""
+
+
+class ArticulateOptions(Options):
+    """Options of factorize.articulate."""
+
+    hinge: DeclaredHinge | None = None
+    """The hinge where it is known; None finds the crease."""
+    upper_rad: float = 2.29
+    """Opening that the joint allows where nothing is in the way [rad]; notebooks stop near 131 degrees."""
+    margin_rad: float = 0.1
+    """The joint allows at least this much more than was observed [rad]."""
+    clearance_m: float = 0.0002
+    """Gap between the closed lid and the base [m]."""
+    overlap_m: float = 0.001
+    """Largest mean depth to which the lid may sink into the base while it closes [m]."""
+    without_crease: Literal["fail", "rigid"] = "fail"
+    """What to do where an object that should be articulated shows no crease."""
+
+
+@rule(version=1)
+def articulate(ctx: Context, shape: Shape, seen: ObjectView, *, options: ArticulateOptions) -> Body:
+    """Return links and joints in the object frame of `shape`, all geometry at joint position 0 [m, rad].
+
+    The backend offers `parts(shape, seen, options) -> hinge_parts.Parts or None` and `picture(body, seen)`.
+    """
+    if seen.body_type == "rigid":
+        ctx.say("rigid, 1 link")
+        return _rigid(shape)
+    found = ctx.backend.parts(shape, seen, options)
+    if found is None:
+        if options.without_crease == "fail":
+            hint = (
+                "set `body_type: rigid` of the element in `scene.yaml`, declare `hinge`, or set `without_crease: rigid`"
+            )
+            ctx.fail("no two planes meet in a crease", hint=hint, hypothesis=shape.hypothesis)
+        ctx.say("kept rigid: no crease found")
+        return _rigid(shape)
+    for name, link in (("base", found.base), ("lid", found.lid)):
+        hint = "the mesh has to be cut into two closed solids, try another backend of `factorize.mesh`"
+        ctx.check(link.mesh.is_closed, f"link `{name}` is open after the cut", hint=hint)
+    ctx.check(
+        found.overlap_m <= options.overlap_m,
+        f"the lid sinks {found.overlap_m * 1000:.1f} mm into the base while it closes",
+        hint="declare `hinge`, or raise `overlap_m` where the mesh is coarse",
+        allowed_mm=options.overlap_m * 1000,
+    )
+    joint = found.joint
+    body = Body(
+        links={"base": found.base, "lid": found.lid},
+        joints=(joint,),
+        world_from_object=shape.world_from_object,
+        hollow=shape.hollow,
+    )
+    pixels = ctx.backend.picture(body, seen)
+    if pixels is not None:
+        ctx.preview(pixels, "hinge axis, and the lid swept from closed to its limit")
+    ctx.metric("position", joint.position, "rad")
+    ctx.metric("overlap", found.overlap_m * 1000.0, "mm")
+    for name, value, unit in found.metrics:
+        ctx.metric(name, value, unit)
+    limits = f"{np.degrees(joint.lower):.0f}-{np.degrees(joint.upper):.0f} deg"
+    ctx.say(f"1 hinge, {limits}, stands at {np.degrees(joint.position):.0f} deg")
+    return body
+
+
+def _rigid(shape: Shape) -> Body:
+    base = Link(mesh=shape.mesh, walls=shape.walls)
+    return Body(links={"base": base}, world_from_object=shape.world_from_object, hollow=shape.hollow)

@@ -1,0 +1,44 @@
+"""Connected pixels above the support: the quick answer of the stub backends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.object import Support
+from dextera_build.geometry import regions
+
+from .heights import relief
+
+FEWEST = 150
+RISE_M = 0.015
+
+
+@dataclass(frozen=True)
+class Blob:
+    """One connected region."""
+
+    mask: np.ndarray
+    """(H, W) bool."""
+    box: tuple[int, int, int, int]
+    """left, top, right, bottom [px], right and bottom excluded."""
+    cut: bool
+    """It touches the image border."""
+
+
+def blobs(capture: Capture, support: Support) -> list[Blob]:
+    """Regions more than 15 mm above the support's outline with at least 150 pixels, in scan order."""
+    heights = relief(capture, support)
+    labels, count = regions.label(heights.raised & heights.over & (heights.height > RISE_M))
+    found = []
+    for number in range(1, count + 1):
+        mask = labels == number
+        if mask.sum() < FEWEST:
+            continue
+        rows, columns = np.nonzero(mask)
+        box = (int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1)
+        cut = box[0] == 0 or box[1] == 0 or box[2] == mask.shape[1] or box[3] == mask.shape[0]
+        found.append(Blob(mask, box, cut))
+    return found

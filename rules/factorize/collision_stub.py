@@ -1,0 +1,37 @@
+"""Backend stub of factorize.collision: one hull per link, without any package."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.geometry import Hull
+from dextera_build.artifacts.object import Collision, Link, Pieces
+from dextera_build.rule import Backend
+
+if TYPE_CHECKING:
+    from .collision import CollisionOptions
+
+BACKEND = Backend(summary="one hull per link, for tests", profiles=("stub",))
+
+
+def pieces(link: Link, hollow: bool, options: CollisionOptions) -> Pieces:
+    """Walls where they are known, else the link's outermost corners; a cavity is closed by their hull."""
+    if link.walls:
+        return Pieces(hulls=link.walls, method="walls")
+    return Pieces(hulls=(Hull(vertices=_outermost(link.mesh.vertices, options.corners)),), method="hull")
+
+
+def picture(collision: Collision) -> None:
+    """A stub draws nothing."""
+
+
+def _outermost(vertices: np.ndarray, corners: int) -> np.ndarray:
+    """Vertices that lie farthest in about `corners` directions spread over the sphere, and along the axes."""
+    number = np.arange(corners) + 0.5
+    polar, turn = np.arccos(1.0 - 2.0 * number / corners), np.pi * (1.0 + 5.0**0.5) * number
+    spread = np.stack([np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)], axis=1)
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    directions = np.concatenate([spread, np.eye(3), -np.eye(3), signs])
+    return np.unique(vertices[np.argmax(vertices @ directions.T, axis=0)], axis=0)

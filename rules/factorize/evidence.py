@@ -1,0 +1,206 @@
+"""What one view says of an object, prepared for fitting: trusted points, normals, and rays along the silhouette."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.object import ObjectView
+from dextera_build.geometry import cameras, transforms
+
+REACH_PX = 12.0
+"""How far to each side of the silhouette the fit looks [px]."""
+STEP_PX = 0.75
+"""Distance of the rays across the silhouette [px]."""
+
+
+@dataclass(frozen=True)
+class Silhouette:
+    """Rays across the outline of the mask, from inside to outside."""
+
+    rays: np.ndarray  # (S, T, 6) origin and direction in the world frame
+    inside: np.ndarray  # (S, T) bool, beyond the body's other side: counts as covered
+    outside: np.ndarray  # (S, T) bool, beyond a gap of the mask: counts as empty
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """One object as one camera saw it. Points and rays are in the world frame, z = 0 is the support."""
+
+    k: np.ndarray  # (3, 3) intrinsics of the crop [px]
+    world_from_camera: np.ndarray  # (4, 4)
+    mask: np.ndarray  # (H, W) bool
+    known: np.ndarray  # (H, W) bool, nothing nearer may hide the object there
+    depth: np.ndarray  # (H, W) float64 [m], 0 where nothing was measured
+    sigma: np.ndarray  # (H, W) float64, standard deviation of the depth [m]
+    core: np.ndarray  # (H, W) bool, mask pixels with trusted depth
+    points: np.ndarray  # (N, 3) world points of the core, row-major [m]
+    normals: np.ndarray  # (N, 3) unit normals that face the camera
+    rays: np.ndarray  # (P, 6) rays through a sample of the core
+    ray_depth: np.ndarray  # (P,) seen depth of them [m]
+    ray_sigma: np.ndarray  # (P,) its standard deviation [m]
+    silhouette: Silhouette
+
+    @property
+    def eye(self) -> np.ndarray:
+        """The camera's position (3,) in the world [m]."""
+        return np.asarray(self.world_from_camera[:3, 3])
+
+    @property
+    def forward(self) -> np.ndarray:
+        """Unit horizontal direction (2,) from the camera to the object."""
+        towards = np.median(self.points[:, :2], axis=0) - self.eye[:2]
+        length = float(np.linalg.norm(towards))
+        return towards / length if length > 1e-9 else np.array([0.0, 1.0])
+
+    @property
+    def height(self) -> float:
+        """Height of the highest trusted points above the support, tolerant of stray points [m]."""
+        return max(float(np.quantile(self.points[:, 2], 0.995)), 0.004)
+
+
+def gather(seen: ObjectView, samples: int = 1500, outline_samples: int = 220) -> Evidence:
+    """Prepare a view for fitting.
+
+    Args:
+        seen: The view.
+        samples: Number of depth rays that a fit compares.
+        outline_samples: Number of places on the silhouette that a fit compares.
+    """
+    k, pose = seen.camera.matrix(), seen.world_from_camera
+    depth = seen.depth.depth.astype(np.float64)
+    sigma = noise(depth)
+    known = ~_grown(seen.occluder, 2)
+    core = trusted(seen.mask, depth, sigma) & known
+    smooth, normals = _normals(np.where(core, depth, 0.0), k)
+    del smooth
+    points = transforms.apply(pose, cameras.backproject(depth, k)[core])
+    bearings = _bearings(depth.shape, k, pose)
+    chosen = np.flatnonzero(core.ravel())
+    chosen = chosen[:: max(1, len(chosen) // samples)]
+    return Evidence(
+        k=k,
+        world_from_camera=pose,
+        mask=seen.mask,
+        known=known,
+        depth=depth,
+        sigma=sigma,
+        core=core,
+        points=points,
+        normals=normals[core] @ pose[:3, :3].T,
+        rays=bearings.reshape(-1, 6)[chosen],
+        ray_depth=depth.ravel()[chosen],
+        ray_sigma=sigma.ravel()[chosen],
+        silhouette=_silhouette(seen.mask, known, k, pose, outline_samples),
+    )
+
+
+def noise(depth: np.ndarray) -> np.ndarray:
+    """Standard deviation of a depth reading [m]: stereo and structured light grow with the square of the distance."""
+    return np.asarray(0.001 + 0.002 * depth**2)
+
+
+def trusted(mask: np.ndarray, depth: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """Mask pixels whose depth is no flying pixel: away from the outline, from gaps and from jumps of the depth."""
+    from scipy import ndimage
+
+    inner = ndimage.binary_erosion(mask, iterations=2) & (depth > 0)
+    high = ndimage.maximum_filter(np.where(depth > 0, depth, -np.inf), 3)
+    low = ndimage.minimum_filter(np.where(depth > 0, depth, np.inf), 3)
+    return np.asarray(inner & (high - low < 0.006 + 4.0 * sigma))
+
+
+def _grown(mask: np.ndarray, pixels: int) -> np.ndarray:
+    from scipy import ndimage
+
+    return np.asarray(ndimage.binary_dilation(mask, iterations=pixels)) if mask.any() else mask
+
+
+def _bearings(shape: tuple[int, ...], k: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """Rays (H, W, 6) in the world frame whose parameter is the image-plane depth."""
+    directions = cameras.rays(shape[0], shape[1], k) @ pose[:3, :3].T
+    return np.concatenate([np.broadcast_to(pose[:3, 3], directions.shape), directions], axis=-1)
+
+
+def _normals(depth: np.ndarray, k: np.ndarray, window: int = 7) -> tuple[np.ndarray, np.ndarray]:
+    """Smoothed points and unit normals (H, W, 3) in the camera frame, facing the camera; 0 where nothing is known."""
+    from scipy import ndimage
+
+    points = cameras.backproject(depth, k)
+    valid = (depth > 0).astype(np.float64)
+    weight = np.maximum(ndimage.uniform_filter(valid, window), 1e-6)
+    middle = np.stack([ndimage.uniform_filter(points[..., i] * valid, window) / weight for i in range(3)], axis=-1)
+    columns, rows = np.indices(depth.shape)[::-1].astype(np.float64)
+    slopes = []
+    # Local least-squares slopes of depth over the window, gaps left out, so that a normal needs no full window.
+    mean = [ndimage.uniform_filter(q * valid, window) / weight for q in (columns, rows, depth)]
+    moment = {
+        (i, j): ndimage.uniform_filter(p * q * valid, window) / weight - mean[i] * mean[j]
+        for i, p in enumerate((columns, rows, depth))
+        for j, q in enumerate((columns, rows, depth))
+        if i <= j and i < 2
+    }
+    determinant = moment[0, 0] * moment[1, 1] - moment[0, 1] ** 2
+    safe = np.where(determinant > 1e-6, determinant, np.inf)
+    slopes.append((moment[0, 2] * moment[1, 1] - moment[1, 2] * moment[0, 1]) / safe)
+    slopes.append((moment[1, 2] * moment[0, 0] - moment[0, 2] * moment[0, 1]) / safe)
+    z = np.maximum(mean[2], 1e-6)
+    along_u = np.stack([z / k[0, 0] + middle[..., 0] / z * slopes[0], middle[..., 1] / z * slopes[0], slopes[0]], -1)
+    along_v = np.stack([middle[..., 0] / z * slopes[1], z / k[1, 1] + middle[..., 1] / z * slopes[1], slopes[1]], -1)
+    normal = np.cross(along_v, along_u)
+    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
+    return middle, normal
+
+
+def _silhouette(mask: np.ndarray, known: np.ndarray, k: np.ndarray, pose: np.ndarray, samples: int) -> Silhouette:
+    outline, outward = _outline(mask, samples)
+    offsets = np.arange(-REACH_PX, REACH_PX + STEP_PX / 2, STEP_PX)
+    places = outline[:, None, :] + offsets[None, :, None] * outward[:, None, :]
+    inner, beyond = _lookup(mask, places), ~_lookup(np.ones_like(mask), places)
+    hidden = (~_lookup(known, places, outside=True) | beyond) & (offsets > 0)
+    keep = ~hidden[:, (offsets > 0) & (offsets <= 4.0)].any(axis=1)
+    places, inner = places[keep], inner[keep]
+    # From the outline inwards the mask must be unbroken, outwards it must stay empty; behind a break nothing is said.
+    inward = offsets < -0.75
+    broken = np.cumsum((~inner & inward)[:, ::-1], axis=1)[:, ::-1] > 0
+    again = np.cumsum(inner & (offsets > 1.5), axis=1) > 0
+    directions = np.concatenate([(places - [k[0, 2], k[1, 2]]) / [k[0, 0], k[1, 1]], np.ones((*places.shape[:2], 1))], -1)
+    directions = directions @ pose[:3, :3].T
+    rays = np.concatenate([np.broadcast_to(pose[:3, 3], directions.shape), directions], axis=-1)
+    return Silhouette(rays, broken & inward, again)
+
+
+def _lookup(mask: np.ndarray, places: np.ndarray, *, outside: bool = False) -> np.ndarray:
+    """Values (..., ) of a mask at places (..., 2) (column, row); `outside` is the value beyond the border."""
+    nearest = np.round(places).astype(int)
+    height, width = mask.shape
+    within = (nearest >= 0).all(axis=-1) & (nearest[..., 0] < width) & (nearest[..., 1] < height)
+    clipped = np.clip(nearest, 0, [width - 1, height - 1])
+    return np.where(within, mask[clipped[..., 1], clipped[..., 0]], outside)
+
+
+def _outline(mask: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places (S, 2) (column, row) on the mask's border and unit outward directions (S, 2), evenly along it."""
+    import cv2
+    from scipy import ndimage
+
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    contours = [contour[:, 0].astype(np.float64) for contour in contours if len(contour) >= 24]
+    total = sum(len(contour) for contour in contours)
+    places, outward = [], []
+    for contour in contours:
+        smooth = ndimage.gaussian_filter1d(contour, 2.0, axis=0, mode="wrap")
+        tangent = np.roll(smooth, -1, axis=0) - np.roll(smooth, 1, axis=0)
+        normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=-1)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
+        # Which side is out differs between outer borders and holes: the mask itself tells.
+        probe = _lookup(mask, smooth + 2.5 * normal).mean() - _lookup(mask, smooth - 2.5 * normal).mean()
+        normal = normal if probe < 0 else -normal
+        pick = np.linspace(0, len(contour), max(8, samples * len(contour) // max(total, 1)), endpoint=False).astype(int)
+        # Border pixels of a hole lie outside it as seen from the mask, so both kinds sit half a pixel inside.
+        places.append(smooth[pick] + 0.5 * normal[pick])
+        outward.append(normal[pick])
+    if not places:
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    return np.concatenate(places), np.concatenate(outward)

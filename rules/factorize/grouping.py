@@ -1,0 +1,152 @@
+"""Patches to objects: apply the rules of `relations` in order, always judging whole groups."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import relations
+from .patches import Surfaces
+from .relations import PART_M2, SLIVER_M2, Contact, Group
+
+FEWEST = 12
+"""Contacts of fewer pixel pairs say nothing."""
+ATTACHED_M = 0.015
+"""Parts of one thing show no wider gap than this [m]."""
+
+
+class Grouping:
+    """A partition of patches with the contacts between its groups."""
+
+    def __init__(self, s: Surfaces, labels: np.ndarray) -> None:
+        self.surfaces = s
+        self.labels = labels
+        self.groups: dict[int, Group] = {
+            number: relations.describe(s, labels == number) for number in range(1, int(labels.max()) + 1)
+        }
+        self.members: dict[int, list[int]] = {number: [number] for number in self.groups}
+        self.patches = dict(self.groups)
+        self.contacts = relations.contacts(s, labels)
+        self.hinged: set[int] = set()
+
+    def contact(self, a: int, b: int) -> Contact:
+        """How two groups meet."""
+        return self.contacts.get((min(a, b), max(a, b)), Contact())
+
+    def neighbours(self, a: int) -> list[int]:
+        """Groups that face group `a` in the image."""
+        return sorted({x + y - a for x, y in self.contacts if a in (x, y)})
+
+    def join(self, a: int, b: int) -> int:
+        """Make one group of two, called by the smaller number; return it."""
+        keep, gone = min(a, b), max(a, b)
+        self.members[keep] += self.members.pop(gone)
+        for other in self.neighbours(gone):
+            contact = self.contacts.pop((min(gone, other), max(gone, other)))
+            if other != keep:
+                self.contacts.setdefault((min(keep, other), max(keep, other)), Contact()).add(contact)
+        self.labels[self.labels == gone] = keep
+        del self.groups[gone]
+        self.groups[keep] = relations.describe(self.surfaces, self.labels == keep)
+        return keep
+
+
+def group(s: Surfaces, labels: np.ndarray) -> Grouping:
+    """Objects of a patch image: a partition whose groups are one object each."""
+    parts = Grouping(s, labels.copy())
+    join_convex(parts)
+    join_slivers(parts)
+    join_cavities(parts)
+    join_convex(parts)
+    join_parts(parts)
+    join_occluded(parts)
+    join_hinged(parts)
+    return parts
+
+
+def join_convex(parts: Grouping) -> None:
+    """Join the pair of groups that meets convexly along most of its border, the longest border first."""
+    while True:
+        best, strength = None, 0.0
+        for (a, b), contact in sorted(parts.contacts.items()):
+            if min(parts.groups[a].area_m2, parts.groups[b].area_m2) < SLIVER_M2:
+                continue
+            if contact.pairs >= FEWEST and contact.convexity > 0.55 and contact.convex > strength:
+                best, strength = (a, b), float(contact.convex)
+        if best is None:
+            return
+        parts.join(*best)
+
+
+def join_slivers(parts: Grouping) -> None:
+    """Give the remains at creases and borders to the neighbour that they meet along the most pixels."""
+    for number in sorted(parts.groups, key=lambda n: (parts.groups[n].area_m2, n)):
+        if number not in parts.groups or parts.groups[number].area_m2 >= SLIVER_M2:
+            continue
+        options = [(parts.contact(number, n), n) for n in parts.neighbours(number)]
+        options = [(c, n) for c, n in options if c.meeting >= 0.3 * c.pairs and c.pairs >= FEWEST]
+        if options:
+            parts.join(number, max(options, key=lambda o: (o[0].convex + 0.3 * o[0].meeting, -o[1]))[1])
+
+
+def join_cavities(parts: Grouping) -> None:
+    """Give surfaces that bend inwards, seen over a rim, to the body whose rim is as high."""
+    for number in sorted(parts.groups, key=lambda n: (parts.groups[n].area_m2, n)):
+        if number not in parts.groups or parts.groups[number].bend > -0.06:
+            continue
+        cavity = parts.groups[number]
+        options = []
+        for other in parts.neighbours(number):
+            contact, body = parts.contact(number, other), parts.groups[other]
+            same_rim = abs(cavity.top_m - body.top_m) < 0.015
+            inner = cavity.bend < -0.06 and body.bend < -0.06
+            if contact.pairs >= FEWEST and (same_rim or inner):
+                options.append((contact.pairs, -other))
+        if options:
+            parts.join(number, -max(options)[1])
+
+
+def join_parts(parts: Grouping) -> None:
+    """Give handles and other small things of like colour to the larger body that they all but touch."""
+    for number in sorted(parts.groups, key=lambda n: (parts.groups[n].area_m2, n)):
+        if number not in parts.groups or parts.groups[number].area_m2 >= PART_M2:
+            continue
+        part = parts.groups[number]
+        options = []
+        for other, body in sorted(parts.groups.items()):
+            like = float(np.linalg.norm((part.colour - body.colour) * [0.5, 1.0, 1.0])) < 18.0
+            if other != number and like and body.area_m2 > 2.0 * part.area_m2:
+                distance = relations.gap(parts.surfaces, part.mask, body.mask)
+                if distance < ATTACHED_M:
+                    options.append((-distance, -other))
+        if options:
+            parts.join(number, -max(options)[1])
+
+
+def join_occluded(parts: Grouping) -> None:
+    """Join groups that show the same flat surface on both sides of something nearer."""
+    numbers = sorted(parts.groups)
+    for a in numbers:
+        for b in numbers:
+            if a < b and a in parts.groups and b in parts.groups and _continues(parts, a, b):
+                parts.join(a, b)
+
+
+def join_hinged(parts: Grouping) -> None:
+    """Join the base and the lid of a laptop, which meet in a concave crease."""
+    for a, b in sorted(parts.contacts):
+        if a not in parts.groups or b not in parts.groups or parts.contact(a, b).meeting < FEWEST:
+            continue
+        first, second = parts.groups[a], parts.groups[b]
+        if relations.hinged(parts.surfaces, first, second) or relations.hinged(parts.surfaces, second, first):
+            parts.hinged.add(parts.join(a, b))
+
+
+def _continues(parts: Grouping, a: int, b: int) -> bool:
+    for i in parts.members[a]:
+        for j in parts.members[b]:
+            p, q = parts.patches[i], parts.patches[j]
+            if min(p.area_m2, q.area_m2) >= SLIVER_M2 and relations.one_plane(parts.surfaces, p, q):
+                own = (parts.labels == a) | (parts.labels == b)
+                if relations.hidden_between(parts.surfaces, p, q, own):
+                    return True
+    return False

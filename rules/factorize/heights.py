@@ -1,0 +1,67 @@
+"""What rises above the support, pixel by pixel: the common ground of parsing and segmentation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.object import Support
+from dextera_build.geometry import cameras, planes, regions, transforms
+
+MARGIN_M = 0.03
+
+
+@dataclass(frozen=True)
+class Relief:
+    """The capture in the world frame, with the support's own unevenness taken out of the heights."""
+
+    points: np.ndarray  # (H, W, 3) float64, world [m]; meaningless where not valid
+    height: np.ndarray  # (H, W) float64, above the support [m]; 0 where not valid
+    valid: np.ndarray  # (H, W) bool, depth was measured
+    threshold: np.ndarray  # (H, W) float64, height that noise does not reach [m]
+    raised: np.ndarray  # (H, W) bool, higher than the threshold
+    over: np.ndarray  # (H, W) bool, above the support's outline
+
+
+def relief(capture: Capture, support: Support) -> Relief:
+    """Heights above the support and what they say about each pixel."""
+    depth = capture.depth.depth.astype(np.float64)
+    valid = depth > 0
+    camera_points = cameras.backproject(depth, capture.camera.matrix())
+    points = transforms.apply(support.world_from_camera, camera_points)
+    over = valid & regions.inside_convex(points[..., :2], support.polygon, MARGIN_M)
+    sigma = planes.depth_sigma(depth)
+    height = np.where(valid, points[..., 2], 0.0)
+    height -= np.where(valid, warp(height, valid & over & (np.abs(height) < 4.0 * sigma)), 0.0)
+    threshold = 0.0025 + 1.8 * sigma
+    return Relief(points, height, valid, threshold, valid & (height > threshold), over)
+
+
+def warp(height: np.ndarray, flat: np.ndarray) -> np.ndarray:
+    """The smooth part (H, W) of the heights of the support's pixels: a cubic in the image coordinates [m].
+
+    Args:
+        height: (H, W) [m].
+        flat: (H, W) bool, pixels of the support.
+    """
+    rows, columns = np.mgrid[0 : height.shape[0], 0 : height.shape[1]]
+    u = columns / height.shape[1] - 0.5
+    v = rows / height.shape[0] - 0.5
+    terms = [np.ones_like(u), u, v, u * u, u * v, v * v, u**3, u * u * v, u * v * v, v**3]
+    step = 3
+    chosen = flat[::step, ::step]
+    if chosen.sum() < 500:
+        return np.zeros_like(height)
+    matrix = np.stack([term[::step, ::step][chosen] for term in terms], axis=1)
+    target = height[::step, ::step][chosen]
+    keep = np.ones(len(target), bool)
+    solution = np.zeros(len(terms))
+    for _ in range(4):
+        solution = np.linalg.lstsq(matrix[keep], target[keep], rcond=None)[0]
+        error = target - matrix @ solution
+        keep = np.abs(error) < 2.5 * max(1e-4, float(np.median(np.abs(error))) * 1.48)
+    smooth = np.tensordot(solution, np.stack(terms), axes=1)
+    # Beyond the seen support a polynomial may run away.
+    return np.clip(smooth, -0.006, 0.006)

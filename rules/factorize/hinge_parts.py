@@ -1,0 +1,20 @@
+"""What a backend of factorize.articulate hands back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dextera_build.artifacts.object import Joint, Link
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Two links and their hinge, all geometry closed (joint position 0), object frame."""
+
+    base: Link
+    lid: Link
+    joint: Joint
+    overlap_m: float = 0.0
+    """Greatest mean depth of the lid in the base while it closes [m]."""
+    metrics: tuple[tuple[str, float, str], ...] = ()
+    """Name, value and unit of numbers for the report."""

@@ -1,0 +1,54 @@
+"""The hinge drawn on the photograph of an object."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.object import Body, Joint, ObjectView
+from dextera_build.geometry import cameras, transforms
+
+from .hinge import turned
+
+_ENLARGED = 2
+
+
+def draw(body: Body, seen: ObjectView) -> np.ndarray:
+    """Axis in red, the lid's far edge in white where it stands, in blue at the limits; (H, W, 3) uint8."""
+    from PIL import Image, ImageDraw
+
+    rows, columns = seen.rgb.pixels.shape[:2]
+    picture = Image.fromarray(seen.rgb.pixels).resize((columns * _ENLARGED, rows * _ENLARGED))
+    pen = ImageDraw.Draw(picture)
+    camera_from_object = transforms.invert(seen.world_from_camera) @ body.world_from_object
+    for joint in body.joints:
+        axis, tip = _lines(body, joint)
+        pen.line(_pixels(axis, camera_from_object, seen), fill=(230, 40, 40), width=3)
+        arc = [_moved(tip[:1], joint, angle)[0] for angle in np.linspace(joint.lower, joint.upper, 24)]
+        pen.line(_pixels(np.array(arc), camera_from_object, seen), fill=(60, 130, 246), width=2)
+        for angle, colour in (
+            (joint.lower, (60, 130, 246)),
+            (joint.upper, (60, 130, 246)),
+            (joint.position, (255,) * 3),
+        ):
+            pen.line(_pixels(_moved(tip, joint, angle), camera_from_object, seen), fill=colour, width=2)
+    return np.asarray(picture)
+
+
+def _lines(body: Body, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
+    """The part of the axis along the moving link, and that link's edge farthest from it, (2, 3) each [m]."""
+    vertices = body.links[joint.child].mesh.vertices.astype(np.float64)
+    origin, axis = np.array(joint.origin), np.array(joint.axis)
+    along = (vertices - origin) @ axis
+    ends = origin + np.outer([along.min(), along.max()], axis)
+    radial = vertices - origin - np.outer(along, axis)
+    return ends, ends + radial[int(np.argmax(np.linalg.norm(radial, axis=1)))]
+
+
+def _moved(points: np.ndarray, joint: Joint, angle: float) -> np.ndarray:
+    return transforms.apply(turned(np.array(joint.axis), np.array(joint.origin), angle), points)
+
+
+def _pixels(points: np.ndarray, camera_from_object: np.ndarray, seen: ObjectView) -> list[tuple[float, float]]:
+    local = transforms.apply(camera_from_object, points)
+    local = local[local[:, 2] > 0.01]
+    return [(float(x) * _ENLARGED, float(y) * _ENLARGED) for x, y in cameras.project(local, seen.camera.matrix())]

@@ -1,0 +1,148 @@
+"""The families of bodies that a view is explained by, and what becomes of the parameters of the best one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dextera_build.geometry.solids import Solid
+
+from . import hypothesis_box, hypothesis_extruded, hypothesis_lofted, hypothesis_panels, wall_pieces
+from .evidence import Evidence
+from .refine import Model
+
+HYPOTHESES = (
+    "box",
+    "cylinder",
+    "lying_cylinder",
+    "revolved",
+    "revolved_hollow",
+    "oval",
+    "extruded",
+    "panels",
+)
+"""Every family, in the order in which they are tried."""
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A body in its own frame: origin at the middle of the base, z up."""
+
+    solid: Solid
+    pose: np.ndarray
+    """T_world_object (4, 4)."""
+    walls: tuple[np.ndarray, ...] = ()
+    """Corner points (V, 3) of exact convex pieces, where they are known."""
+    hollow: bool = False
+    outside: Solid | None = None
+    """A vessel without its cavity, in the same frame."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model with the way to finish it."""
+
+    model: Model
+    finish: Callable[[np.ndarray], Finished]
+    settled: Model | None = None
+    """The same body without parameters that only help the fit; refined last, from `reduced` parameters."""
+    reduced: Callable[[np.ndarray], np.ndarray] = field(default=lambda p: p)
+
+
+def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float) -> list[Candidate]:
+    """Candidates of the allowed families that the view gives any reason for."""
+    makers: dict[str, Callable[[], Candidate | None]] = {
+        "box": lambda: _box(evidence),
+        "cylinder": lambda: _cylinder(evidence),
+        "lying_cylinder": lambda: _lying(evidence),
+        "revolved": lambda: _revolved(evidence, hollow=False, wall_m=wall_m),
+        "revolved_hollow": lambda: _revolved(evidence, hollow=True, wall_m=wall_m),
+        "oval": lambda: _oval(evidence),
+        "extruded": lambda: _extruded(evidence),
+        "panels": lambda: _panels(evidence),
+    }
+    made = [makers[name]() for name in HYPOTHESES if name in allowed]
+    return [candidate for candidate in made if candidate is not None]
+
+
+def _box(evidence: Evidence) -> Candidate:
+    leaning, standing = hypothesis_box.box(evidence)
+
+    def finish(p: np.ndarray) -> Finished:
+        body = hypothesis_box.box_body(p)
+        return Finished(body, hypothesis_box.upright(p[0], p[1], p[2]), (body.vertices,))
+
+    return Candidate(leaning, finish, standing, hypothesis_box.stood_up)
+
+
+def _cylinder(evidence: Evidence) -> Candidate:
+    model = hypothesis_lofted.cylinder(evidence)
+
+    def finish(p: np.ndarray) -> Finished:
+        profile = hypothesis_lofted.Profile(np.array([0.0, p[2]]), p[[3, 3]], p[[3, 3]])
+        body = profile.solid(hypothesis_lofted.FACETS)
+        return Finished(body, hypothesis_box.upright(p[0], p[1], 0.0), (body.vertices,))
+
+    return Candidate(model, finish)
+
+
+def _lying(evidence: Evidence) -> Candidate:
+    def finish(p: np.ndarray) -> Finished:
+        body = hypothesis_box.lying_body(p, hypothesis_lofted.FACETS)
+        return Finished(body, hypothesis_box.upright(p[0], p[1], p[2]), (body.vertices,))
+
+    return Candidate(hypothesis_box.lying(evidence), finish)
+
+
+def _revolved(evidence: Evidence, *, hollow: bool, wall_m: float) -> Candidate | None:
+    centre, _ = hypothesis_lofted.axis(evidence)
+    if hollow and hypothesis_lofted.interior(evidence, centre) < 0.03:
+        return None
+    layout, model = hypothesis_lofted.revolved(evidence, hollow=hollow, wall_m=wall_m)
+    return Candidate(model, lambda p: _finish_profile(layout, p))
+
+
+def _oval(evidence: Evidence) -> Candidate:
+    layout, model = hypothesis_lofted.oval(evidence)
+    return Candidate(model, lambda p: _finish_profile(layout, p))
+
+
+def _finish_profile(layout: hypothesis_lofted.Layout, p: np.ndarray) -> Finished:
+    profile = layout.profile(p).finer(3 * layout.knots)
+    facets = hypothesis_lofted.FACETS
+    body = profile.solid(facets)
+    if profile.wall is None:
+        return Finished(body, layout.pose(p))
+    from dextera_build.geometry import solids
+
+    pieces = wall_pieces.ring_walls(profile.outer(facets), profile.inner(facets))
+    return Finished(body, layout.pose(p), pieces, hollow=True, outside=solids.loft(profile.outer(facets)))
+
+
+def _extruded(evidence: Evidence) -> Candidate | None:
+    made = hypothesis_extruded.extruded(evidence)
+    if made is None:
+        return None
+    outline, model = made
+
+    def finish(p: np.ndarray) -> Finished:
+        return Finished(hypothesis_extruded.body(outline, p), hypothesis_box.upright(p[0], p[1], 0.0))
+
+    return Candidate(model, finish)
+
+
+def _panels(evidence: Evidence) -> Candidate | None:
+    model = hypothesis_panels.panels(evidence)
+    if model is None:
+        return None
+
+    def finish(p: np.ndarray) -> Finished:
+        base, lid = hypothesis_panels.slabs(p)
+        from dextera_build.geometry import solids
+
+        pose = hypothesis_box.upright(p[0], p[1], p[2])
+        return Finished(solids.join([base, lid]), pose, (base.vertices, lid.vertices))
+
+    return Candidate(model, finish)

@@ -1,0 +1,99 @@
+"""Words for things that have no name yet: colour, shape class, material."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.object import Element
+
+from .heights import Relief
+from .proposals import Proposal
+
+HUES = (
+    (20.0, "pink"),
+    (50.0, "red"),
+    (73.0, "orange"),
+    (108.0, "yellow"),
+    (165.0, "green"),
+    (200.0, "teal"),
+    (300.0, "blue"),
+    (330.0, "purple"),
+    (360.0, "pink"),
+)
+"""Upper end of the hue angle in the a*b* plane [deg] and its word."""
+MATERIALS = {"box": "cardboard", "bowl": "ceramic", "mug": "ceramic", "laptop": "electronics"}
+SHAPES = ("box", "cylinder", "bowl", "mug", "laptop", "object")
+
+
+def colour_word(lab: np.ndarray) -> str:
+    """The commonest colour word of (N, 3) CIE Lab pixels."""
+    light, chroma = lab[:, 0], np.hypot(lab[:, 1], lab[:, 2])
+    hue = np.degrees(np.arctan2(lab[:, 2], lab[:, 1])) % 360.0
+    index = np.searchsorted([end for end, _ in HUES], hue, side="right")
+    words = np.array([word for _, word in HUES], dtype="<U8")[np.minimum(index, len(HUES) - 1)]
+    words[(words == "orange") & (light < 50)] = "brown"
+    words[(words == "red") & (light > 65)] = "pink"
+    words[(words == "pink") & (light < 50)] = "red"
+    plain = chroma < np.where(light > 70, 18.0, 10.0)
+    words[plain] = np.where(light[plain] > 68, "white", np.where(light[plain] < 25, "black", "gray"))
+    names, counts = np.unique(words, return_counts=True)
+    return str(names[int(np.argmax(counts))])
+
+
+def shape_class(proposal: Proposal, relief: Relief) -> str:
+    """`box`, `cylinder`, `bowl`, `mug`, `laptop` or `object`, from how the surface bends."""
+    total = sum(p.area_m2 for p in proposal.patches)
+    flat = [p for p in proposal.patches if p.flatness_m < 0.004 and abs(p.bend) < 0.12 and p.area_m2 > 0.05 * total]
+    cavity = sum(p.area_m2 for p in proposal.patches if p.bend < -0.06 and p.flatness_m > 0.004)
+    round_ = sum(p.area_m2 for p in proposal.patches if p.bend > 0.08 and p.flatness_m > 0.002)
+    if proposal.hinged:
+        return "laptop"
+    if cavity > 0.1 * total:
+        points = relief.points[proposal.mask & relief.valid]
+        width = float(np.median(np.quantile(points[:, :2], 0.98, axis=0) - np.quantile(points[:, :2], 0.02, axis=0)))
+        return "mug" if proposal.top_m > 0.75 * width else "bowl"
+    if round_ > 0.35 * total:
+        return "cylinder"
+    if flat and sum(p.area_m2 for p in flat) > 0.7 * total and _square(flat):
+        return "box"
+    return "object"
+
+
+def _square(flat: list[object]) -> bool:
+    normals = np.array([p.plane[0] for p in flat])  # type: ignore[attr-defined]
+    cosines = np.abs(normals @ normals.T)
+    aside = cosines < np.cos(np.radians(65))
+    same = cosines > np.cos(np.radians(20))
+    return bool((aside | same).all())
+
+
+def elements(proposals: tuple[Proposal, ...], relief: Relief, lab: np.ndarray) -> tuple[Element, ...]:
+    """An element per proposal, with unique names in the proposals' order."""
+    found: list[Element] = []
+    taken: set[str] = set()
+    for proposal in proposals:
+        shape = shape_class(proposal, relief)
+        colour = colour_word(lab[proposal.mask])
+        base = proposal.static or f"{colour}_{shape}"
+        found.append(
+            Element(
+                name=unique(base, taken),
+                category=proposal.static or shape,
+                phrase=base.replace("_", " "),
+                body_type="articulated" if shape == "laptop" and not proposal.static else "rigid",
+                interactive=not proposal.static,
+                box=proposal.box,
+                material=MATERIALS.get(shape, "plastic"),
+            )
+        )
+    return tuple(found)
+
+
+def unique(base: str, taken: set[str]) -> str:
+    """`base`, or `base_2`, ... if it is taken; the name is added to `taken`."""
+    name, number = base, 1
+    while name in taken:
+        number += 1
+        name = f"{base}_{number}"
+    taken.add(name)
+    return name

@@ -1,0 +1,49 @@
+"""Overlap of boxes and masks, and the suppression of duplicates (mission row B4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+Box = tuple[int, int, int, int]
+
+
+def box_iou(a: Box, b: Box) -> float:
+    """Intersection over union of two boxes (left, top, right, bottom), right and bottom excluded."""
+    shared = _shared(a, b)
+    return shared / max(1, _area(a) + _area(b) - shared)
+
+
+def box_inside(a: Box, b: Box) -> float:
+    """Part of box `a` that lies in box `b`."""
+    return _shared(a, b) / max(1, _area(a))
+
+
+def suppress(masks: Mapping[str, np.ndarray], most_iou: float, most_inside: float) -> dict[str, np.ndarray]:
+    """Leave out each mask that repeats an earlier one.
+
+    Args:
+        masks: Name -> (H, W) bool, the most trusted first.
+        most_iou: A larger mask IoU means the same thing.
+        most_inside: A larger part of the smaller mask inside the other means the same thing.
+    """
+    kept: dict[str, np.ndarray] = {}
+    for name, mask in masks.items():
+        area = int(mask.sum())
+        repeats = False
+        for other in kept.values():
+            shared = int((mask & other).sum())
+            iou = shared / max(1, area + int(other.sum()) - shared)
+            repeats |= iou > most_iou or shared > most_inside * max(1, min(area, int(other.sum())))
+        if area and not repeats:
+            kept[name] = mask
+    return kept
+
+
+def _area(box: Box) -> int:
+    return max(0, box[2] - box[0]) * max(0, box[3] - box[1])
+
+
+def _shared(a: Box, b: Box) -> int:
+    return _area((max(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), min(a[3], b[3])))

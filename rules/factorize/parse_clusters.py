@@ -1,0 +1,23 @@
+"""Elements from geometry: what rises above the support, split at creases and steps, named by colour and shape."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.object import Element, Support
+from dextera_build.rule import Backend
+
+from . import naming
+from .proposals import colour_lab, scenery
+
+BACKEND = Backend(
+    summary="surface patches above the support, named by colour and shape",
+    profiles=("cpu",),
+    packages=("numpy", "scipy", "opencv-python-headless"),
+    extra="twin",
+)
+
+
+def propose(capture: Capture, support: Support) -> tuple[Element, ...]:
+    """Every thing above the support with its box [px], largest first."""
+    seen = scenery(capture, support)
+    return naming.elements(seen.objects, seen.relief, colour_lab(capture.rgb.pixels))

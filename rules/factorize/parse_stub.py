@@ -1,0 +1,20 @@
+"""Elements without names: connected pixels above the support."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.object import Element, Support
+from dextera_build.rule import Backend
+
+from .blobs import blobs
+
+BACKEND = Backend(summary="connected pixels above the support, `object`, `object_2`, ...", profiles=("stub",))
+
+
+def propose(capture: Capture, support: Support) -> tuple[Element, ...]:
+    """One element per connected region above the support, in scan order."""
+    found = []
+    for number, blob in enumerate(blobs(capture, support), start=1):
+        name = "object" if number == 1 else f"object_{number}"
+        found.append(Element(name=name, category="object", phrase="object", interactive=not blob.cut, box=blob.box))
+    return tuple(found)

@@ -1,0 +1,157 @@
+"""Smooth surface patches of what stands on the support: pieces between creases and depth steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.geometry import normals, planes
+
+from .heights import Relief
+
+SPAN = 3
+"""Half distance over which creases and steps are looked for [px]."""
+CREASE_RAD = 0.38
+"""Normals that turn more than this within twice the span belong to two patches [rad]."""
+NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """Per-pixel geometry of a crop of the image."""
+
+    left: int
+    top: int
+    points: np.ndarray  # (h, w, 3) world [m]
+    height: np.ndarray  # (h, w) [m]
+    inverse: np.ndarray  # (h, w) inverse depth [1/m], 0 where not raised or not measured
+    tolerance: np.ndarray  # (h, w) standard deviation of inverse depth [1/m]
+    sharp: normals.LocalPlanes
+    normal: np.ndarray  # (h, w, 3) world, 0 where unknown
+    raised: np.ndarray  # (h, w) bool
+    visible_floor: np.ndarray  # (h, w) bool, the support itself was measured here
+    pixel_m2: np.ndarray  # (h, w) area that a pixel covers, seen face on [m^2]
+    lab: np.ndarray  # (h, w, 3) float32 CIE L*a*b*
+
+
+def surfaces(relief: Relief, raised: np.ndarray, camera: Camera, world: np.ndarray, lab: np.ndarray) -> Surfaces:
+    """Local planes and normals of the raised pixels, in the smallest crop that holds them and a border of 8 px."""
+    rows, columns = np.nonzero(raised)
+    top, bottom = max(0, rows.min() - 8), min(raised.shape[0], rows.max() + 9)
+    left, right = max(0, columns.min() - 8), min(raised.shape[1], columns.max() + 9)
+    box = (slice(top, bottom), slice(left, right))
+    mask = raised[box]
+    depth = (relief.points[box] - world[:3, 3]) @ world[:3, 2]
+    inverse = np.where(mask, 1.0 / np.where(mask, depth, 1.0), 0.0)
+    tolerance = np.where(mask, planes.depth_sigma(depth) * np.square(inverse), 1.0)
+    local = normals.fit(inverse, tolerance)
+    sharp = normals.sharpen(local, inverse, tolerance)
+    k = camera.crop(left, top, right - left, bottom - top).matrix()
+    normal = sharp.normals(k) @ world[:3, :3].T
+    pixel_m2 = np.where(mask, np.square(depth), 0.0) / (camera.fx * camera.fy)
+    place = (int(left), int(top), relief.points[box], relief.height[box])
+    floor = relief.valid[box] & ~relief.raised[box]
+    return Surfaces(*place, inverse, tolerance, sharp, normal, mask, floor, pixel_m2, lab[box])
+
+
+def fold(s: Surfaces, rows: np.ndarray, columns: np.ndarray, down: int, right: int) -> tuple[np.ndarray, np.ndarray]:
+    """How the surface goes on from pixels o to pixels q, (down, right) away.
+
+    Returns:
+        Signed angle between the normals [rad], positive where the surface is convex; and the depth step [m], 0 where
+        the two local planes meet between o and q.
+    """
+    far_rows, far_columns = rows + down, columns + right
+    n0, n1 = s.normal[rows, columns], s.normal[far_rows, far_columns]
+    cosine = np.clip((n0 * n1).sum(axis=-1), -1.0, 1.0)
+    along = s.points[far_rows, far_columns] - s.points[rows, columns]
+    convex = ((n1 - n0) * along).sum(axis=-1) >= 0
+    angle = np.where(convex, 1.0, -1.0) * np.arccos(cosine)
+    w0, w1 = s.inverse[rows, columns], s.inverse[far_rows, far_columns]
+    ahead = s.sharp.at(rows, columns, np.full_like(rows, down), np.full_like(rows, right)) - w1
+    behind = w0 - s.sharp.at(far_rows, far_columns, np.full_like(rows, -down), np.full_like(rows, -right))
+    step = np.where(ahead * behind > 0, np.minimum(np.abs(ahead), np.abs(behind)), 0.0)
+    return angle, step / np.maximum(w0 * w1, 1e-9)
+
+
+def edges(s: Surfaces) -> np.ndarray:
+    """Strength (h, w) of creases and steps around each pixel: 1 is where a patch ends."""
+    known = np.linalg.norm(s.normal, axis=-1) > 0
+    strength = np.zeros(s.inverse.shape)
+    for down, right in NEIGHBOURS:
+        rows, columns = np.nonzero(known)
+        r0, c0, r1, c1 = rows - SPAN * down, columns - SPAN * right, rows + SPAN * down, columns + SPAN * right
+        inside = (r0 >= 0) & (c0 >= 0) & (c1 >= 0) & (r1 < known.shape[0])
+        inside &= (c0 < known.shape[1]) & (c1 < known.shape[1])
+        rows, columns, r0, c0, r1, c1 = (x[inside] for x in (rows, columns, r0, c0, r1, c1))
+        both = known[r0, c0] & known[r1, c1]
+        rows, columns, r0, c0 = rows[both], columns[both], r0[both], c0[both]
+        angle, step = fold(s, r0, c0, 2 * SPAN * down, 2 * SPAN * right)
+        limit = step_limit(s, rows, columns)
+        value = np.maximum(np.abs(angle) / CREASE_RAD, step / limit)
+        strength[rows, columns] = np.maximum(strength[rows, columns], value)
+    return strength
+
+
+def step_limit(s: Surfaces, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Depth difference that noise does not reach at these pixels [m]."""
+    w = np.maximum(s.inverse[rows, columns], 1e-6)
+    return np.asarray(0.004 + 3.0 * planes.depth_sigma(1.0 / w))
+
+
+def patches(s: Surfaces, smallest: int = 25) -> np.ndarray:
+    """Patch labels (h, w) int32: 1.. on raised pixels, 0 elsewhere."""
+    from scipy import ndimage
+
+    known = np.linalg.norm(s.normal, axis=-1) > 0
+    calm = known & (edges(s) < 1.0)
+    labels, count = ndimage.label(calm)
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    keep = np.where(sizes >= smallest, np.arange(count + 1), 0)
+    labels = grow(s, keep[labels].astype(np.int32))
+    rest, extra = ndimage.label(s.raised & (labels == 0))
+    sizes = np.bincount(rest.ravel(), minlength=extra + 1)
+    sizes[0] = 0
+    rest = np.where(sizes >= smallest, np.arange(extra + 1), 0)[rest]
+    labels = np.where(rest > 0, rest + labels.max(), labels)
+    labels = spread(labels, s.raised)
+    return np.unique(labels, return_inverse=True)[1].reshape(labels.shape).astype(np.int32)
+
+
+def grow(s: Surfaces, labels: np.ndarray, rounds: int = 12) -> np.ndarray:
+    """Give unlabelled raised pixels to the neighbouring patch whose local plane predicts their depth best."""
+    labels = labels.copy()
+    a, b, c = s.sharp.a.copy(), s.sharp.b.copy(), s.sharp.c.copy()
+    for _ in range(rounds):
+        rows, columns = np.nonzero(s.raised & (labels == 0))
+        best = np.full(len(rows), 4.0)
+        owner = np.zeros(len(rows), np.int64)
+        source = np.zeros((2, len(rows)), np.int64)
+        for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+            r, q = np.clip(rows + down, 0, labels.shape[0] - 1), np.clip(columns + right, 0, labels.shape[1] - 1)
+            predicted = c[r, q] - a[r, q] * right - b[r, q] * down
+            cost = np.abs(predicted - s.inverse[rows, columns]) / s.tolerance[rows, columns]
+            better = (labels[r, q] > 0) & (cost < best)
+            best[better], owner[better] = cost[better], labels[r, q][better]
+            source[0][better], source[1][better] = down, right
+        won = owner > 0
+        if not won.any():
+            break
+        rows, columns, (down, right) = rows[won], columns[won], source[:, won]
+        labels[rows, columns] = owner[won]
+        r, q = rows + down, columns + right
+        c[rows, columns] = c[r, q] - a[r, q] * right - b[r, q] * down
+        a[rows, columns], b[rows, columns] = a[r, q], b[r, q]
+    return labels
+
+
+def spread(labels: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Give the unlabelled pixels of a mask to the nearest label within 6 px."""
+    from scipy import ndimage
+
+    distance, (rows, columns) = ndimage.distance_transform_edt(labels == 0, return_indices=True)
+    near = mask & (labels == 0) & (distance <= 6)
+    return np.where(near, labels[rows, columns], labels)

@@ -1,0 +1,142 @@
+"""Fit the parameters of a body to a view: damped least squares on rendered depth and silhouette residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dextera_build.geometry import raycast
+from dextera_build.geometry.solids import Solid
+
+from .evidence import REACH_PX, STEP_PX, Evidence
+
+DEPTH_CAP = 8.0
+"""Largest depth residual, in standard deviations; also that of a ray that misses the body."""
+SOFT = 2.5
+"""Where residuals start to count less, in standard deviations (Cauchy)."""
+SIGMA_PX = 1.0
+"""Standard deviation of the silhouette [px]."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A family of bodies with parameters, in the world frame of the support."""
+
+    name: str
+    build: Callable[[np.ndarray], Solid]
+    """Parameters -> closed surface in the world frame."""
+    starts: list[np.ndarray]
+    """First guesses."""
+    steps: np.ndarray
+    """How far each parameter moves to feel the slope; about the precision that counts [m or rad]."""
+    lower: np.ndarray
+    upper: np.ndarray
+    expected: np.ndarray | None = None
+    """What a parameter is where nothing is seen of it."""
+    spread: np.ndarray = field(default_factory=lambda: np.array(np.inf))
+    """Standard deviation about `expected`; infinite where nothing is expected."""
+    cost: float = 0.0
+    """Complexity, subtracted from the score."""
+    iterations: int = 12
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where a fit ended."""
+
+    parameters: np.ndarray
+    loss: float
+    precision: np.ndarray
+    """Curvature of the loss by parameter, in units of `steps`: near 0 where the view says nothing."""
+
+
+def fit(model: Model, evidence: Evidence, iterations: int, tries: int = 2) -> Fit:
+    """The best parameters of `model`: every start is judged, the best `tries` are refined."""
+    starts = [np.clip(start, model.lower, model.upper) for start in model.starts]
+    losses = [_loss(model, evidence, start)[0] for start in starts]
+    order = np.argsort(losses, kind="stable")[:tries]
+    short = max(3, iterations // 3)
+    first = [descend(model, evidence, starts[i], short) for i in order]
+    best = min(first, key=lambda found: found.loss)
+    return descend(model, evidence, best.parameters, iterations - short)
+
+
+def descend(model: Model, evidence: Evidence, start: np.ndarray, iterations: int) -> Fit:
+    """Levenberg-Marquardt with finite differences from one start."""
+    here = start.copy()
+    loss, residual, weight = _loss(model, evidence, here)
+    damping = 1e-2
+    curvature = np.zeros(len(here))
+    for _ in range(iterations):
+        slope = _slopes(model, evidence, here, residual)
+        normal = (slope * weight[:, None]).T @ slope
+        gradient = slope.T @ (weight * residual)
+        curvature = np.diag(normal).copy()
+        improved = False
+        for _ in range(4):
+            damped = normal + damping * np.diag(curvature + 1e-6 * curvature.max(initial=1e-12))
+            move = -np.linalg.solve(damped + 1e-12 * np.eye(len(here)), gradient) * model.steps
+            there = np.clip(here + np.clip(move, -12 * model.steps, 12 * model.steps), model.lower, model.upper)
+            found = _loss(model, evidence, there)
+            if found[0] < loss:
+                improved = True
+                break
+            damping *= 6.0
+        if not improved:
+            break
+        gain = loss - found[0]
+        here, (loss, residual, weight) = there, found
+        damping = max(damping / 4.0, 1e-5)
+        if gain < 1e-4 * loss:
+            break
+    return Fit(here, loss, curvature)
+
+
+def _slopes(model: Model, evidence: Evidence, here: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """Change (R, P) of the residuals for one step of each parameter, taken to the side that has room."""
+    slope = np.zeros((len(residual), len(here)))
+    for i, step in enumerate(model.steps):
+        sign = 1.0 if here[i] + step <= model.upper[i] else -1.0
+        there = here.copy()
+        there[i] += sign * step
+        slope[:, i] = sign * (residuals(model, evidence, there) - residual)
+    return slope
+
+
+def _loss(model: Model, evidence: Evidence, parameters: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    residual = residuals(model, evidence, parameters)
+    soft = np.full(len(residual), SOFT)
+    soft[len(residual) - len(parameters) :] = np.inf
+    share = _shares(evidence, len(parameters))
+    squared = np.square(residual)
+    rho = np.where(np.isinf(soft), squared, SOFT**2 * np.log1p(squared / SOFT**2))
+    return float((share * rho).sum()), residual, share / (1.0 + squared / soft**2)
+
+
+def _shares(evidence: Evidence, parameters: int) -> np.ndarray:
+    """Weight of every residual: depth and silhouette count the same in all, whatever their number."""
+    rays, places = len(evidence.rays), len(evidence.silhouette.rays)
+    return np.concatenate(
+        [np.full(rays, 1.0 / max(rays, 1)), np.full(places, 1.0 / max(places, 1)), np.full(parameters, 0.02)]
+    )
+
+
+def residuals(model: Model, evidence: Evidence, parameters: np.ndarray) -> np.ndarray:
+    """Depth, silhouette and prior residuals in standard deviations: (rays + outline places + parameters,)."""
+    body = model.build(parameters)
+    outline = evidence.silhouette
+    count = len(evidence.rays)
+    hits = raycast.cast(
+        [raycast.Surface(body.vertices, body.faces)], np.concatenate([evidence.rays, outline.rays.reshape(-1, 6)])
+    )
+    met = hits.index >= 0
+    difference = np.where(met[:count], hits.depth[:count] - evidence.ray_depth, np.inf) / evidence.ray_sigma
+    covered = met[count:].reshape(outline.inside.shape)
+    covered = (covered | outline.inside) & ~outline.outside
+    excess = (covered.sum(axis=1) * STEP_PX - REACH_PX - STEP_PX / 2) / SIGMA_PX
+    prior = np.zeros(len(parameters))
+    if model.expected is not None:
+        prior = (parameters - model.expected) / np.broadcast_to(model.spread, parameters.shape)
+    return np.concatenate([np.clip(difference, -DEPTH_CAP, DEPTH_CAP), excess, prior])

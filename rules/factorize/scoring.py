@@ -1,0 +1,52 @@
+"""How well a body explains a view: silhouette overlap, depth, and space that the camera saw to be empty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.geometry import raycast
+from dextera_build.geometry.solids import Solid
+
+from .evidence import Evidence
+
+DEPTH_WEIGHT = 0.5
+"""What a wrong depth everywhere costs, beside an overlap of 1."""
+FREE_WEIGHT = 0.5
+"""What it costs when the whole rendered surface floats in seen empty space."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Marks of one body."""
+
+    score: float
+    """Overlap less depth error, empty space and complexity; higher is better."""
+    mask_iou: float
+    residual_m: float
+    """Median absolute depth difference on common trusted pixels [m]."""
+    free: float
+    """Part of the rendered pixels that stand in front of what the camera saw."""
+
+
+def judge(body: Solid, evidence: Evidence, complexity: float = 0.0) -> Judgement:
+    """Render a closed surface in the world frame from the camera and compare it with the view."""
+    height, width = evidence.mask.shape
+    surface = raycast.Surface(body.vertices, body.faces)
+    shown = raycast.render([surface], evidence.k, evidence.world_from_camera, height, width)
+    covered, mask = (shown.index >= 0) & evidence.known, evidence.mask & evidence.known
+    either = np.count_nonzero(covered | mask)
+    iou = np.count_nonzero(covered & mask) / either if either else 0.0
+    common = covered & evidence.core
+    difference = np.abs(shown.depth - evidence.depth)[common]
+    residual = float(np.median(difference)) if common.any() else float("inf")
+    # Every trusted pixel counts; one that the body does not cover counts as wholly wrong.
+    error = np.minimum(difference / (6.0 * evidence.sigma[common]), 1.0).sum()
+    trusted = max(np.count_nonzero(evidence.core & evidence.known), 1)
+    depth_error = (float(error) + trusted - np.count_nonzero(common)) / trusted
+    seen_behind = (evidence.depth > 0) & (shown.depth < evidence.depth - 0.006 - 4.0 * evidence.sigma)
+    clear = np.where(mask, evidence.core, True)
+    free = np.count_nonzero(covered & seen_behind & clear) / max(np.count_nonzero(covered), 1)
+    score = iou - DEPTH_WEIGHT * depth_error - FREE_WEIGHT * free - complexity
+    return Judgement(float(score), float(iou), residual, float(free))

@@ -1,0 +1,112 @@
+"""simulate.asset: one object in metres, ready for any simulator."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.geometry import Hull, Mesh
+from dextera_build.artifacts.object import (
+    Asset,
+    Body,
+    Collision,
+    Inertial,
+    Joint,
+    Link,
+    ObjectView,
+    Physics,
+    Placement,
+)
+from dextera_build.rule import Context, rule
+
+
+@rule(version=1)
+def asset(
+    ctx: Context, body: Body, physics: Physics, collision: Collision, placement: Placement, seen: ObjectView
+) -> Asset:
+    """Return the body with the placement's scale baked into every part, and its pose in the world [m].
+
+    A uniform scale s makes meshes, walls, pieces, joint origins and prismatic limits s times as large, masses s^3 and
+    inertias s^5 at constant density; angles stay. The pose is left rigid, because simulators do not scale bodies.
+    """
+    names = set(body.links)
+    for what, links in (("physics", set(physics.links)), ("collision", set(collision.links))):
+        ctx.check(links == names, f"{what} has links {sorted(links)}, but the body has {sorted(names)}")
+    _check_rigid(ctx, placement)
+    s = placement.scale
+    mass = sum(link.mass_kg for link in physics.links.values()) * s**3
+    pieces = sum(len(link.hulls) for link in collision.links.values())
+    ctx.metric("mass", mass, "kg")
+    ctx.say(f"{mass:.3f} kg, scale {s:.4f}, {_count(pieces, 'collision piece')}, {_count(len(body.joints), 'joint')}")
+    return Asset(
+        body=scale_body(body, s),
+        physics=scale_physics(physics, s),
+        collision=Collision(
+            links={
+                name: link.model_copy(update={"hulls": tuple(scale_hull(hull, s) for hull in link.hulls)})
+                for name, link in collision.links.items()
+            }
+        ),
+        world_from_object=placement.world_from_object,
+        category=seen.category,
+    )
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def _check_rigid(ctx: Context, placement: Placement) -> None:
+    scale, pose = placement.scale, placement.world_from_object
+    hint = "a uniform factor belongs into `scale`; a non-uniform one would break joints and inertia"
+    ctx.check(bool(np.isfinite(scale)) and scale > 0.0, f"the scale is {scale}, but it is positive", hint=hint)
+    sizes = np.linalg.norm(pose[:3, :3], axis=0)
+    ctx.check(
+        bool(np.allclose(pose[:3, :3].T @ pose[:3, :3], np.eye(3), atol=1e-6))
+        and float(np.linalg.det(pose[:3, :3])) > 0.0,
+        "the pose scales, shears or mirrors the object",
+        hint=hint,
+        axis_lengths=np.round(sizes, 6).tolist(),
+    )
+
+
+def scale_body(body: Body, s: float) -> Body:
+    """The body `s` times as large; its pose is kept, for the object's origin is the centre of the scaling."""
+    links = {
+        name: Link(mesh=scale_mesh(link.mesh, s), walls=tuple(scale_hull(wall, s) for wall in link.walls))
+        for name, link in body.links.items()
+    }
+    joints = tuple(scale_joint(joint, s) for joint in body.joints)
+    return body.model_copy(update={"links": links, "joints": joints})
+
+
+def scale_joint(joint: Joint, s: float) -> Joint:
+    """The joint of a body `s` times as large: its origin scales, and so do limits that are lengths."""
+    length = s if joint.type == "prismatic" else 1.0
+    x, y, z = joint.origin
+    changes = {name: getattr(joint, name) * length for name in ("lower", "upper", "position")}
+    return joint.model_copy(update={"origin": (x * s, y * s, z * s), **changes})
+
+
+def scale_physics(physics: Physics, s: float) -> Physics:
+    """Mass properties of a body `s` times as large at the same density."""
+    return physics.model_copy(update={"links": {name: _inertial(link, s) for name, link in physics.links.items()}})
+
+
+def _inertial(link: Inertial, s: float) -> Inertial:
+    masses = {name: getattr(link, name) * s**3 for name in ("mass_kg", "mass_low_kg", "mass_high_kg")}
+    vectors = {"centre": tuple(v * s for v in link.centre), "inertia": tuple(v * s**5 for v in link.inertia)}
+    return link.model_copy(update={**masses, **vectors})
+
+
+def scale_mesh(mesh: Mesh, s: float) -> Mesh:
+    """The mesh `s` times as large."""
+    return mesh.model_copy(update={"vertices": _larger(mesh.vertices, s)})
+
+
+def scale_hull(hull: Hull, s: float) -> Hull:
+    """The convex piece `s` times as large."""
+    return Hull(vertices=_larger(hull.vertices, s))
+
+
+def _larger(vertices: np.ndarray, s: float) -> np.ndarray:
+    return (vertices.astype(np.float64) * s).astype(np.float32)

@@ -1,0 +1,208 @@
+"""simulate.robot: a robot model from its description as data."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.robot import Group, RobotJoint, RobotModel
+from dextera_build.errors import listing
+from dextera_build.rule import Context, Options, rule
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+class PieceOptions(Options):
+    """A primitive that makes up a link's look and collision geometry, in the link's frame."""
+
+    shape: Literal["capsule", "cylinder", "box", "sphere", "ellipsoid"]
+    """Kind of primitive."""
+    from_m: Vector | None = None
+    """One end of a capsule's or cylinder's axis [m]."""
+    to_m: Vector | None = None
+    """Its other end [m]."""
+    at_m: Vector = (0.0, 0.0, 0.0)
+    """Middle of any other primitive [m]."""
+    quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    """Rotation of any other primitive, w x y z."""
+    radius_m: float = 0.0
+    """Radius of a capsule, cylinder or sphere [m]."""
+    half_m: Vector = (0.0, 0.0, 0.0)
+    """Half edges of a box, half axes of an ellipsoid [m]."""
+    colour: str
+    """Name in `colours`."""
+    collides: bool = True
+    """False: only for the eye."""
+
+
+class JointOptions(Options):
+    """A hinge about the link's frame."""
+
+    name: str
+    """Name; the mount's prefix comes before it."""
+    axis: Vector = (0.0, 0.0, 1.0)
+    """Unit axis in the link's frame."""
+    lower_rad: float
+    """Lower limit [rad]."""
+    upper_rad: float
+    """Upper limit [rad]."""
+    home_rad: float = 0.0
+    """Home position [rad]."""
+    velocity_rad_s: float
+    """Largest speed [rad/s]."""
+    effort_nm: float
+    """Largest torque [N m]."""
+    stiffness_nm_rad: float
+    """Gain of the position actuator [N m/rad]."""
+    damping_nms_rad: float
+    """Damping of joint and actuator [N m s/rad]."""
+    armature_kgm2: float = 0.0
+    """Inertia of the rotor seen at the joint [kg m^2]."""
+
+
+class LinkOptions(Options):
+    """One link of a chain."""
+
+    name: str
+    """Name; the mount's prefix comes before it."""
+    at_m: Vector = (0.0, 0.0, 0.0)
+    """Origin in the previous link; of a chain's first link in its mount [m]."""
+    quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    """Rotation against the previous link, w x y z."""
+    mass_kg: float
+    """Mass [kg]."""
+    centre_m: Vector
+    """Centre of mass [m]."""
+    inertia_kgm2: Vector
+    """Principal moments of inertia [kg m^2]."""
+    inertia_quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    """Rotation of the principal axes, w x y z."""
+    joint: JointOptions | None = None
+    """The joint that moves it, or None for a fixed link."""
+    pieces: tuple[PieceOptions, ...]
+    """Its primitives."""
+
+
+class MountOptions(Options):
+    """Where one copy of a chain is fastened."""
+
+    parent: str = ""
+    """Link, with its prefix; empty for the world."""
+    at_m: Vector = (0.0, 0.0, 0.0)
+    """Origin in the parent [m]."""
+    quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    """Rotation against the parent, w x y z."""
+    prefix: str = ""
+    """Put before every name of this copy."""
+
+
+class ChainOptions(Options):
+    """Links in series, built once per mount: four equal fingers are one chain with four mounts."""
+
+    group: Group
+    """Morphology class."""
+    mounts: tuple[MountOptions, ...]
+    """One copy each."""
+    links: tuple[LinkOptions, ...]
+    """From the mount outwards."""
+
+
+class FrameOptions(Options):
+    """A named frame."""
+
+    link: str
+    """Link, with its prefix."""
+    at_m: Vector = (0.0, 0.0, 0.0)
+    """Origin in the link [m]."""
+    quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    """Rotation against the link, w x y z."""
+
+
+class RobotOptions(Options):
+    """Options of simulate.robot: the robot as data."""
+
+    name: str
+    """Name of the model."""
+    source: str
+    """Where kinematics, masses and limits come from."""
+    colours: dict[str, Vector]
+    """Name -> sRGB 0..1."""
+    chains: tuple[ChainOptions, ...]
+    """The first link of the first chain is called `base` and does not move."""
+    frames: dict[str, FrameOptions]
+    """Role -> frame: `flange`, `palm`, `tip_index`, ..."""
+    apart: tuple[tuple[str, str], ...] = ()
+    """Pairs of links whose contact is not looked at, beside neighbours."""
+
+
+@rule(version=1, packages=("mujoco",))
+def robot(ctx: Context, *, options: RobotOptions) -> RobotModel:
+    """Return the robot as MJCF of primitives: metres, kilograms, root body `base` in its own frame, z up."""
+    from dextera_build.sim import robot as builder
+
+    links, joints = _inventory(ctx, options)
+    text = builder.mjcf(options)
+    mass = builder.mass(text)
+    ctx.metric("mass", mass, "kg")
+    ctx.say(f"{options.name}: {len(joints)} joints, {len(links)} links, {mass:.1f} kg")
+    ctx.preview(builder.portrait(text, {joint.name: joint.home for joint in joints}), "at home")
+    return RobotModel(
+        model=Folder(files={"robot.xml": text.encode()}),
+        joints=joints,
+        links=links,
+        frames={role: role for role in options.frames},
+        source=options.source,
+    )
+
+
+def _inventory(ctx: Context, options: RobotOptions) -> tuple[dict[str, Group], tuple[RobotJoint, ...]]:
+    links: dict[str, Group] = {}
+    joints: dict[str, RobotJoint] = {}
+    for chain in options.chains:
+        for mount in chain.mounts:
+            if mount.parent and mount.parent not in links:
+                ctx.fail(f"`{mount.parent}` carries a chain, but no link is called so", links=listing(links, most=40))
+            for link in chain.links:
+                name = mount.prefix + link.name
+                ctx.check(name not in links, f"two links are called `{name}`", hint="give each mount its own `prefix`")
+                _check_pieces(ctx, name, link, options.colours)
+                links[name] = chain.group
+                if link.joint is not None:
+                    joint = _joint(ctx, mount.prefix, link.joint, chain.group)
+                    ctx.check(joint.name not in joints, f"two joints are called `{joint.name}`")
+                    joints[joint.name] = joint
+    ctx.check(next(iter(links), "") == "base", "the first link is not called `base`")
+    named = {frame.link for frame in options.frames.values()} | {name for pair in options.apart for name in pair}
+    if unknown := sorted(named - set(links)):
+        ctx.fail(f"no link is called `{unknown[0]}`", links=listing(links, most=40))
+    return links, tuple(joints.values())
+
+
+def _joint(ctx: Context, prefix: str, joint: JointOptions, group: Group) -> RobotJoint:
+    name = prefix + joint.name
+    inside = joint.lower_rad <= joint.home_rad <= joint.upper_rad
+    limits = f"{joint.lower_rad:g} to {joint.upper_rad:g} rad"
+    ctx.check(inside, f"home of joint `{name}` lies outside its limits", home=f"{joint.home_rad:g} rad", limits=limits)
+    return RobotJoint(
+        name=name,
+        group=group,
+        lower=joint.lower_rad,
+        upper=joint.upper_rad,
+        velocity=joint.velocity_rad_s,
+        effort=joint.effort_nm,
+        home=joint.home_rad,
+    )
+
+
+def _check_pieces(ctx: Context, link: str, options: LinkOptions, colours: dict[str, Vector]) -> None:
+    for piece in options.pieces:
+        known = piece.colour in colours
+        ctx.check(known, f"link `{link}` has an unknown colour `{piece.colour}`", colours=listing(colours))
+        if piece.shape in ("capsule", "cylinder"):
+            whole = piece.from_m is not None and piece.to_m is not None and piece.radius_m > 0
+            ctx.check(whole, f"a {piece.shape} of link `{link}` needs `from_m`, `to_m` and `radius_m`")
+        elif piece.shape == "sphere":
+            ctx.check(piece.radius_m > 0, f"a sphere of link `{link}` needs `radius_m`")
+        else:
+            ctx.check(min(piece.half_m) > 0, f"a {piece.shape} of link `{link}` needs `half_m`")

@@ -1,0 +1,35 @@
+"""simulate.scene: put the assets into their static scene as a model that loads in MuJoCo."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.object import Asset, Support
+from dextera_build.artifacts.scene import Background, Scene
+from dextera_build.rule import Context, rule
+from dextera_build.sim import mjcf, names
+
+
+@rule(version=1, packages=("scipy",))
+def scene(ctx: Context, assets: Collection[Asset], background: Background, support: Support, camera: Camera) -> Scene:
+    """Return the twin as MJCF in the world frame [m, kg, rad]: z up, support at z = 0, camera `capture`.
+
+    Every object is a free body with its explicit mass properties, a textured visual and convex collision pieces;
+    keyframe `home` holds the pose and the joint positions of the photograph.
+    """
+    placed = assets.items
+    model = mjcf.scene(placed, background, camera, support.world_from_camera)
+    joints = sum(len(asset.body.joints) for asset in placed.values())
+    pieces = sum(len(part.hulls) for asset in placed.values() for part in asset.collision.links.values())
+    mass = sum(link.mass_kg for asset in placed.values() for link in asset.physics.links.values())
+    ctx.metric("bodies", len(placed))
+    ctx.metric("joints", joints)
+    ctx.metric("collision pieces", pieces)
+    ctx.metric("mass", mass, "kg")
+    bodies = tuple(names.body_names(placed).values())
+    ctx.say(f"{_count(len(bodies), 'body', 'bodies')}, {_count(joints, 'joint', 'joints')}, {mass:.2f} kg")
+    return Scene(model=model, camera=camera, world_from_camera=support.world_from_camera, bodies=bodies)
+
+
+def _count(number: int, one: str, many: str) -> str:
+    return f"{number} {one if number == 1 else many}"

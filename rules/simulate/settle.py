@@ -1,0 +1,46 @@
+"""simulate.settle: let the scene go and see whether everything stays where the photograph shows it."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.scene import Scene, SettleReport
+from dextera_build.rule import Context, Options, rule
+
+from .curves import settle_picture
+
+
+class SettleOptions(Options):
+    """Options of simulate.settle."""
+
+    seconds: float = 3.0
+    """Simulated time [s]."""
+    max_tilt_rad: float = 0.17
+    """A body that turned further fell over [rad]."""
+    max_drift_m: float = 0.05
+    """A body that moved further was thrown or slid off [m]."""
+    max_joint_rad: float = 0.05
+    """A joint that moved further does not hold [rad or m]."""
+    max_speed_m_s: float = 0.01
+    """A body that is faster at the end is not at rest [m/s]."""
+    max_turn_rad_s: float = 0.1
+    """A body that turns faster at the end is not at rest [rad/s]."""
+
+
+@rule(version=1)
+def settle(ctx: Context, scene: Scene, *, options: SettleOptions) -> SettleReport:
+    """Return how far each body of `scene` moved [m, rad, world frame] within `options.seconds` of free simulation.
+
+    The report is valid whether or not the scene passes: `passed` says it.
+    """
+    report: SettleReport = ctx.backend.let_go(scene, options)
+    names = {body.name for body in report.bodies}
+    ctx.check(names == set(scene.bodies), "the report does not name the scene's bodies", bodies=sorted(names))
+    drift = max((body.drift_m for body in report.bodies), default=0.0)
+    depth = max((body.penetration_m for body in report.bodies), default=0.0)
+    ctx.metric("drift", drift * 1000, "mm")
+    ctx.metric("penetration", depth * 1000, "mm")
+    ctx.metric("resting", sum(body.resting for body in report.bodies), f"of {len(report.bodies)}")
+    restless = [body.name for body in report.bodies if not body.resting]
+    verdict = f"does not rest: {', '.join(restless)}" if restless else "settles"
+    ctx.say(f"{verdict}, drift {drift * 1000:.1f} mm, penetration {depth * 1000:.1f} mm")
+    ctx.preview(settle_picture(report), verdict)
+    return report

@@ -1,0 +1,49 @@
+"""simulate.settle with MuJoCo."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dextera_build.artifacts.scene import Scene, Settled, SettleReport
+from dextera_build.rule import Backend
+from dextera_build.sim import settle as runner
+
+if TYPE_CHECKING:
+    from .settle import SettleOptions
+
+BACKEND = Backend(
+    summary="MuJoCo, implicit integration, from keyframe `home`",
+    profiles=("cpu", "gpu"),
+    packages=("mujoco",),
+    extra="twin",
+)
+
+
+def let_go(scene: Scene, options: SettleOptions) -> SettleReport:
+    """Simulate `scene` and judge every body by `options`."""
+    run = runner.let_go(scene.model, scene.bodies, options.seconds)
+    bodies = tuple(
+        Settled(
+            name=motion.name,
+            drift_m=motion.drift_m,
+            tilt_rad=motion.tilt_rad,
+            penetration_m=motion.penetration_m,
+            joint_drift=motion.joints,
+            resting=not run.diverged and rests(motion, options),
+        )
+        for motion in run.motions
+    )
+    passed = all(body.resting for body in bodies)
+    return SettleReport(bodies=bodies, seconds=options.seconds, energy_j=run.energy_j, passed=passed)
+
+
+def rests(motion: runner.Motion, options: SettleOptions) -> bool:
+    """At rest at the end, upright as it stood, joints where they were, and not thrown or fallen off."""
+    within = (
+        motion.tilt_rad <= options.max_tilt_rad,
+        motion.drift_m <= options.max_drift_m,
+        motion.joints <= options.max_joint_rad,
+        motion.speed_m_s <= options.max_speed_m_s,
+        motion.turn_rad_s <= options.max_turn_rad_s,
+    )
+    return all(within)

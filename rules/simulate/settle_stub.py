@@ -1,0 +1,23 @@
+"""simulate.settle without a simulator: every body rests where it is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.scene import Scene, Settled, SettleReport
+from dextera_build.rule import Backend
+
+if TYPE_CHECKING:
+    from .settle import SettleOptions
+
+BACKEND = Backend(summary="no simulation: everything rests", profiles=("stub",))
+
+
+def let_go(scene: Scene, options: SettleOptions) -> SettleReport:
+    """A report in which nothing moves."""
+    bodies = tuple(
+        Settled(name=name, drift_m=0.0, tilt_rad=0.0, penetration_m=0.0, resting=True) for name in scene.bodies
+    )
+    return SettleReport(bodies=bodies, seconds=options.seconds, energy_j=np.zeros(2), passed=True)

@@ -1,0 +1,152 @@
+"""simulate.urdf: one asset as a URDF folder for ROS tools and simulators."""
+
+from __future__ import annotations
+
+import json
+from xml.etree import ElementTree
+
+import numpy as np
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.geometry import Hull, Mesh, obj_text
+from dextera_build.artifacts.image import png
+from dextera_build.artifacts.object import Asset, Inertial, Joint
+from dextera_build.rule import Context, Options, rule
+
+Node = ElementTree.Element
+Point = tuple[float, ...]
+
+
+class UrdfOptions(Options):
+    """Options of simulate.urdf: what a photograph cannot show of a joint, but URDF demands."""
+
+    name: str = "object"
+    """Name of the robot element."""
+    effort_nm: float = 5.0
+    """Largest torque or force of a joint [N m or N]."""
+    velocity_rad_s: float = 5.0
+    """Largest speed of a joint [rad/s or m/s]."""
+    damping: float = 0.02
+    """Viscous damping of a joint [N m s/rad or N s/m]."""
+    friction: float = 0.1
+    """Dry friction of a joint [N m or N]; holds a lid where it stands."""
+
+
+@rule(version=1, packages=("scipy",))
+def urdf(ctx: Context, asset: Asset, *, options: UrdfOptions) -> Folder:
+    """Return `object.urdf` with its meshes, in metres and radians, all paths relative.
+
+    A link's frame lies at the origin of the joint that moves it and is parallel to the object frame at joints 0; the
+    root link's frame is the object frame. `placement.json` says where the object frame is in the world and how its
+    joints stand, which URDF cannot.
+    """
+    files: dict[str, bytes] = {}
+    robot = Node("robot", name=options.name)
+    # MuJoCo drops folders from mesh paths, visuals, and the mass of the root link, unless told otherwise.
+    compiler = {"strippath": "false", "discardvisual": "false", "fusestatic": "false", "balanceinertia": "false"}
+    ElementTree.SubElement(ElementTree.SubElement(robot, "mujoco"), "compiler", compiler)
+    origins = {joint.child: joint.origin for joint in asset.body.joints}
+    for name, link in asset.body.links.items():
+        origin = np.array(origins.get(name, (0.0, 0.0, 0.0)))
+        node = ElementTree.SubElement(robot, "link", name=name)
+        _inertial(node, asset.physics.links[name], origin)
+        _visual(node, files, name, link.mesh, origin)
+        for number, hull in enumerate(asset.collision.links[name].hulls):
+            _collision(node, files, f"{name}_collision_{number:03d}", hull, origin)
+    for joint in asset.body.joints:
+        _joint(robot, joint, origins, options)
+    ElementTree.indent(robot)
+    files["object.urdf"] = ElementTree.tostring(robot, encoding="utf-8", xml_declaration=True) + b"\n"
+    files["placement.json"] = _placement(asset)
+    size = sum(len(data) for data in files.values()) / 1e6
+    ctx.say(f"{len(asset.body.links)} links, {len(asset.body.joints)} joints, {len(files)} files, {size:.1f} MB")
+    return Folder(files=files)
+
+
+def _inertial(node: Node, inertial: Inertial, origin: np.ndarray) -> None:
+    part = ElementTree.SubElement(node, "inertial")
+    _origin(part, np.array(inertial.centre) - origin)
+    ElementTree.SubElement(part, "mass", value=_number(inertial.mass_kg))
+    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    values = {name: _number(value) for name, value in zip(names, inertial.inertia, strict=True)}
+    ElementTree.SubElement(part, "inertia", values)
+
+
+def _visual(node: Node, files: dict[str, bytes], name: str, mesh: Mesh, origin: np.ndarray) -> None:
+    moved = mesh.model_copy(update={"vertices": (mesh.vertices - origin).astype(np.float32)})
+    files[f"meshes/{name}.obj"] = obj_text(moved, f"{name}.mtl").encode()
+    rgba = [*mesh.colour, 1.0]
+    lines = ["newmtl surface", "Kd {:.4f} {:.4f} {:.4f}".format(*mesh.colour)]
+    if mesh.texture is not None:
+        files[f"meshes/{name}.png"] = png(mesh.texture.pixels)
+        lines[1:] = ["Kd 1 1 1", f"map_Kd {name}.png"]
+        rgba = [1.0, 1.0, 1.0, 1.0]
+    files[f"meshes/{name}.mtl"] = ("\n".join(lines) + "\n").encode()
+    part = ElementTree.SubElement(node, "visual", name=f"{name}_visual")
+    _origin(part, np.zeros(3))
+    _geometry(part, f"meshes/{name}.obj")
+    material = ElementTree.SubElement(part, "material", name=f"{name}_material")
+    ElementTree.SubElement(material, "color", rgba=_numbers(rgba))
+    if mesh.texture is not None:
+        ElementTree.SubElement(material, "texture", filename=f"meshes/{name}.png")
+
+
+def _collision(node: Node, files: dict[str, bytes], name: str, hull: Hull, origin: np.ndarray) -> None:
+    from scipy.spatial import ConvexHull
+
+    points = hull.vertices.astype(np.float64) - origin
+    outline = ConvexHull(points)
+    triangles = outline.simplices
+    # Qhull leaves the order of corners open; outward is where its plane normals point.
+    normals = np.cross(
+        points[triangles[:, 1]] - points[triangles[:, 0]], points[triangles[:, 2]] - points[triangles[:, 0]]
+    )
+    inward = (normals * outline.equations[:, :3]).sum(axis=1) < 0.0
+    triangles = np.where(inward[:, None], triangles[:, ::-1], triangles)
+    used, faces = np.unique(triangles, return_inverse=True)
+    mesh = Mesh(vertices=points[used].astype(np.float32), faces=faces.reshape(-1, 3).astype(np.int32))
+    files[f"meshes/{name}.obj"] = obj_text(mesh).encode()
+    part = ElementTree.SubElement(node, "collision", name=name)
+    _origin(part, np.zeros(3))
+    _geometry(part, f"meshes/{name}.obj")
+
+
+def _joint(robot: Node, joint: Joint, origins: dict[str, tuple[float, float, float]], options: UrdfOptions) -> None:
+    node = ElementTree.SubElement(robot, "joint", name=joint.name, type=joint.type)
+    parent = np.array(origins.get(joint.parent, (0.0, 0.0, 0.0)))
+    _origin(node, np.array(joint.origin) - parent)
+    ElementTree.SubElement(node, "parent", link=joint.parent)
+    ElementTree.SubElement(node, "child", link=joint.child)
+    ElementTree.SubElement(node, "axis", xyz=_numbers(joint.axis))
+    limits = {"lower": joint.lower, "upper": joint.upper, "effort": options.effort_nm}
+    limits["velocity"] = options.velocity_rad_s
+    ElementTree.SubElement(node, "limit", {name: _number(value) for name, value in limits.items()})
+    dynamics = {"damping": _number(options.damping), "friction": _number(options.friction)}
+    ElementTree.SubElement(node, "dynamics", dynamics)
+
+
+def _placement(asset: Asset) -> bytes:
+    data = {
+        "world_from_object": asset.world_from_object.tolist(),
+        "joint_positions": {joint.name: joint.position for joint in asset.body.joints},
+        "friction": asset.physics.friction,
+        "restitution": asset.physics.restitution,
+    }
+    return (json.dumps(data, indent=1, sort_keys=True) + "\n").encode()
+
+
+def _origin(node: Node, xyz: np.ndarray) -> None:
+    ElementTree.SubElement(node, "origin", xyz=_numbers(xyz.tolist()), rpy="0 0 0")
+
+
+def _geometry(node: Node, filename: str) -> None:
+    ElementTree.SubElement(ElementTree.SubElement(node, "geometry"), "mesh", filename=filename)
+
+
+def _numbers(values: Point | list[float]) -> str:
+    return " ".join(_number(value) for value in values)
+
+
+def _number(value: float) -> str:
+    """Shortest text that gives the same double back; no negative zero."""
+    return repr(float(value) + 0.0)

@@ -1,0 +1,27 @@
+"""simulate.usd: the same twin as USD, for simulators and viewers that read it."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.base import Collection, Folder
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.object import Asset, Support
+from dextera_build.artifacts.scene import Background
+from dextera_build.errors import listing
+from dextera_build.rule import Context, rule
+
+
+@rule(version=1)
+def usd(ctx: Context, assets: Collection[Asset], background: Background, support: Support, camera: Camera) -> Folder:
+    """Return `scene.usda` and its textures [m, kg, degrees], z up, in the world frame, every path relative.
+
+    Rigid bodies with explicit mass properties, convex hulls as colliders, joints between links side by side.
+    """
+    result: Folder = ctx.backend.write(assets.items, background, camera, support.world_from_camera)
+    ctx.check("scene.usda" in result.files, "the folder holds no `scene.usda`", files=listing(result.files))
+    problems = ctx.backend.problems(result, ctx.scratch)
+    ctx.check(not problems, f"the USD is not valid: {problems[0] if problems else ''}", problems=len(problems))
+    size = sum(len(data) for data in result.files.values()) / 1e6
+    joints = sum(len(asset.body.joints) for asset in assets.items.values())
+    ctx.metric("size", size, "MB")
+    ctx.say(f"{len(assets.items)} objects, {joints} joints, valid, {size:.1f} MB")
+    return result

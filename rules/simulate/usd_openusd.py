@@ -1,0 +1,33 @@
+"""simulate.usd with OpenUSD, checked by all of its validators."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.scene import Background
+from dextera_build.rule import Backend
+from dextera_build.sim import usd as writer
+from dextera_build.sim import usd_check
+
+BACKEND = Backend(
+    summary="OpenUSD with UsdPhysics, validated",
+    profiles=("cpu", "gpu"),
+    packages=("scipy", "usd-core"),
+    extra="twin",
+)
+
+
+def write(assets: Mapping[str, Asset], background: Background, camera: Camera, world_from_camera: np.ndarray) -> Folder:
+    """The stage and its textures; see `dextera_build.sim.usd`."""
+    return writer.scene(assets, background, camera, world_from_camera)
+
+
+def problems(folder: Folder, scratch: Path) -> list[str]:
+    """What the validators say against the stage, one line each."""
+    return usd_check.problems(folder, scratch)

@@ -1,0 +1,286 @@
+"""What a build shows: text of every console, colour, folding, narrow terminals, many threads."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from rich.console import Console as Terminal
+
+from dextera_build.cli.consoles import can_move, console, lines
+from dextera_build.cli.consoles.foot import Running, clock, foot
+from dextera_build.cli.consoles.live import LiveConsole
+from dextera_build.cli.errors import wants_colour
+from dextera_build.engine.events import Event, NodeFinished, NodeLog, NodeProgress, NodeStarted, RunFinished, RunStarted
+from dextera_build.errors import UsageError
+from tests.report.fabricate import Spec, fabricate
+
+
+class Tty(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+class Ascii(io.StringIO):
+    """A stream of an old locale."""
+
+    encoding = "ANSI_X3.4-1968"
+
+
+def show(kind: str, events: list[Event], stream: io.StringIO | None = None, **more: bool) -> str:
+    stream = stream or io.StringIO()
+    with console(kind, stream, **more) as shown:
+        for event in events:
+            shown(event)
+    return stream.getvalue()
+
+
+def unpainted(text: str) -> str:
+    return re.sub(r"\x1b\[[?\d;]*[A-Za-z]", "", text)
+
+
+def screen(written: str) -> str:
+    """What stands on the terminal in the end: knows new line, return, cursor up and erase, as rich uses them."""
+    rows, row, column = [""], 0, 0
+    for move, kind, char in re.findall(r"\x1b\[([?\d;]*)([A-Za-z])|(.|\n)", written):
+        if kind == "A":
+            row -= int(move or 1)
+        elif kind == "K":
+            rows[row] = ""
+        elif char == "\r":
+            column = 0
+        elif char == "\n":
+            row, column = row + 1, 0
+            rows += [""] * (row + 1 - len(rows))
+        elif char:
+            rows[row] = rows[row].ljust(column)[:column] + char + rows[row][column + 1 :]
+            column += 1
+        assert row >= 0
+    return "\n".join(line.rstrip() for line in rows)
+
+
+def live(events: list[Event], columns: int = 100) -> str:
+    stream = Tty()
+    terminal = Terminal(
+        file=stream, force_terminal=True, width=columns, height=30, highlight=False, legacy_windows=False
+    )
+    with LiveConsole(stream, terminal=terminal) as shown:
+        for event in events:
+            shown(event)
+    return screen(stream.getvalue())
+
+
+def test_plain_log_of_a_build() -> None:
+    text = show("plain", fabricate("mixed")[0])
+    assert text.startswith("plan   10 nodes, 1 open group\n  =  capture                     cached ")
+    assert "\n       body opened: 28 nodes (laptop, blue_mug, box, gray_bowl)\n" in text
+    assert re.search(r"\n  \+  body\[laptop\]\.parts +1\.4 s +cpu +1 hinge, 0–131°\n", text)
+    assert re.search(r"\n  ↓  body\[laptop\]\.urdf +0\.20 s +2 links, 1 joint\n", text)
+    assert text.endswith(
+        "\n\nbuilt twin/laptop_scene   38 nodes: 24 ran, 11 cached, 3 fetched   55.4 s (74.0 s saved)\n"
+        "  view: dxb view twin/laptop_scene      report: dxb report\n"
+    )
+
+
+@pytest.mark.parametrize("kind", ["plain", "live"])
+def test_one_line_where_everything_is_cached(kind: str) -> None:
+    events = fabricate("cached")[0]
+    text = live(events) if kind == "live" else show(kind, events)
+    assert text == "twin/laptop_scene is up to date   38 nodes   0.20 s\n"
+
+
+@pytest.mark.parametrize("kind", ["plain", "live"])
+def test_failure_says_what_waits_and_how_to_see_the_log(kind: str) -> None:
+    events = fabricate("failed")[0]
+    text = live(events) if kind == "live" else show(kind, events)
+    assert re.search(r"  ✗  body\[box\]\.mesh +12\.0 s +primitives +214 open edges, 0 allowed", text)
+    assert re.search(r"  ·  scene +waits +for body\[box\]\.mesh", text)
+    assert "error[DXB-B201]: body[box].mesh failed its check: 214 open edges, 0 allowed\n" in text
+    assert "   log         dxb log 0142 'body[box].mesh'\n" in text
+    assert text.rstrip().endswith("failed twin/laptop_scene   38 nodes: 26 ran, 1 failed, 11 wait   66.5 s")
+    assert "up to date" not in text
+    assert "dxb view" not in text
+
+
+def test_interrupted_run_is_stopped_and_not_failed() -> None:
+    last = RunFinished(
+        time=2, ok=False, seconds=2, counts={"cached": 2, "cancelled": 1}, saved_seconds=0, interrupted=True
+    )
+    assert lines.plain(lines.summary("twin/x", last)) == "stopped twin/x   3 nodes: 2 cached, 1 cancelled   2.0 s"
+
+
+def test_a_run_that_stops_in_the_middle_still_shows_what_was_held_back() -> None:
+    text = show("plain", fabricate("cached")[0][:4])
+    assert text.count("\n") == 4
+    assert "support" in text
+
+
+def test_quiet_says_nothing_but_failures() -> None:
+    assert show("none", fabricate("mixed")[0]) == ""
+    assert show("none", fabricate("failed")[0]).startswith("error[DXB-B201]: body[box].mesh failed its check")
+
+
+def test_jsonl_is_the_event_stream() -> None:
+    events = fabricate("failed")[0]
+    read = [json.loads(line) for line in show("jsonl", events).splitlines()]
+    assert [line["event"] for line in read] == [event.kind for event in events]
+    assert read == [json.loads(event.to_line()) for event in events]
+
+
+def test_unknown_console_names_those_that_exist() -> None:
+    with pytest.raises(UsageError, match="there is no console `fancy`") as caught:
+        console("fancy", io.StringIO())
+    assert caught.value.facts == {"consoles": "jsonl, live, none, plain"}
+
+
+def test_live_becomes_plain_where_nothing_can_move(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.get_terminal_size", lambda fd: __import__("os").terminal_size((80, 24)))
+    monkeypatch.setattr(Tty, "fileno", lambda self: 2)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("DXB_NO_PROGRESS", raising=False)
+    assert can_move(Tty())
+    assert not can_move(io.StringIO())
+    monkeypatch.setenv("DXB_NO_PROGRESS", "1")
+    assert not can_move(Tty())
+    monkeypatch.delenv("DXB_NO_PROGRESS")
+    monkeypatch.setenv("TERM", "dumb")
+    assert not can_move(Tty())
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr("os.get_terminal_size", lambda fd: __import__("os").terminal_size((30, 24)))
+    assert not can_move(Tty())
+    assert type(console("live", Tty())).__name__ == "PlainConsole"
+
+
+def test_no_colour_unless_a_terminal_wants_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    events = fabricate("mixed")[0]
+    assert wants_colour(Tty())
+    painted = show("plain", events, Tty())
+    assert "\x1b[32m" in painted
+    assert unpainted(painted) == show("plain", events)
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert show("plain", events, Tty()) == show("plain", events)
+
+
+def test_an_ascii_stream_gets_no_character_that_it_cannot_write() -> None:
+    text = show("plain", fabricate("mixed")[0], Ascii())
+    assert re.search(r"  v  body\[laptop\]\.urdf", text)
+    text = show("plain", fabricate("failed")[0], Ascii())
+    assert re.search(r"  x  body\[box\]\.mesh", text)
+    text.encode("ascii")
+
+
+def test_live_folds_many_cached_nodes_and_leaves_nothing_at_the_foot() -> None:
+    text = live(fabricate("mixed")[0])
+    assert re.search(r"  =  7 nodes +cached +body\[blue_mug\]\.mesh", text)
+    assert "  =  body[blue_mug].mesh" not in text
+    assert "  =  capture" in text
+    assert text.rstrip().endswith("report: dxb report")
+    assert "running" not in text
+    assert "▸" not in text
+
+
+def test_live_lines_fit_a_narrow_terminal() -> None:
+    events = fabricate("mixed")[0]
+    assert max(len(line) for line in live(events[:-1], columns=44).splitlines()) <= 44
+
+
+def test_live_ticks_while_a_node_runs_and_debounces_a_flood() -> None:
+    stream = Tty()
+    terminal = Terminal(file=stream, force_terminal=True, width=80, height=30, legacy_windows=False)
+    node = Spec("slow", "a.b", None, 1.0, "", [], "Mesh")
+    start = fabricate("cold", nodes=[node])[0][0]
+    with LiveConsole(stream, terminal=terminal) as shown:
+        shown(start)
+        shown(NodeStarted(time=time.time(), node="slow", rule="a.b", backend=None, key="0" * 64, last_seconds=9.0))
+        for done in range(5000):
+            shown(NodeProgress(time=time.time(), node="slow", done=done, total=5000, what="steps"))
+        time.sleep(0.2)
+        flood = stream.getvalue().count("slow")
+        time.sleep(1.2)
+        ticked = stream.getvalue().count("slow")
+    assert 1 <= flood <= 40
+    assert ticked >= flood + 2
+
+
+def test_live_close_twice_and_without_events() -> None:
+    stream = Tty()
+    shown = console("plain", stream)
+    shown.close()
+    shown.close()
+    moving = LiveConsole(stream, terminal=Terminal(file=stream, force_terminal=True, width=80))
+    moving.close()
+    moving.close()
+
+
+def running(node: str, last: float | None, progress: NodeProgress | None = None) -> Running:
+    return Running(
+        NodeStarted(time=100.0, node=node, rule="a.b", backend="cpu", key="0" * 64, last_seconds=last), progress
+    )
+
+
+def text_of(shown: list[lines.Line]) -> list[str]:
+    return [lines.plain(line).rstrip() for line in shown]
+
+
+def test_foot_shows_clock_expected_time_and_bar() -> None:
+    half = NodeProgress(time=101, node="b", done=4, total=8, what="hypotheses")
+    shown = text_of(foot([running("a", 40.0), running("b", None, half), running("c", None)], 110.0, 100, 10))
+    assert shown[0].startswith("  ▸  a  10 s of ~40 s  ━")
+    assert shown[1] == "  ▸  b  10 s           ━━━━━━━━━━━━━━━━  4/8 hypotheses"
+    assert shown[2] == "  ▸  c  10 s                             cpu"
+    filled = foot([running("b", None, half)], 110.0, 100, 10)[0]
+    assert ("━" * 8, "fetched") in filled
+
+
+def test_foot_bar_is_never_full_before_the_node_is_done() -> None:
+    assert running("a", 5.0).fraction(500.0) == pytest.approx(0.97)
+    assert running("a", None).fraction(5.0) is None
+
+
+def test_foot_drops_what_does_not_fit() -> None:
+    many = [running(f"body[object_with_a_long_name_{i}].mesh", None) for i in range(20)]
+    shown = text_of(foot(many, 110.0, 60, 5))
+    assert len(shown) == 5
+    assert shown[-1] == "     and 16 nodes more"
+    assert "…" in shown[0]
+    assert "━" not in "".join(shown)
+
+
+def test_clock_counts_whole_seconds() -> None:
+    assert [clock(0.4), clock(7.9), clock(99.9), clock(130.2)] == ["0 s", "7 s", "99 s", "2 min 10 s"]
+
+
+def test_lines_from_many_threads_are_not_torn(tmp_path: Path) -> None:
+    path = tmp_path / "log"
+    with path.open("w") as stream, console("plain", stream, verbose=True) as shown:
+        shown(RunStarted(0.0, "1", "r", [], "cpu", "0", 8, 0))
+        shown(NodeStarted(0.0, "n0", "a.b", None, "k"))
+
+        def work(number: int) -> None:
+            for i in range(200):
+                shown(NodeLog(time=0.0, node=f"n{number}", text=f"line {i} " + "x" * 200))
+
+        threads = [threading.Thread(target=work, args=(i,)) for i in range(8)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    written = path.read_text().splitlines()[1:]
+    assert len(written) == 1600
+    assert all(re.fullmatch(r"     n\d \| line \d+ x{200}", line) for line in written)
+
+
+def test_a_line_of_a_rule_stays_one_line_and_cannot_move_the_cursor() -> None:
+    event = NodeFinished(
+        time=1, node="a", rule="r.a", backend=None, status="ran", key="k", output="o", seconds=1, line="o\x1b[2Jne\ntwo"
+    )
+    assert lines.plain(lines.Columns().node(event)).endswith("  o [2Jne")

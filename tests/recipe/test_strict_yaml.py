@@ -1,0 +1,82 @@
+"""Strict YAML: core scalars, positions, refusals."""
+
+from __future__ import annotations
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dextera_build.errors import RecipeError
+from dextera_build.recipe.strict_yaml import parse, scalar
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("no", "no"),
+        ("on", "on"),
+        ("true", True),
+        ("~", None),
+        ("0x10", 16),
+        ("0o10", 8),
+        ("010", 10),
+        ("1e3", 1000.0),
+        (".5", 0.5),
+        ("1_000", "1_000"),
+        ("12:30", "12:30"),
+        ("2026-01-01", "2026-01-01"),
+        ("'1'", "1"),
+    ],
+)
+def test_scalars_follow_the_core_schema(text, value):
+    parsed = parse(f"a: {text}", "f").plain()["a"]
+    assert parsed == value
+    assert type(parsed) is type(value)
+
+
+plain_data = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.text(max_size=12),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(min_size=1, max_size=6), inner, max_size=4),
+    max_leaves=12,
+)
+
+
+@given(plain_data)
+def test_what_is_dumped_comes_back(value):
+    assert parse(yaml.safe_dump({"x": value}), "f").plain() == {"x": value}
+
+
+def test_every_value_knows_its_place():
+    root = parse("a:\n  b: [1, {c: 2}]\n", "f.yaml")
+    assert str(root.at(("a", "b", 1, "c"))) == "f.yaml:2:14"
+    assert str(root.at(("a", "gone"))) == "f.yaml:2:3"
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "place"),
+    [
+        ("a: 1\nb: 2\na: 3\n", "`a` stands twice in one mapping", "f:3:1"),
+        ("a: [1\n", "not valid YAML: expected ',' or ']', but got '<stream end>'", "f:2:1"),
+        ("", "the file is empty", "f"),
+        ("<<: {a: 1}", "a key must be text, this one is '<<'", "f:1:1"),
+        ("1: a", "a key must be text, this one is 1", "f:1:1"),
+        (
+            "a: !!python/name:os.system ''",
+            "the tag `tag:yaml.org,2002:python/name:os.system` is not known here",
+            "f:1:4",
+        ),
+        ("a: 1\n---\nb: 2\n", "not valid YAML: but found another document", "f:2:1"),
+    ],
+)
+def test_refusals_name_the_place(text, message, place):
+    with pytest.raises(RecipeError) as caught:
+        parse(text, "f")
+    assert caught.value.message == message
+    assert str(caught.value.where) == place
+
+
+def test_a_command_line_value_is_yaml():
+    assert scalar("[box, cylinder]") == ["box", "cylinder"]
+    assert scalar("0.001") == 0.001
+    assert scalar("") == ""

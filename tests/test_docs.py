@@ -1,0 +1,115 @@
+"""The pages: their commands exist and run, their links lead somewhere, their references are complete."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dextera_build.cli import main
+from dextera_build.loader import Library
+
+REPO = Path(__file__).parent.parent
+DOCS = REPO / "dextera_build" / "docs"
+EXAMPLES = sorted((REPO / "examples").glob("*/README.md"))
+PAGES = [REPO / "README.md", REPO / "cache" / "README.md", *sorted(DOCS.glob("*.md")), *EXAMPLES]
+
+
+def name(path: Path) -> str:
+    return path.relative_to(REPO).as_posix()
+
+
+def console(page: Path) -> list[str]:
+    """The commands of a page's ```console blocks, prompts and comments taken off."""
+    blocks = re.findall(r"^[ ]*```console\n(.*?)^[ ]*```", page.read_text(), re.DOTALL | re.MULTILINE)
+    lines = [line.strip() for block in blocks for line in block.split("\n")]
+    return [shlex.join(shlex.split(line[2:], comments=True)) for line in lines if line.startswith("$ ")]
+
+
+COMMANDS = sorted({command for page in PAGES for command in console(page)})
+
+
+@pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("dxb ")])
+def test_commands_in_pages_are_understood(command):
+    main.parser().parse_args(shlex.split(command)[1:])
+
+
+@pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("make ")])
+def test_make_targets_in_pages_exist(command):
+    assert re.search(rf"^{shlex.split(command)[1]}:", (REPO / "Makefile").read_text(), re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_links_lead_somewhere(page):
+    links = re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text())
+    assert [link for link in links if "://" not in link and not (page.parent / link).exists()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_python_in_pages_is_python(page):
+    for block in re.findall(r"^```python\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE):
+        ast.parse(block)
+
+
+@pytest.mark.parametrize("page", EXAMPLES, ids=name)
+def test_an_example_runs_as_its_page_says(page, tmp_path):
+    script = "\n".join(["set -eu", *console(page)])
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("DXB_")}
+    environment |= {
+        "DXB_PROFILE": "stub",
+        "DXB_CACHE": str(tmp_path / "store"),
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+    }
+    work = tmp_path / "work"
+    work.mkdir()
+    done = subprocess.run(["bash", "-c", script], cwd=work, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_there_is_an_example():
+    assert EXAMPLES
+    assert all(console(page) for page in EXAMPLES)
+
+
+@pytest.fixture
+def reference(monkeypatch):
+    """The extension that makes the references."""
+    monkeypatch.syspath_prepend(DOCS / "_ext")
+    return importlib.import_module("dxb_reference")
+
+
+def test_the_reference_has_every_verb(reference):
+    page = reference.MAKERS["cli"]()
+    assert [verb for verb in main.VERBS if f"## dxb {verb}\n" not in page] == []
+
+
+def test_the_reference_has_every_rule_and_option(reference):
+    page = reference.MAKERS["rules"]()
+    for found in Library().rules():
+        assert f"### {found.path}\n" in page
+        assert [option for option in found.rule.options.model_fields if f"`{option}`" not in page] == []
+
+
+def test_the_reference_has_every_error(reference):
+    sources = [*(REPO / "dextera_build").rglob("*.py"), *(REPO / "rules").rglob("*.py")]
+    codes = {code for file in sources for code in re.findall(r'"(DXB-[A-Z]\d{3})"', file.read_text())}
+    page = reference.MAKERS["errors"]()
+    assert {code for code in codes if f"`{code}`" not in page} == set()
+
+
+def test_a_marker_that_names_nothing_is_an_error(reference):
+    with pytest.raises(KeyError, match="nothing"):
+        reference.fill("a\n% generated: nothing\n")
+
+
+def test_a_table_leaves_out_empty_columns_and_escapes_bars(reference):
+    markdown = importlib.import_module("dxb_reference.markdown")
+    assert markdown.table(["a", "b"], [["x | y", ""], ["z", ""]]) == "| a |\n| --- |\n| x \\| y |\n| z |\n"
+    assert markdown.table(["a"], []) == ""

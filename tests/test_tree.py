@@ -1,0 +1,187 @@
+"""The tree as a whole: names, sizes, docstrings, who may import whom, and words that must not stand in it."""
+
+from __future__ import annotations
+
+import ast
+import re
+import statistics
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+REPO = Path(__file__).parent.parent
+TOP = {
+    *("dextera_build", "rules", "recipes", "cache", "examples", "tests"),
+    *("pyproject.toml", "Makefile", "README.md", "LICENSE", "CHANGELOG.md"),
+}
+BANNED_STEMS = {"utils", "util", "helpers", "helper", "common", "misc", "manager"}
+TEST_FOLDERS = {"benchmarks", "chaos", "docs", "e2e", "gpu", "oracle", "packaging", "recipes", "robots", "rules"}
+
+FILE_LINES = 400
+MEDIAN_FILE_LINES = 130
+FUNCTION_LINES = 60
+MOST_FUNCTION_LINES = 30
+
+RULE_MAY_IMPORT = {"rule", "artifacts", "geometry", "sim", "policy", "errors", "digest"}
+LIGHT = {"numpy", "pydantic", "PIL", "yaml", *sys.stdlib_module_names}
+
+
+def tracked() -> list[Path]:
+    """Files that are, or will be, part of the project; without git (an unpacked sdist) all but caches."""
+    command = ["git", "-C", str(REPO), "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    if (REPO / ".git").exists():
+        names = subprocess.run(command, capture_output=True, check=True, text=True).stdout.split("\0")
+        return sorted(REPO / name for name in set(names) if name and (REPO / name).is_file())
+    places = [REPO / name for name in TOP]
+    inside = [path for place in places for path in ([place] if place.is_file() else place.rglob("*"))]
+    return sorted(path for path in inside if path.is_file() and "__pycache__" not in path.parts)
+
+
+FILES = tracked()
+SOURCES = [p for p in FILES if p.suffix == ".py" and p.relative_to(REPO).parts[0] in {"dextera_build", "rules"}]
+TESTS = [p for p in FILES if p.suffix == ".py" and p.relative_to(REPO).parts[0] == "tests"]
+RULES = [p for p in SOURCES if p.relative_to(REPO).parts[0] == "rules"]
+
+
+def name(path: Path) -> str:
+    """The path as messages show it."""
+    return path.relative_to(REPO).as_posix()
+
+
+def functions(path: Path) -> Iterator[tuple[str, int]]:
+    """Place and length in lines, decorators left out, of every function."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield f"{name(path)}:{node.lineno} {node.name}", (node.end_lineno or node.lineno) - node.lineno + 1
+
+
+def imports(path: Path, *, top_only: bool) -> Iterator[tuple[int, str]]:
+    """(level, module) of imports; `from . import a` gives (1, "a"). What only a type checker sees is left out."""
+    stack: list[ast.AST] = list(ast.parse(path.read_text()).body)
+    while stack:
+        node = stack.pop()
+        if isinstance(node, ast.Import):
+            yield from ((0, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from _from(node)
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            continue
+        elif not (top_only and isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)):
+            stack += list(ast.iter_child_nodes(node))
+
+
+def _from(node: ast.ImportFrom) -> Iterator[tuple[int, str]]:
+    if node.module and (node.level or not node.module.startswith("dextera_build")):
+        yield node.level, node.module
+    else:
+        prefix = f"{node.module}." if node.module else ""
+        yield from ((node.level, prefix + alias.name) for alias in node.names)
+
+
+def test_the_top_level_holds_only_the_known_names():
+    found = {path.relative_to(REPO).parts[0] for path in FILES}
+    assert {entry for entry in found if not entry.startswith(".")} - TOP == set()
+    assert TOP - found == set()
+
+
+def test_no_module_is_named_after_nothing():
+    assert [
+        name(path) for path in SOURCES + TESTS if path.stem in BANNED_STEMS or path.parent.name in BANNED_STEMS
+    ] == []
+
+
+def test_files_are_short():
+    lines = {name(path): len(path.read_text().splitlines()) for path in SOURCES + TESTS}
+    assert {place: count for place, count in lines.items() if count > FILE_LINES} == {}
+    assert statistics.median(lines[name(path)] for path in SOURCES if path.name != "__init__.py") <= MEDIAN_FILE_LINES
+
+
+def test_functions_are_short():
+    lengths = dict(found for path in SOURCES for found in functions(path))
+    assert {place: count for place, count in lengths.items() if count > FUNCTION_LINES} == {}
+    assert statistics.quantiles(lengths.values(), n=10)[-1] <= MOST_FUNCTION_LINES
+
+
+def test_every_module_says_what_it_is_for():
+    assert [name(path) for path in SOURCES if not ast.get_docstring(ast.parse(path.read_text()))] == []
+
+
+def test_every_folder_of_tests_has_something_to_test():
+    subjects = {path.name for path in (REPO / "dextera_build").iterdir() if path.is_dir()}
+    folders = {path.relative_to(REPO / "tests").parts[0] for path in TESTS if path.parent != REPO / "tests"}
+    assert folders - subjects - TEST_FOLDERS == set()
+
+
+def test_every_stage_with_rules_has_tests():
+    stages = {path.parent.name for path in RULES if "@rule(" in path.read_text()}
+    tested = {path.parent.name for path in TESTS if path.parent.parent == REPO / "tests" / "rules"}
+    assert stages - tested == set()
+
+
+def test_nothing_imports_rules():
+    found = [(name(path), module) for path in SOURCES for level, module in imports(path, top_only=False) if not level]
+    assert [pair for pair in found if pair[1].split(".")[0] in {"rules", "recipes"}] == []
+
+
+def test_stages_do_not_import_one_another():
+    assert [
+        (name(path), module) for path in RULES for level, module in imports(path, top_only=False) if level > 1
+    ] == []
+
+
+def test_rules_import_only_what_is_below_them():
+    found = [(name(path), module.split(".")) for path in RULES for _, module in imports(path, top_only=False)]
+    ours = [(place, parts) for place, parts in found if parts[0] == "dextera_build"]
+    assert [(place, ".".join(parts)) for place, parts in ours if parts[1] not in RULE_MAY_IMPORT] == []
+
+
+def source(path: Path, level: int, module: str) -> Path | None:
+    """The first-party file that an import loads, if it is one."""
+    parts = module.split(".")
+    base = path.parent if level else REPO
+    for depth in range(len(parts), 0, -1):
+        file = base.joinpath(*parts[:depth])
+        for candidate in (file.with_suffix(".py"), file / "__init__.py"):
+            if candidate in SOURCES:
+                return candidate
+    return None
+
+
+def heavy(path: Path) -> Iterator[str]:
+    """What importing a file would load beyond the light packages, through all first-party files that it imports."""
+    seen, stack = {path}, [path]
+    while stack:
+        here = stack.pop()
+        for level, module in imports(here, top_only=True):
+            inside = source(here, level, module)
+            if inside is not None and inside not in seen:
+                seen.add(inside)
+                stack.append(inside)
+            elif inside is None and not level and module.split(".")[0] not in LIGHT:
+                yield f"{name(here)} imports {module}"
+
+
+@pytest.mark.parametrize("path", [p for p in RULES if "@rule(" in p.read_text()], ids=name)
+def test_a_rule_file_imports_light_packages_only(path):
+    assert list(heavy(path)) == []
+
+
+TEXTS = [p for p in FILES if p.suffix in {".py", ".md", ".yaml", ".yml", ".toml", ".lock", ".sh", ".css", ".js", ""}]
+MACHINE = re.compile(r"(?<![\w.])/(?:work|root|home|opt|Users)/\w")
+SCRATCH = re.compile(r"(?<![\w.])/tmp/\w")
+# Written so that this line does not find itself.
+REGISTRY = re.compile(r"pypi\.org|python" r"hosted\.org|deb\.debian\.org|npm" r"js\.org|\bfile:///|extra-index" r"-url")
+
+
+@pytest.mark.parametrize("words", [MACHINE, REGISTRY], ids=["machine paths", "registries"])
+def test_no_text_names_a_machine(words):
+    found = [(name(path), match.group()) for path in TEXTS for match in words.finditer(path.read_text())]
+    assert [pair for pair in found if pair[0] != "tests/test_tree.py"] == []
+
+
+def test_pages_name_no_scratch_folder():
+    pages = [path for path in FILES if path.suffix == ".md"]
+    assert [(name(path), match.group()) for path in pages for match in SCRATCH.finditer(path.read_text())] == []
