@@ -15,7 +15,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
-.PHONY: help setup demo test test-all check format lint type layers package bench docs lock clean clean-all
+.PHONY: help setup demo test test-all check format lint type layers examples package bench docs lock clean clean-all
 
 help: ## Print this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | while IFS=$$'\t' read -r name what; do \
@@ -35,7 +35,7 @@ test-all: setup ## Run every test, those in a browser included
 	@.ci/system browser
 	$(BIN)/python -m pytest -n 2 $(ARGS)
 
-check: setup lint type layers docs package ## Run what CI runs beside `make test`
+check: setup lint type layers docs examples package ## Run what CI runs beside `make test`
 
 format: setup ## Format the code and mend what ruff can mend
 	$(BIN)/ruff format .
@@ -50,6 +50,9 @@ type: setup ## Check types
 
 layers: setup ## Check which module may import which
 	$(BIN)/lint-imports --no-cache
+
+examples: setup ## Run the commands that stand in examples/ and in the docs pages
+	$(BIN)/python -m pytest tests/test_docs.py $(ARGS)
 
 package: setup ## Build wheel and sdist, install each alone and use it
 	$(BIN)/python -m pytest tests/packaging $(ARGS)

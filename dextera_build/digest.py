@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 _CHUNK = 1 << 20
+_ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
 
 def of_bytes(data: bytes) -> str:
@@ -32,8 +33,7 @@ def canonical(value: object) -> bytes:
         ValueError: `value` holds NaN or an infinity.
         TypeError: `value` holds something that is not plain data.
     """
-    text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return text.encode()
+    return _ENCODER.encode(value).encode()
 
 
 def of_value(value: object) -> str:

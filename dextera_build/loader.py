@@ -20,6 +20,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from dextera_build import digest
 from dextera_build.code_digest import CodeIndex
 from dextera_build.errors import MachineError, Place, RecipeError, did_you_mean, listing
 
@@ -140,7 +141,8 @@ class Library:
         ]
         own = bundled("rules").resolve()
         folders += [own] if own not in folders else []
-        roots = [Root(f"dxb_rules_{number}", folder) for number, folder in enumerate(folders)]
+        # Named after the folder, so that libraries of several projects can stand in one process.
+        roots = [Root(f"dxb_rules_{digest.of_bytes(str(folder).encode())[:12]}", folder) for folder in folders]
         for root in roots:
             root.mount()
         return roots

@@ -58,6 +58,7 @@ def test_python_in_pages_is_python(page):
         ast.parse(block)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", EXAMPLES, ids=name)
 def test_an_example_runs_as_its_page_says(page, tmp_path):
     script = "\n".join(["set -eu", *console(page)])

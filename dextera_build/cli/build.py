@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from dextera_build import __version__
 from dextera_build.cli import options
-from dextera_build.errors import StaleError, UsageError
+from dextera_build.errors import StaleError, StoreError, UsageError, listing
 
 if TYPE_CHECKING:
     from dextera_build.cli.session import Session
@@ -79,6 +79,7 @@ def _run(
     args: argparse.Namespace, project: Project, recipe: str, targets: list[str], fingerprint: dict[str, object]
 ) -> int:
     from dextera_build.cli.session import Session, addresses
+    from dextera_build.store.cas import MissingBlob
     from dextera_build.store.signature import Watch
 
     session = Session(project, recipe)
@@ -91,7 +92,14 @@ def _run(
     from dextera_build.cli import execution, fresh, results
 
     result = execution.execute(session, plan, wanted, args)
-    lines = results.place(session, result)
+    try:
+        lines = results.place(session, result)
+    except StoreError as error:
+        if error.code != MissingBlob.CODE:
+            raise
+        # A blob was damaged on disk; it has been put aside, so building again makes it anew.
+        result = execution.execute(session, plan, wanted, args)
+        lines = results.place(session, result)
     print("".join(line + "\n" for line in lines), end="")
     if result.ok:
         fresh.save(project, fingerprint, watch, plan, result, lines)
@@ -101,12 +109,13 @@ def _run(
 def _check(session: Session, plan: Plan, wanted: list[Address]) -> int:
     from dextera_build.engine.dryrun import plan as dry
 
-    stale = [node.address for node in dry(plan.graph, wanted, session.store) if node.status != "cached"]
+    nodes = dry(plan.graph, wanted, session.store)
+    stale = [node.address for node in nodes if node.status == "stale"]
     if stale:
         raise StaleError(
-            f"{len(stale)} nodes of `{session.recipe}` are stale",
+            f"`{session.recipe}` is stale",
             code="DXB-C102",
-            facts={"first": ", ".join(stale[:8])},
+            facts={"stale": listing(stale), "may follow": str(sum(node.status == "unknown" for node in nodes))},
             hint=f"`dxb why '{session.recipe}:{stale[0]}'`",
         )
     print(f"{session.recipe} is up to date", file=sys.stderr)

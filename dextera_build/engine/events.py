@@ -9,6 +9,8 @@ from typing import Any, ClassVar, Literal, TypeAlias
 
 Status: TypeAlias = Literal["cached", "ran", "fetched", "failed", "waits", "cancelled"]
 
+_ENCODER = json.JSONEncoder(sort_keys=True, ensure_ascii=False, default=dict)
+
 
 @dataclass(frozen=True)
 class Event:
@@ -19,7 +21,7 @@ class Event:
 
     def to_line(self) -> str:
         """One JSON line with the event's kind under `event`."""
-        return json.dumps({"event": self.kind, **self.__dict__}, sort_keys=True, ensure_ascii=False, default=dict)
+        return _ENCODER.encode({"event": self.kind, **self.__dict__})
 
 
 @dataclass(frozen=True)

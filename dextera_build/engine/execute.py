@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from dextera_build import digest as digests
 from dextera_build.engine import events
 from dextera_build.engine.events import Listener
 from dextera_build.engine.graph import Address, Graph
@@ -222,7 +221,7 @@ class _Run:
             inputs=node.inputs,
             rule=rule.path,
             backend=rule.backend,
-            result=digests.of_bytes(result.document()) if result and done else None,
+            result=result.digest if result and done else None,
             log=result.log if result and done else node.log,
             blocked_by=tuple(blockers),
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from contextlib import suppress
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
@@ -63,7 +63,7 @@ class History:
     def save(self) -> None:
         """Write it down, all or nothing; a store that cannot be written keeps the old one."""
         if self._dirty:
-            rows = {address: astuple(entry) for address, entry in self._load().items()}
+            rows = {address: list(vars(entry).values()) for address, entry in self._load().items()}
             with suppress(StoreError):
                 files.write(str(self._path), json.dumps({"form": _FORM, "nodes": rows}).encode(), 0o644)
                 self._dirty = False

@@ -19,10 +19,9 @@ def rewind(unit: Unit, store: Store, states: States) -> list[Unit] | None:
     Returns:
         The units that must be connected again, or None where nothing that `unit` reads can be made again.
     """
-    if isinstance(unit, Node):
-        unit.rewinds += 1
-        if unit.rewinds > _MOST:
-            return None
+    unit.rewinds += 1
+    if unit.rewinds > _MOST:
+        return None
     again = _lost(unit, store)
     if not again and not (isinstance(unit, Node) and unit.leaves):
         return None

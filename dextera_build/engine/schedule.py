@@ -103,7 +103,7 @@ class Scheduler:
         """Bring ready units forward, a batch at a time so that workers are not kept waiting; True: there are more."""
         for _ in range(_BATCH):
             while self.wiring.fresh:
-                self._connect(self.wiring.fresh.pop())
+                self._connect(self.wiring.fresh.popleft())
             unit = None if self.stopping else self.states.next_ready()
             if unit is None:
                 return False

@@ -30,6 +30,8 @@ class Unit:
     """What this one reads from."""
     dependents: list[Unit] = field(default_factory=list, repr=False)
     """What waits for this one; emptied when it becomes known."""
+    rewinds: int = 0
+    """How often bytes that it reads were found to be gone."""
 
     def await_(self, source: Unit) -> None:
         """Depend on `source`, and wait for it unless it is known."""
@@ -69,8 +71,6 @@ class Node(Unit):
     """Digest of what a failed run printed."""
     followers: list[Node] = field(default_factory=list, repr=False)
     """Nodes with the same key that wait for this one."""
-    rewinds: int = 0
-    """How often the bytes of an input were found to be gone."""
 
 
 @dataclass(eq=False, kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path as FilePath
 
@@ -24,7 +25,7 @@ class Wiring:
         self.graph = graph
         self.nodes: dict[tuple[Path, Labels], Node] = {}
         self.openings: dict[tuple[Path, Labels], Opening] = {}
-        self.fresh: list[Unit] = []
+        self.fresh: deque[Unit] = deque()
         """Units that are not connected yet."""
         self._gatherings: dict[tuple[Path, Labels, tuple[str, ...]], Gathering] = {}
         self._leaves: dict[FilePath, str] = {}
@@ -103,7 +104,7 @@ class Wiring:
         Raises:
             UsageError: A target names a copy that the group does not have.
         """
-        self._spread(unit, [(*opened.labels, label) for label in _chosen(unit, opened)])
+        self._spread(unit, [(*opened.labels, label) for label in reversed(_chosen(unit, opened))])
 
     def _spread(self, unit: Gathering, frontier: list[Labels]) -> None:
         depth = len(unit.path) - 1

@@ -13,6 +13,7 @@ import contextlib
 import ctypes
 import faulthandler
 import importlib
+import io
 import json
 import os
 import signal
@@ -124,6 +125,9 @@ def main(arguments: list[str]) -> None:
     for descriptor in (tasks, replies):
         os.set_inheritable(descriptor, False)
     faulthandler.enable()
+    # Line by line, so that a worker that dies has said everything.
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)
     with contextlib.suppress(BrokenPipeError, SystemExit):
         Worker(runner, tasks, replies).serve()
     # Threads and libraries that linger must not keep a worker alive that has nothing to do.

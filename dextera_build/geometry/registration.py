@@ -40,6 +40,8 @@ UPRIGHT = FREE[:, [2, 3, 4, 5, 6]]
 """The model's up axis stays."""
 RESTING = FREE[:, [2, 3, 4, 6]]
 """The up axis and the contact with z = 0 stay."""
+HUBER = 4.0
+"""Pairs further apart than this many standard deviations pull with constant force."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Search:
     scale: float  # centre of the scale prior
     scale_sigma: float  # its relative standard deviation
     iterations: int = 30
-    keep: float = 0.85  # part of the pairs that stay after trimming
+    keep: float = 0.98  # part of the pairs that stay after trimming
     point_weight: float = 0.15  # of the point-to-point term beside point-to-plane; holds flat faces in place
     noise_m: float = 0.002  # standard deviation of a pair [m]
     samples: float = 50.0  # independent measurements that all pairs together are worth
@@ -84,12 +86,20 @@ def icp(start: Similarity, visible: Visible, seen: np.ndarray, search: Search) -
         also = _trimmed(backward, search.keep)
         own = np.concatenate([np.flatnonzero(keep), owner[also]])
         target = np.concatenate([seen[nearest[keep]], seen[also]])
-        weights = np.concatenate([np.full(keep.sum(), 0.5 / keep.sum()), np.full(also.sum(), 0.5 / also.sum())])
+        # Pairs at the outline hold flat faces in place, so far ones are weighed down, not dropped.
+        weights = np.concatenate([_weights(forward[keep], search), _weights(backward[also], search)])
         step = _step(placed[own], normals[own], target, weights, now.scale, search)
         now = _moved(now, step)
         if np.abs(step.motion).max() < 1e-6:
             break
     return now
+
+
+def _weights(distances: np.ndarray, search: Search) -> np.ndarray:
+    """Huber weights that sum to one half."""
+    reach = HUBER * search.noise_m
+    weights = np.minimum(1.0, reach / np.maximum(distances, 1e-12))
+    return np.asarray(0.5 * weights / weights.sum())
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,8 @@ from dextera_build.report.wording import count
 
 _LOG_LINES = 40  # the last ones
 _LOG_CHARACTERS = 8000
+_FULL = 1200  # nodes with all that is known of them; about 1.5 kB each
+_LISTED = 4000  # nodes with a line at all; about 0.7 kB each
 
 
 def details(run: Run, pictures: Pictures) -> Html:
@@ -27,7 +29,12 @@ def details(run: Run, pictures: Pictures) -> Html:
     )
     bar = tag("p", {"class": "filter", "hidden": True}, tag("label", {"for": "filter"}, "Show only "), field)
     known = _Known(run.by_address(), producers, sources_of(run))
-    return tag("div", {"class": "nodes"}, bar, [_node(node, known, pictures) for node in run.nodes])
+    listed = _first(run.nodes, _LISTED)
+    full = {node.index for node in _first(listed, _FULL)}
+    left = len(run.nodes) - len(listed)
+    note = tag("p", {"class": "quiet"}, f"{count(left, 'node')} more: `dxb log {run.name}` lists all of them")
+    rows = [_node(node, known, pictures, full=node.index in full) for node in listed]
+    return tag("div", {"class": "nodes"}, bar, rows, note if left else None)
 
 
 @dataclass(frozen=True)
@@ -39,7 +46,16 @@ class _Known:
     sources: Mapping[str, Sources]
 
 
-def _node(node: Node, known: _Known, pictures: Pictures) -> Html:
+def _first(nodes: list[Node], most: int) -> list[Node]:
+    """The nodes that a reader of a huge run looks for: those that failed, then those that did something."""
+    if len(nodes) <= most:
+        return nodes
+    order = ("failed", "ran", "fetched")
+    ranked = sorted(nodes, key=lambda node: order.index(node.status) if node.status in order else len(order))
+    return sorted(ranked[:most], key=lambda node: node.index)
+
+
+def _node(node: Node, known: _Known, pictures: Pictures, *, full: bool) -> Html:
     summary = tag(
         "summary",
         None,
@@ -48,7 +64,18 @@ def _node(node: Node, known: _Known, pictures: Pictures) -> Html:
         tag("span", {"class": "time"}, took(node)),
         tag("span", {"class": "said"}, str(node.error.get("message", "")) if node.error else node.line),
     )
-    return tag("details", {"id": f"n{node.index}", "class": "node"}, summary, _body(node, known, pictures))
+    return tag(
+        "details",
+        {"id": f"n{node.index}", "class": "node"},
+        summary,
+        _body(node, known, pictures) if full else _short(node),
+    )
+
+
+def _short(node: Node) -> Html:
+    rows = [tag("div", None, tag("dt", None, "rule"), tag("dd", None, node.rule))]
+    rows.append(tag("div", None, tag("dt", None, "key"), tag("dd", None, _digest(node.key))))
+    return tag("div", {"class": "body"}, tag("dl", {"class": "facts"}, rows))
 
 
 def _body(node: Node, known: _Known, pictures: Pictures) -> Html:

@@ -7,9 +7,9 @@ from dextera_build.report.layout import Cell, Lane, Layout, lay_out
 from dextera_build.report.run import Node, Run
 from dextera_build.report.wording import MARKS, count, duration
 
-_BOX = (108, 38)  # px: a name of 13 characters and the line below it
-_STEP = (130, 46)  # px from box to box
-_LEFT = 92  # px for the lanes' titles
+_BOX = (102, 38)  # px: a name of 12 characters and the line below it
+_STEP = (118, 46)  # px from box to box
+_LEFT = 92  # px for the lanes' titles, where there are groups
 _PAD = 10  # px above and below the boxes of a lane
 
 
@@ -19,10 +19,11 @@ def graph(run: Run) -> Html:
         return tag("p", {"class": "quiet"}, "The event log of this run holds no nodes.")
     layout = lay_out(run)
     tops = _tops(layout)
-    width = _LEFT + layout.columns * _STEP[0] - (_STEP[0] - _BOX[0]) + _PAD
+    left = _LEFT if any(lane.title for lane in layout.lanes) else _PAD
+    width = left + layout.columns * _STEP[0] - (_STEP[0] - _BOX[0]) + _PAD
     height = tops[-1]
     boxes = {
-        cell.node.index: _corner(cell, lane, top)
+        cell.node.index: _corner(cell, lane, top, left)
         for lane, top in zip(layout.lanes, tops, strict=False)
         for cell in lane.cells
     }
@@ -36,7 +37,7 @@ def graph(run: Run) -> Html:
             "viewBox": f"0 0 {width} {height}",
             "role": "group",
             "aria-label": label,
-            "style": f"width:{width}px;min-width:{round(width * 0.85)}px",
+            "style": f"width:{width}px;min-width:{round(width * 0.8)}px",
         },
         parts,
     )
@@ -54,8 +55,8 @@ def _tops(layout: Layout) -> list[int]:
     return tops
 
 
-def _corner(cell: Cell, lane: Lane, top: int) -> tuple[int, int]:
-    return _LEFT + cell.column * _STEP[0], top + _PAD + (cell.row - lane.top) * _STEP[1]
+def _corner(cell: Cell, lane: Lane, top: int, left: int) -> tuple[int, int]:
+    return left + cell.column * _STEP[0], top + _PAD + (cell.row - lane.top) * _STEP[1]
 
 
 def _lane(lane: Lane, top: int, width: int, number: int) -> Html:
@@ -95,7 +96,7 @@ def _box(node: Node, corner: tuple[int, int]) -> Html:
         tag("rect", {"x": x, "y": y, "width": _BOX[0], "height": _BOX[1], "rx": 6}),
         tag("text", {"x": x + 9, "y": y + 16, "class": "mark"}, MARKS.get(node.status, "?")),
         tag("text", {"x": x + 22, "y": y + 16, "class": "label"}, _short(node.name, 12)),
-        tag("text", {"x": x + 22, "y": y + 30, "class": "sub"}, _short(below, 15)),
+        tag("text", {"x": x + 22, "y": y + 30, "class": "sub"}, _short(below, 14)),
     )
 
 

@@ -134,9 +134,12 @@ def _rows(run: Run, column: dict[Call, int]) -> tuple[dict[Call, int], dict[Call
 
 
 def _lanes(run: Run) -> dict[Call, dict[tuple[str, ...], list[Node]]]:
-    """Group -> lane title -> nodes; the nodes outside groups first, then in the order of the log."""
+    """Group -> lane title -> nodes; the nodes outside groups first, then copies as their group opened them."""
     found: dict[Call, dict[tuple[str, ...], list[Node]]] = {}
-    for node in sorted(run.nodes, key=lambda n: len(n.call)):
+    place = {label: i for labels in run.groups.values() for i, label in enumerate(labels)}
+    for node in sorted(
+        run.nodes, key=lambda n: (len(n.call), n.call[:-1], [place.get(label, 0) for label in n.labels])
+    ):
         title = (*node.call[:-1], *node.labels) if len(node.call) > 1 else ()
         found.setdefault(node.call[:-1], {}).setdefault(title, []).append(node)
     return found

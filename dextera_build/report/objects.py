@@ -10,6 +10,8 @@ from dextera_build.report.run import Node, Run
 
 _MESHES = ("Asset", "Body", "Shape", "Mesh")  # artifacts whose preview stands for the object, best first
 
+_MOST = 200  # cards; those with a failure first
+
 
 def copies(run: Run) -> dict[tuple[str, str], list[Node]]:
     """(group, label) -> its nodes, inputs first."""
@@ -33,7 +35,13 @@ def portrait(nodes: list[Node]) -> tuple[Node, str, str] | None:
 
 def cards(run: Run, pictures: Pictures) -> list[Html]:
     """The cards, in the order in which the groups found their objects."""
-    return [_card(group, label, nodes, pictures) for (group, label), nodes in copies(run).items()]
+    found = list(copies(run).items())
+    shown = (
+        sorted(found, key=lambda item: not any(node.error for node in item[1]))[:_MOST] if len(found) > _MOST else found
+    )
+    left = len(found) - len(shown)
+    made = [_card(group, label, nodes, pictures) for (group, label), nodes in shown]
+    return [*made, tag("p", {"class": "quiet"}, f"{left} more are not shown")] if left else made
 
 
 def _card(group: str, label: str, nodes: list[Node], pictures: Pictures) -> Html:

@@ -27,7 +27,7 @@ class Quality:
 
 
 LADDER = (
-    Quality(1400, 900, 360, 84),
+    Quality(1400, 900, 440, 84),
     Quality(1100, 640, 260, 74),
     Quality(900, 420, 180, 60),
     Quality(640, 240, 96, 45),
@@ -65,7 +65,8 @@ class Pictures:
         image = tag("img", {"src": uri, "alt": alt, "width": width, "height": height, "data-picture": digest[:16]})
         button = tag("button", {"type": "button", "class": "zoom", "aria-label": f"enlarge: {alt}"}, image)
         words = tag("figcaption", None, tag("b", None, note) if note else None, " " if note else None, caption)
-        return tag("figure", {"class": f"picture {size}"}, button, words if note or caption else None)
+        shape = {"class": f"picture {size}", "style": f"--ratio:{width / height:.3f}"}
+        return tag("figure", shape, button, words if note or caption else None)
 
     def uri(self, digest: str, side: int) -> tuple[str, int, int] | None:
         """Data URI, width and height [px] with the longest side at most `side`."""

@@ -24,11 +24,11 @@ def provenance(run: Run, licences: Mapping[str, str]) -> list[Html]:
 
 def reproduce(run: Run) -> Html:
     """The commands that make this result and look at it again."""
-    argv = ["dxb", *run.argv[1:]] if run.argv else ["dxb", "build", run.recipe]
+    argv = ["dxb", *run.argv] if run.argv else ["dxb", "build", run.recipe]
     commands = [
         (f"pip install 'dextera-build[twin]=={run.dxb}'", "the same program"),
         (shlex.join(argv), "the same build; what is in the store is not built again"),
-        (f"dxb why {shlex.quote(run.recipe)}", "what a build would do now, and why"),
+        (f"dxb plan {shlex.quote(run.recipe)}", "what a build would do now"),
         (f"dxb view {shlex.quote(run.recipe)}", "the result in three dimensions"),
         (f"dxb report {shlex.quote(run.name)}", "this page"),
     ]

@@ -21,6 +21,8 @@ def title(run: Run) -> Html:
     verdict = ("ok", "✓ built") if run.ok else ("bad", "✗ failed")
     if run.interrupted:
         verdict = ("warn", "- stopped")
+    # Stub backends give shapes without meaning: nobody may take such a page for a result.
+    stub = tag("span", {"class": "verdict warn"}, "stub backends") if run.profile == "stub" else None
     when = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(run.started))
     facts = [
         ("run", run.name),
@@ -35,7 +37,7 @@ def title(run: Run) -> Html:
     return tag(
         "header",
         None,
-        tag("h1", None, run.recipe or "a run", " ", tag("span", {"class": f"verdict {verdict[0]}"}, verdict[1])),
+        tag("h1", None, run.recipe or "a run", " ", tag("span", {"class": f"verdict {verdict[0]}"}, verdict[1]), stub),
         tag("dl", {"class": "strip"}, listed),
     )
 

@@ -72,8 +72,8 @@ class Node:
 
     @property
     def name(self) -> str:
-        """The last part of the address."""
-        return self.steps[-1][0] if self.steps else self.address
+        """The last part of the address, without another recipe's name."""
+        return self.steps[-1][0].rpartition(":")[2] if self.steps else self.address
 
 
 @dataclass

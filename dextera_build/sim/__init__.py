@@ -1,8 +1,10 @@
 """The runtime that scenes, tasks and policies share.
 
-Importing it chooses EGL for off-screen rendering unless `MUJOCO_GL` is set; MuJoCo reads that when it is imported.
+Importing it chooses EGL for off-screen rendering on Linux unless `MUJOCO_GL` is set.
 """
 
 import os
+import sys
 
-os.environ.setdefault("MUJOCO_GL", "egl")
+if sys.platform == "linux":
+    os.environ.setdefault("MUJOCO_GL", "egl")

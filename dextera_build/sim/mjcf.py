@@ -83,7 +83,7 @@ class _Writer:
 
     def _head(self, camera: Camera) -> None:
         root = self.root
-        _add(root, "compiler", angle="radian", meshdir="assets", texturedir="assets", inertiafromgeom="false")
+        _add(root, "compiler", angle="radian", meshdir="assets", texturedir="assets")
         # MuJoCo 4.0.0 diverges with sparse Jacobians; elliptic cones with a high impratio keep still things still.
         _add(root, "option", jacobian="dense", integrator="implicitfast", cone="elliptic", impratio="10")
         visual = _add(root, "visual")

@@ -1,10 +1,11 @@
 """How physics artifacts become MuJoCo contact and joint parameters.
 
-**Restitution.** A MuJoCo contact is a damped spring. Half a cycle of one with damping ratio z returns the speed times
-e = exp(-pi z / sqrt(1 - z^2)), so z = -ln e / sqrt(pi^2 + ln^2 e). `solref` takes (time constant, z); the natural
+**Restitution.** A MuJoCo contact is a damped spring that pushes and never pulls. For a damping ratio z < 1 it returns
+the speed times e = exp(-z (pi - 2 asin z) / sqrt(1 - z^2)), for z > 1 times exp(-z / r ln((z + r) / (z - r))) with
+r = sqrt(z^2 - 1) (Schwager and Poeschel 2007); z = 1 gives e^-2. `solref` takes (time constant, z); the natural
 frequency is 1 / (time constant * z), and it is kept at `CONTACT_RATE` whatever e is, so that bouncy things are no
-stiffer than others. e <= 0.01 counts as no bounce: z = 1, which never overshoots, so a body that starts in slight
-penetration is pushed out and not thrown.
+stiffer than others. Beyond `MOST_DAMPED` (e = 0.04) MuJoCo would clip the time constant at a 2 ms step. A body that
+starts in slight penetration is pushed out slowly and not thrown.
 
 **Friction.** Sliding friction is the body's own. Object geoms have priority 1, the static scene 0, so the object's
 parameters win over the table's; between two objects MuJoCo takes the larger friction. Torsion and rolling are lengths
@@ -27,6 +28,8 @@ GRAVITY = 9.81
 """[m/s^2]."""
 CONTACT_RATE = 100.0
 """Natural frequency of contacts [rad/s]; with a 2 ms step this is far from instability."""
+MOST_DAMPED = 2.5
+"""Largest damping ratio that is written."""
 TORSION_M = 0.003
 """Torsional friction: 2/3 of the radius of a contact patch of 4.5 mm [m]."""
 ROLLING_M = 0.0001
@@ -41,11 +44,22 @@ SLIDER_FRICTION = 0.2
 
 def solref(restitution: float) -> tuple[float, float]:
     """MuJoCo `solref` (time constant [s], damping ratio) for a coefficient of restitution in 0..1."""
-    if restitution <= 0.01:
-        return 1.0 / CONTACT_RATE, 1.0
-    log = math.log(min(restitution, 0.99))
-    ratio = -log / math.hypot(math.pi, log)
-    return 1.0 / (CONTACT_RATE * ratio), ratio
+    low, high = 1e-3, MOST_DAMPED
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if bounce(middle) > restitution else (low, middle)
+    return 1.0 / (CONTACT_RATE * high), high
+
+
+def bounce(damping_ratio: float) -> float:
+    """Coefficient of restitution of a damped spring that cannot pull; falls with the damping ratio > 0."""
+    z = damping_ratio
+    root = math.sqrt(abs(1.0 - z * z))
+    if root < 1e-6:
+        return math.exp(-2.0)
+    if z < 1.0:
+        return math.exp(-z * (math.pi - 2.0 * math.asin(z)) / root)
+    return math.exp(-z / root * math.log((z + root) / (z - root)))
 
 
 def friction(physics: Physics) -> tuple[float, float, float]:

@@ -8,6 +8,7 @@ EGL is chosen by the package `dextera_build.sim` unless `MUJOCO_GL` is set.
 
 from __future__ import annotations
 
+import os
 from types import TracebackType
 from typing import Any, Self
 
@@ -49,6 +50,7 @@ class Eye:
         self._option = mujoco.MjvOption()
         if geomgroups is not None:
             self._option.geomgroup[:] = [int(group in geomgroups) for group in range(len(self._option.geomgroup))]
+        _use_chosen_platform()
         self._renderer = mujoco.Renderer(model, camera.height, camera.width)
 
     def __enter__(self) -> Self:
@@ -101,6 +103,15 @@ class Eye:
             eye.frustum_center = near * (left + right) / 2
             eye.frustum_width = near * (right - left) / 2
             eye.frustum_bottom, eye.frustum_top = near * down, near * up
+
+
+def _use_chosen_platform() -> None:
+    # MuJoCo reads `MUJOCO_GL` once; whoever imported it before this package has left it without a platform.
+    if os.environ.get("MUJOCO_GL") == "egl":
+        from mujoco.egl import GLContext
+        from mujoco.rendering.classic import gl_context
+
+        gl_context.GLContext = GLContext
 
 
 def render_rgb(

@@ -12,6 +12,8 @@ from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import Part, Thing, World
 from dextera_build.errors import RuleError, listing
+from dextera_build.sim import tessellate
+from dextera_build.sim.lighting import light
 from dextera_build.sim.rendering import Eye
 from dextera_build.sim.shot import Shot, average, enlarge
 
@@ -19,6 +21,14 @@ ROBOT = "robot/"
 """Prefix of the robot's names in the compiled model."""
 CREASE = np.cos(np.radians(35.0))
 """Faces that meet at a sharper angle keep their edge when shaded."""
+
+
+LAMP_RADIUS_RAD = 0.10
+"""Angular radius of the lamp that throws shadows [rad]."""
+SKY_REACH_M = 0.6
+"""What lies farther away does not darken a surface [m]."""
+SKY_DEPTH = 0.75
+"""Part of the even light that a surface loses where it sees no sky."""
 
 
 @dataclass(frozen=True)
@@ -138,20 +148,36 @@ def corner_normals(mesh: Mesh) -> np.ndarray:
     return normals
 
 
-def photograph(world: World, robot: RobotModel | None, *, supersample: int, shadows: bool) -> Shot:
+def photograph(world: World, robot: RobotModel | None, *, supersample: int, soft: bool) -> Shot:
     """Render the world through its camera.
 
     Args:
         world: What is there.
         robot: The robot, where the world has a place for one.
-        supersample: Rays per pixel edge for the colours, which are averaged in linear light.
-        shadows: Draw shadows.
+        supersample: Samples per pixel edge for the colours, which are averaged in linear light.
+        soft: Shadows with penumbras and dark seams by ray casting; else without any shadow.
     """
     stage = build(world, robot)
     with Eye(stage.model, world.camera, world.world_from_camera) as eye:
         depth = eye.depth(stage.data).astype(np.float64)
         geoms = eye.segmentation(stage.data)
+    keys = [number for number, lamp in enumerate(world.lamps) if lamp.shadow]
     fine = enlarge(world.camera, supersample)
-    with Eye(stage.model, fine, world.world_from_camera, shadows=shadows) as eye:
-        colours = eye.rgb(stage.data)
-    return Shot(average(colours, supersample), depth, stage.label_of_geom[geoms])
+    with Eye(stage.model, fine, world.world_from_camera) as eye:
+        colours = average(eye.rgb(stage.data), supersample)
+        if soft and keys:
+            for key in keys:
+                stage.model.light_diffuse[key] = stage.model.light_specular[key] = 0.0
+            dim = average(eye.rgb(stage.data), supersample)
+            sky, key_light = light(
+                tessellate.surfaces(stage.model, stage.data),
+                world.camera,
+                world.world_from_camera,
+                depth,
+                np.array(world.lamps[keys[0]].direction),
+                radius_rad=LAMP_RADIUS_RAD,
+                reach_m=SKY_REACH_M,
+            )
+            even = (1.0 - SKY_DEPTH + SKY_DEPTH * sky)[..., None]
+            colours = np.clip(dim * even + np.clip(colours - dim, 0, 1) * key_light[..., None], 0, 1)
+    return Shot(colours, depth, stage.label_of_geom[geoms])

@@ -12,6 +12,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,7 @@ class ActionResult:
     key_document: str
     """Digest of the key document."""
 
+    @cached_property
     def document(self) -> bytes:
         """This result as canonical JSON; the content of `result.json`.
 
@@ -58,6 +60,11 @@ class ActionResult:
                 "key_document": self.key_document,
             }
         )
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of `document`."""
+        return digests.of_bytes(self.document)
 
     @classmethod
     def from_document(cls, data: bytes) -> ActionResult:
@@ -95,6 +102,7 @@ class Actions:
     def __init__(self, root: Path, blobs: Blobs) -> None:
         self.root = root
         self._base = f"{root}/"
+        self._workshop = f"{root}/{files.TEMPORARY}"
         self._blobs = blobs
         self._direct: dict[str, tuple[list[str], list[str]]] = {}
 
@@ -119,11 +127,10 @@ class Actions:
             StoreError: The disk is full, or the store cannot be written.
             ValueError: A number is not finite.
         """
-        document = result.document()
-        digest = self._blobs.put(document)
-        outputs = [*self._needs(result), OutputFile(_RESULT, digest, len(document), document)]
-        files.write(self._file(key), encode(outputs))
-        return digest
+        self._blobs.put(result.document)
+        outputs = [*self._needs(result), OutputFile(_RESULT, result.digest, len(result.document), result.document)]
+        files.write(self._file(key), encode(outputs), workshop=self._workshop)
+        return result.digest
 
     def files(self, key: str) -> list[Path]:
         """The entry and every blob that it needs, as files; empty where there is no entry."""

@@ -41,6 +41,7 @@ class Blobs:
     def __init__(self, root: Path) -> None:
         self.root = root
         self._base = f"{root}/"
+        self._workshop = f"{root}/{files.TEMPORARY}"
         self._quarantine = root.parent / "local" / "quarantine"
 
     def path(self, digest: str) -> Path:
@@ -67,7 +68,7 @@ class Blobs:
         digest = hashlib.sha256(data).hexdigest()
         # A short file is what a power cut leaves; it is replaced.
         if self.size(digest) != len(data):
-            files.write(self._file(digest), data)
+            files.write(self._file(digest), data, workshop=self._workshop)
         return digest
 
     def put_file(self, path: Path) -> tuple[str, int]:
@@ -123,7 +124,7 @@ class Blobs:
         if self.size(digest) == size:
             return digest, size
         os.lseek(source, 0, os.SEEK_SET)
-        with files.new_file(self._file(digest)) as target:
+        with files.new_file(self._file(digest), workshop=self._workshop) as target:
             copied = self._copy(source, target)
             if copied != digest:
                 raise _ChangedError(digest)
@@ -156,6 +157,5 @@ def entries(root: Path) -> Iterator[tuple[str, int]]:
         if len(shard.name) != 2 or not shard.is_dir():
             continue
         for entry in sorted(os.scandir(shard.path), key=lambda entry: entry.name):
-            if not entry.name.startswith(files.TEMPORARY):
-                with suppress(FileNotFoundError):
-                    yield shard.name + entry.name, entry.stat().st_size
+            with suppress(FileNotFoundError):
+                yield shard.name + entry.name, entry.stat().st_size

@@ -20,8 +20,8 @@ _CHUNK = 1 << 20
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _TOKEN = os.urandom(4).hex()  # two machines may write to one folder with equal process ids
 _COUNTER = itertools.count()
-TEMPORARY = ".tmp-"
-"""How names of unfinished files begin."""
+TEMPORARY = ".tmp"
+"""How the names of unfinished files, and of folders for them, begin."""
 
 
 def store_error(error: OSError, path: str) -> StoreError:
@@ -42,21 +42,27 @@ def store_error(error: OSError, path: str) -> StoreError:
 
 
 @contextmanager
-def new_file(path: str, mode: int = 0o444) -> Iterator[int]:
+def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Iterator[int]:
     """Yield a descriptor to write to; when the block ends the file takes the place of `path` at once.
+
+    Args:
+        path: The file.
+        mode: Its permissions.
+        workshop: Folder of the same file system where it is written; None is the folder of `path`. ext4 makes a file
+            ten times faster in a folder where others were just made (23 us) than in one of 256 (224 us).
 
     Raises:
         StoreError: The disk is full, or the folder cannot be written.
     """
-    folder = os.path.dirname(path)
-    temporary = f"{folder}/{TEMPORARY}{_TOKEN}-{os.getpid()}-{next(_COUNTER)}"
+    folder = workshop or os.path.dirname(path)
+    temporary = f"{folder}/{TEMPORARY}-{_TOKEN}-{os.getpid()}-{next(_COUNTER)}"
     descriptor = -1
     try:
         descriptor = _create(folder, temporary, mode)
         yield descriptor
         os.close(descriptor)
         descriptor = -1
-        os.replace(temporary, path)
+        _move(temporary, path)
     except BaseException as error:
         if descriptor >= 0:
             os.close(descriptor)
@@ -67,13 +73,13 @@ def new_file(path: str, mode: int = 0o444) -> Iterator[int]:
         raise
 
 
-def write(path: str, data: bytes, mode: int = 0o444) -> None:
-    """Put `data` at `path`, all or nothing.
+def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None) -> None:
+    """Put `data` at `path`, all or nothing; see `new_file`.
 
     Raises:
         StoreError: The disk is full, or the folder cannot be written.
     """
-    with new_file(path, mode) as descriptor:
+    with new_file(path, mode, workshop) as descriptor:
         write_all(descriptor, data)
 
 
@@ -124,10 +130,17 @@ def _create(folder: str, temporary: str, mode: int) -> int:
         return os.open(temporary, flags, mode)
 
 
+def _move(temporary: str, path: str) -> None:
+    try:
+        os.replace(temporary, path)
+    except FileNotFoundError:
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+        os.replace(temporary, path)
+
+
 def _free(path: str) -> dict[str, str]:
     folder = os.path.dirname(path)
-    try:
-        state = os.statvfs(folder)
-    except OSError:
-        return {}
+    while folder and not os.path.isdir(folder):
+        folder = os.path.dirname(folder)
+    state = os.statvfs(folder or ".")
     return {"free": f"{state.f_bavail * state.f_frsize / 2**20:,.0f} MiB"}

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dextera_build.artifacts.object import Body, ObjectView, Placement
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import kinematics, registration, transforms
 from dextera_build.geometry.registration import Search, Similarity
 from dextera_build.rule import Backend
 
-from . import overlay_picture, posing, starts
+from . import overlay_picture, starts
 from .model_view import ModelView, Score, seen_points
 from .placed import Placed
 
@@ -35,7 +35,7 @@ def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
         seen: The view to agree with.
         options: See `ObjectOptions`.
     """
-    vertices, faces = posing.surface(body)
+    vertices, faces = kinematics.posed_surface(body)
     model = ModelView(vertices, faces, seen)
     points = seen_points(seen)
     guess = Similarity(1.0, np.array(body.world_from_object))
@@ -50,7 +50,7 @@ def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
 
 def picture(body: Body, seen: ObjectView, placement: Placement) -> np.ndarray:
     """The placed model on the crop, (H, W, 3) uint8."""
-    return overlay_picture.draw(*posing.surface(body), seen, placement)
+    return overlay_picture.draw(*kinematics.posed_surface(body), seen, placement)
 
 
 def _refined(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _COARSE = 3000
 """Rays of the renders that sort the starts."""
 _SQUARE = np.radians(6.0)
-"""A model that ends nearer to upright than this is set upright: things stand on flat bases."""
+"""A flat face that ends nearer to level than this is set level: things stand on flat bases [rad]."""
 
 
 def search(
@@ -93,13 +93,12 @@ def _turns(centre: np.ndarray, placed: Similarity) -> list[Similarity]:
 def _squared(
     model: ModelView, vertices: np.ndarray, placed: Similarity, points: np.ndarray, options: ObjectOptions
 ) -> list[Similarity]:
-    """The placement with its nearest axis made vertical and its base on the support, refined; or nothing."""
+    """The placement set down flat on the face of its hull that looks down, refined; nothing where none does."""
     rotation = placed.pose[:3, :3]
-    nearest = int(np.argmax(np.abs(rotation[2])))
-    up = rotation[:, nearest] * np.sign(rotation[2, nearest])
-    if up[2] < np.cos(_SQUARE):
+    down = _base_normal(vertices, rotation)
+    if down is None:
         return []
-    upright = transforms.rotation_between(up, np.array([0.0, 0.0, 1.0])) @ rotation
+    upright = transforms.rotation_between(rotation @ down, np.array([0.0, 0.0, -1.0])) @ rotation
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     place = placed.apply(middle[None])[0] - placed.scale * upright @ middle
     square = Similarity(placed.scale, transforms.rigid(upright, place))
@@ -110,6 +109,21 @@ def _squared(
         square = Similarity(placed.scale, transforms.rigid(upright, place - [0.0, 0.0, lowest]))
     search = Search(freedom, placed.scale, options.start_scale_sigma, options.iterations)
     return [registration.icp(square, model.visible, points, search)]
+
+
+def _base_normal(vertices: np.ndarray, rotation: np.ndarray) -> np.ndarray | None:
+    """Model-frame normal (3,) of the hull faces that look down under `rotation`, weighted by area."""
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(vertices)
+    a, b, c = (vertices[hull.simplices[:, corner]] for corner in range(3))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    normals = hull.equations[:, :3]
+    down = (normals @ rotation.T)[:, 2] < -np.cos(_SQUARE)
+    if areas[down].sum() < 0.02 * areas.sum():
+        return None
+    total = (normals[down] * areas[down, None]).sum(axis=0)
+    return np.asarray(total / np.linalg.norm(total))
 
 
 def _whole(mask: np.ndarray, occluder: np.ndarray) -> bool:

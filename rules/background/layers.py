@@ -21,7 +21,7 @@ class Layers:
     hole: np.ndarray  # bool, to be filled
     plane: np.ndarray  # float64, depth of the support's plane [m]; infinite above the horizon
     floor: np.ndarray  # (H, W, 2) float64, where the ray meets the support, world x and y [m]
-    level: np.ndarray  # bool, measured to be support
+    level: np.ndarray  # bool, measured to lie in the support's plane
     elsewhere: np.ndarray  # bool, measured to be something else
     behind: np.ndarray  # bool, the support lies here, seen or hidden
 
@@ -48,9 +48,9 @@ def split(capture: Capture, support: Support, hole: np.ndarray, tolerance: float
     reach = float(np.ptp(support.polygon, axis=0).max()) / 2
     inside = finite & regions.inside_convex(floor, support.polygon)
     around = finite & regions.inside_convex(floor, support.polygon, reach)
-    level = measured & around & (np.abs(height) <= tolerance)
+    level = measured & (np.abs(height) <= tolerance)
     elsewhere = measured & ~level
-    behind = ~elsewhere & (inside | (around & _nearer(level, elsewhere)))
+    behind = ~elsewhere & (inside | (around & _nearer(level & around, elsewhere)))
     return Layers(hole, plane, floor, level, elsewhere, np.asarray(behind))
 
 

@@ -47,7 +47,15 @@ def clean(capture: Capture, support: Support, segmentation: Segmentation, option
         image = _fill_support(image, layers, capture, support, options)
     pixels = _inpaint(np.clip(np.round(image), 0, 255).astype(np.uint8), hole & ~layers.behind)
     depth = _depth(capture.depth.depth, layers, support, options)
-    mesh = grid_mesh(pixels, depth, capture.camera, support.world_from_camera, options.stride_px, options.edge)
+    mesh = grid_mesh(
+        pixels,
+        depth,
+        capture.camera,
+        support.world_from_camera,
+        stride=options.stride_px,
+        edge=options.edge,
+        flat=layers.behind | layers.level,
+    )
     return Background(
         image=Image(pixels=pixels),
         depth=DepthImage(depth=depth),
@@ -74,10 +82,15 @@ def _fill_support(
     spots = layers.floor[target]
     margin = max(0.15, 0.6 * float(np.ptp(spots, axis=0).max()))
     limits = layers.floor[layers.behind]
-    view = top_view(spots, limits, margin, options.texel_m, capture.camera, support.world_from_camera)
+    # No finer than the photograph is where it is nearest.
+    texel = max(options.texel_m, float(layers.plane[target].min()) / capture.camera.fx)
+    view = top_view(spots, limits, margin, texel, capture.camera, support.world_from_camera)
     gap = view.lay(target.astype(np.uint8), smooth=False) > 0
     flat = view.lay(image)
-    level, free = (view.lay(m.astype(np.uint8), smooth=False) > 0 for m in (layers.level, layers.behind & ~layers.hole))
+    level, free = (
+        view.lay(m.astype(np.uint8), smooth=False) > 0
+        for m in (layers.level & layers.behind, layers.behind & ~layers.hole)
+    )
     source = _alike(flat, level & ~gap, free & ~gap, 0.03 / view.texel)
     gain = _gain(flat, gap, source, options.shadow_reach_m / view.texel)
     filled = fill_texture(flat * gain, gap, source, view.distance())
@@ -128,7 +141,7 @@ def _depth(depth: np.ndarray, layers: Layers, support: Support, options: StaticO
     """Depth of the empty scene: the plane where it is support, what lies around a hole elsewhere, 0 if unknown."""
     clean = np.where(layers.hole, 0.0, depth)
     near = regions.inside_convex(layers.floor, support.polygon, options.margin_m) & layers.behind
-    open_ = (layers.hole & layers.behind) | ((depth == 0) & near)
+    open_ = (clean == 0) & near
     clean[open_] = layers.plane[open_]
     rest = layers.hole & ~layers.behind
     if rest.any() and layers.elsewhere.any():

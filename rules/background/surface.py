@@ -20,7 +20,14 @@ def plane_depth(camera: Camera, world_from_camera: np.ndarray) -> np.ndarray:
 
 
 def grid_mesh(
-    image: np.ndarray, depth: np.ndarray, camera: Camera, world_from_camera: np.ndarray, stride: int, edge: float
+    image: np.ndarray,
+    depth: np.ndarray,
+    camera: Camera,
+    world_from_camera: np.ndarray,
+    *,
+    stride: int,
+    edge: float,
+    flat: np.ndarray | None = None,
 ) -> Mesh:
     """Triangulate the depth on a pixel grid, cut at depth steps, in the world frame.
 
@@ -34,12 +41,16 @@ def grid_mesh(
         world_from_camera: (4, 4) T_world_camera.
         stride: Spacing of the grid [px].
         edge: Relative depth step that cuts.
+        flat: (H, W) pixels of one plane, which is never cut, however steeply it is seen.
     """
     rows, columns = _marks(camera.height, stride), _marks(camera.width, stride)
     z = depth[np.ix_(rows, columns)].astype(np.float64)
     corners = np.stack([z[:-1, :-1], z[:-1, 1:], z[1:, 1:], z[1:, :-1]], axis=-1).reshape(-1, 4)
     whole = (corners > 0).all(axis=1)
     cut = whole & (corners.max(axis=1) > (1.0 + edge) * corners.min(axis=1))
+    if flat is not None:
+        even = flat[np.ix_(rows, columns)]
+        cut &= ~(even[:-1, :-1] & even[:-1, 1:] & even[1:, 1:] & even[1:, :-1]).reshape(-1)
     index = np.arange(z.size).reshape(z.shape)
     cells = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4)
     pixel = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)

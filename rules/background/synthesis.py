@@ -13,6 +13,8 @@ import numpy as np
 MOST_TILES = 120
 COARSER = 1.2
 """Texture may come from places this many times coarser than where it goes."""
+SHRINK = 4
+"""The coarse search runs on a picture this many times smaller."""
 CONTRAST = 0.5
 """How much a difference in contrast counts against a patch, beside its correlation."""
 
@@ -68,10 +70,11 @@ def fill_texture(
 
 
 def _quilt(detail: np.ndarray, hole: np.ndarray, good: np.ndarray, blur: np.ndarray) -> np.ndarray:
-    tile = 2 * max(10, round(float(np.sqrt(hole.sum() / MOST_TILES)) / 2))
+    tile = 2 * SHRINK * max(3, round(float(np.sqrt(hole.sum() / MOST_TILES)) / 2 / SHRINK))
     reach = tile // 2
     window = tile + 2 * reach
-    rim = ((window, window + detail.shape[0] % 2), (window, window + detail.shape[1] % 2))
+    # Whole steps of the coarse search everywhere.
+    rim = tuple((window, window + -n % SHRINK) for n in detail.shape[:2])
     work = np.pad(detail, (*rim, (0, 0)))
     open_, known = np.pad(hole, rim), np.pad(good, rim)
     blur = np.pad(blur, rim, mode="edge")
@@ -91,44 +94,70 @@ def _quilt(detail: np.ndarray, hole: np.ndarray, good: np.ndarray, blur: np.ndar
 
 
 class _Search:
-    """Finds windows of known texture at half resolution, which is enough to place them."""
+    """Finds windows of known texture: a coarse search everywhere, a fine one around its best place."""
 
     def __init__(self, texture: np.ndarray, known: np.ndarray, blur: np.ndarray, window: int) -> None:
         self._texture = texture.copy()
         self._window = window
-        self._half = _halved(texture.mean(axis=-1))
-        ones = np.ones((window // 2, window // 2), np.uint8)
+        self._grey = texture.mean(axis=-1)
+        self._small = _shrunk(self._grey)
         # Where a whole window of texture may be copied from, by its upper left corner.
-        free = cv2.erode(known[::2, ::2].astype(np.uint8), ones, anchor=(0, 0), borderValue=0) > 0
-        rows, columns = (n - window // 2 + 1 for n in self._half.shape)
-        self._allowed = free[:rows, :columns]
-        self._blur = blur[window // 2 :: 2, window // 2 :: 2][:rows, :columns]
-        square = cv2.boxFilter(self._half**2, -1, ones.shape, anchor=(0, 0))
-        mean = cv2.boxFilter(self._half, -1, ones.shape, anchor=(0, 0))
-        self._spread = np.sqrt(np.maximum(square - mean**2, 0.0))[:rows, :columns]
-        self.possible = bool(self._allowed.any())
+        ones = np.ones((window, window), np.uint8)
+        free = cv2.erode(known.astype(np.uint8), ones, anchor=(0, 0), borderValue=0) > 0
+        rows, columns = (n - window + 1 for n in known.shape)
+        self._free = free[:rows, :columns]
+        side = window // SHRINK
+        rows, columns = (n - side + 1 for n in self._small.shape)
+        self._coarse = _thinned(self._free)[:rows, :columns]
+        self._blur = _thinned(blur[window // 2 :, window // 2 :])[:rows, :columns]
+        square, mean = (
+            cv2.boxFilter(p, -1, (side, side), anchor=(0, 0))[:rows, :columns] for p in (self._small**2, self._small)
+        )
+        self._spread = np.sqrt(np.maximum(square - mean**2, 0.0))
+        self.possible = bool(self._coarse.any())
 
     def best(self, target: np.ndarray, context: np.ndarray, blur: float) -> np.ndarray:
         """The window that agrees best with `target` where `context` holds."""
-        small = context[::2, ::2].astype(np.float32)
-        if small.any():
-            wanted = _halved(target.mean(axis=-1))
-            # Correlation, because the least squared difference prefers flat patches.
-            fit = cv2.matchTemplate(self._half, wanted, cv2.TM_CCOEFF_NORMED, mask=small)
-            spread = float(np.std(wanted[small > 0]))
-            cost = CONTRAST * np.abs(np.log((self._spread + 1.0) / (spread + 1.0))) - np.clip(
-                np.nan_to_num(fit, nan=-1.0, posinf=-1.0), -1.0, 1.0
-            )
-        else:
-            cost = np.zeros(self._allowed.shape, np.float32)
-        coarse = max(COARSER * blur, float(self._blur[self._allowed].min()) * COARSER)
-        cost = np.where(self._allowed & (self._blur <= coarse), cost, np.inf)
-        row, column = (2 * int(n) for n in np.unravel_index(int(np.argmin(cost)), cost.shape))
+        grey = target.mean(axis=-1)
+        cost = self._cost(_shrunk(grey), _thinned(context))
+        most = COARSER * max(blur, float(self._blur[self._coarse].min()))
+        cost = np.where(self._coarse & (self._blur <= most), cost, np.inf)
+        row, column = (SHRINK * int(n) for n in np.unravel_index(int(np.argmin(cost)), cost.shape))
+        row, column = self._refined(row, column, grey, context)
         return np.asarray(self._texture[row : row + self._window, column : column + self._window])
 
+    def _cost(self, wanted: np.ndarray, context: np.ndarray) -> np.ndarray:
+        if context.sum() < 4:
+            return np.zeros(self._coarse.shape)
+        # Correlation, because the least squared difference prefers flat patches.
+        fit = _correlation(self._small, wanted, context)[: self._coarse.shape[0], : self._coarse.shape[1]]
+        spread = float(np.std(wanted[context]))
+        return np.asarray(CONTRAST * np.abs(np.log((self._spread + 1.0) / (spread + 1.0))) - fit)
 
-def _halved(picture: np.ndarray) -> np.ndarray:
-    return np.asarray(cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.float32)
+    def _refined(self, row: int, column: int, grey: np.ndarray, context: np.ndarray) -> tuple[int, int]:
+        top, left = max(0, row - SHRINK), max(0, column - SHRINK)
+        free = self._free[top : row + SHRINK + 1, left : column + SHRINK + 1]
+        if context.sum() < 4:
+            return row, column
+        area = self._grey[top : top + free.shape[0] + self._window - 1, left : left + free.shape[1] + self._window - 1]
+        fit = np.where(free, _correlation(area, grey, context), -np.inf)
+        down, right = np.unravel_index(int(np.argmax(fit)), fit.shape)
+        return top + int(down), left + int(right)
+
+
+def _correlation(picture: np.ndarray, wanted: np.ndarray, context: np.ndarray) -> np.ndarray:
+    """Normalised correlation of `wanted` with every place of `picture` where `context` holds, -1..1."""
+    fit = cv2.matchTemplate(picture, wanted, cv2.TM_CCOEFF_NORMED, mask=context.astype(np.float32))
+    return np.clip(np.nan_to_num(fit, nan=-1.0, posinf=-1.0), -1.0, 1.0)
+
+
+def _shrunk(picture: np.ndarray) -> np.ndarray:
+    scale = 1.0 / SHRINK
+    return np.asarray(cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.float32)
+
+
+def _thinned(picture: np.ndarray) -> np.ndarray:
+    return picture[::SHRINK, ::SHRINK]
 
 
 def _tiles(hole: np.ndarray, tile: int) -> list[tuple[int, int]]:

@@ -9,13 +9,13 @@ from dextera_build.sim import world as worlds
 from dextera_build.sim.shot import Shot
 
 BACKEND = Backend(
-    summary="MuJoCo's OpenGL renderer, through EGL on the CPU or a GPU",
+    summary="MuJoCo's OpenGL renderer (EGL, on the CPU or a GPU), shadows by ray casting",
     profiles=("cpu",),
-    packages=("mujoco",),
+    packages=("mujoco", "open3d"),
     extra="twin",
 )
 
 
 def photograph(world: World, robot: RobotModel | None, *, supersample: int) -> Shot:
-    """Colours with shadows, depth [m] and object labels through the world's camera."""
-    return worlds.photograph(world, robot, supersample=supersample, shadows=True)
+    """Colours with soft shadows, depth [m] and object labels through the world's camera."""
+    return worlds.photograph(world, robot, supersample=supersample, soft=True)

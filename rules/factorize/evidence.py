@@ -69,10 +69,11 @@ def gather(seen: ObjectView, samples: int = 1500, outline_samples: int = 220) ->
         outline_samples: Number of places on the silhouette that a fit compares.
     """
     k, pose = seen.camera.matrix(), seen.world_from_camera
+    mask = without_pinholes(seen.mask)
     depth = seen.depth.depth.astype(np.float64)
     sigma = noise(depth)
     known = ~_grown(seen.occluder, 2)
-    core = trusted(seen.mask, depth, sigma) & known
+    core = trusted(mask, depth, sigma) & known
     smooth, normals = _normals(np.where(core, depth, 0.0), k)
     del smooth
     points = transforms.apply(pose, cameras.backproject(depth, k)[core])
@@ -82,7 +83,7 @@ def gather(seen: ObjectView, samples: int = 1500, outline_samples: int = 220) ->
     return Evidence(
         k=k,
         world_from_camera=pose,
-        mask=seen.mask,
+        mask=mask,
         known=known,
         depth=depth,
         sigma=sigma,
@@ -92,8 +93,19 @@ def gather(seen: ObjectView, samples: int = 1500, outline_samples: int = 220) ->
         rays=bearings.reshape(-1, 6)[chosen],
         ray_depth=depth.ravel()[chosen],
         ray_sigma=sigma.ravel()[chosen],
-        silhouette=_silhouette(seen.mask, known, k, pose, outline_samples),
+        silhouette=_silhouette(mask, known, k, pose, outline_samples),
     )
+
+
+def without_pinholes(mask: np.ndarray) -> np.ndarray:
+    """The mask with holes filled that are smaller than a five-hundredth of it: errors, not handles."""
+    from scipy import ndimage
+
+    holes, number = ndimage.label(~mask)
+    sizes = np.bincount(holes.ravel())
+    small = sizes < max(12.0, 0.002 * np.count_nonzero(mask))
+    small[0] = False
+    return np.asarray(mask | small[holes]) if number else mask
 
 
 def noise(depth: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dextera_build.artifacts.geometry import Mesh
-from dextera_build.geometry import transforms
+from dextera_build.geometry import registration, transforms
 
 from . import manifolds
 
@@ -52,9 +52,7 @@ class Hinge:
 
 def turned(axis: np.ndarray, origin: np.ndarray, angle: float) -> np.ndarray:
     """(4, 4) rotation by `angle` [rad] about the line through `origin` along unit `axis`."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    rotation = registration.rotation(axis * angle)
     return transforms.rigid(rotation, origin - rotation @ origin)
 
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.object import Body, Joint, ObjectView
-from dextera_build.geometry import cameras, transforms
-
-from .hinge import turned
+from dextera_build.geometry import cameras, kinematics, transforms
 
 _ENLARGED = 2
 
@@ -45,7 +43,7 @@ def _lines(body: Body, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _moved(points: np.ndarray, joint: Joint, angle: float) -> np.ndarray:
-    return transforms.apply(turned(np.array(joint.axis), np.array(joint.origin), angle), points)
+    return transforms.apply(kinematics.joint_motion(joint, angle), points)
 
 
 def _pixels(points: np.ndarray, camera_from_object: np.ndarray, seen: ObjectView) -> list[tuple[float, float]]:

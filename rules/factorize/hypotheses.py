@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from dextera_build.geometry import solids
 from dextera_build.geometry.solids import Solid
 
-from . import hypothesis_box, hypothesis_extruded, hypothesis_lofted, hypothesis_panels, wall_pieces
+from . import hypothesis_box, hypothesis_extruded, hypothesis_lofted, hypothesis_panels, revolution, wall_pieces
 from .evidence import Evidence
+from .profile import FACETS, Layout, Profile
 from .refine import Model
 
 HYPOTHESES = (
@@ -46,9 +48,10 @@ class Candidate:
 
     model: Model
     finish: Callable[[np.ndarray], Finished]
-    settled: Model | None = None
-    """The same body without parameters that only help the fit; refined last, from `reduced` parameters."""
-    reduced: Callable[[np.ndarray], np.ndarray] = field(default=lambda p: p)
+    finer: Callable[[np.ndarray], Candidate] | None = None
+    """Makes the same body with more parameters, which start where the given ones ended."""
+    settled: Callable[[np.ndarray], Model] | None = None
+    """Makes the body without parameters that only help the fit; its one start is refined last."""
 
 
 def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float) -> list[Candidate]:
@@ -59,7 +62,7 @@ def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float) -> list
         "lying_cylinder": lambda: _lying(evidence),
         "revolved": lambda: _revolved(evidence, hollow=False, wall_m=wall_m),
         "revolved_hollow": lambda: _revolved(evidence, hollow=True, wall_m=wall_m),
-        "oval": lambda: _oval(evidence),
+        "oval": lambda: _lofted(*hypothesis_lofted.oval(evidence), wall_m),
         "extruded": lambda: _extruded(evidence),
         "panels": lambda: _panels(evidence),
     }
@@ -68,57 +71,52 @@ def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float) -> list
 
 
 def _box(evidence: Evidence) -> Candidate:
-    leaning, standing = hypothesis_box.box(evidence)
-
     def finish(p: np.ndarray) -> Finished:
         body = hypothesis_box.box_body(p)
         return Finished(body, hypothesis_box.upright(p[0], p[1], p[2]), (body.vertices,))
 
-    return Candidate(leaning, finish, standing, hypothesis_box.stood_up)
+    return Candidate(hypothesis_box.box(evidence), finish, settled=hypothesis_box.standing)
 
 
 def _cylinder(evidence: Evidence) -> Candidate:
-    model = hypothesis_lofted.cylinder(evidence)
-
     def finish(p: np.ndarray) -> Finished:
-        profile = hypothesis_lofted.Profile(np.array([0.0, p[2]]), p[[3, 3]], p[[3, 3]])
-        body = profile.solid(hypothesis_lofted.FACETS)
+        body = Profile(np.array([0.0, p[2]]), p[[3, 3]], p[[3, 3]]).solid(FACETS)
         return Finished(body, hypothesis_box.upright(p[0], p[1], 0.0), (body.vertices,))
 
-    return Candidate(model, finish)
+    return Candidate(hypothesis_lofted.cylinder(evidence), finish)
 
 
 def _lying(evidence: Evidence) -> Candidate:
     def finish(p: np.ndarray) -> Finished:
-        body = hypothesis_box.lying_body(p, hypothesis_lofted.FACETS)
+        body = hypothesis_box.lying_body(p, FACETS)
         return Finished(body, hypothesis_box.upright(p[0], p[1], p[2]), (body.vertices,))
 
     return Candidate(hypothesis_box.lying(evidence), finish)
 
 
 def _revolved(evidence: Evidence, *, hollow: bool, wall_m: float) -> Candidate | None:
-    centre, _ = hypothesis_lofted.axis(evidence)
-    if hollow and hypothesis_lofted.interior(evidence, centre) < 0.03:
+    centre, _ = revolution.axis(evidence)
+    if hollow and revolution.interior(evidence, centre) < 0.03:
         return None
-    layout, model = hypothesis_lofted.revolved(evidence, hollow=hollow, wall_m=wall_m)
-    return Candidate(model, lambda p: _finish_profile(layout, p))
+    return _lofted(*hypothesis_lofted.revolved(evidence, hollow=hollow, wall_m=wall_m), wall_m)
 
 
-def _oval(evidence: Evidence) -> Candidate:
-    layout, model = hypothesis_lofted.oval(evidence)
-    return Candidate(model, lambda p: _finish_profile(layout, p))
+def _lofted(layout: Layout, model: Model, wall_m: float) -> Candidate:
+    def finer(p: np.ndarray) -> Candidate:
+        more, start = layout.finer(p)
+        return _lofted(more, hypothesis_lofted.model(more, model.name, [start], wall_m), wall_m)
+
+    return Candidate(model, lambda p: _finish_profile(layout, p), finer=finer)
 
 
-def _finish_profile(layout: hypothesis_lofted.Layout, p: np.ndarray) -> Finished:
-    profile = layout.profile(p).finer(3 * layout.knots)
-    facets = hypothesis_lofted.FACETS
-    body = profile.solid(facets)
+def _finish_profile(layout: Layout, p: np.ndarray) -> Finished:
+    profile = layout.profile(p).finer(int(np.clip(2 * layout.knots, 16, 40)))
+    body = profile.solid(FACETS)
     if profile.wall is None:
         return Finished(body, layout.pose(p))
-    from dextera_build.geometry import solids
-
-    pieces = wall_pieces.ring_walls(profile.outer(facets), profile.inner(facets))
-    return Finished(body, layout.pose(p), pieces, hollow=True, outside=solids.loft(profile.outer(facets)))
+    outer = profile.outer(FACETS)
+    pieces = wall_pieces.ring_walls(outer, profile.inner(FACETS))
+    return Finished(body, layout.pose(p), pieces, hollow=True, outside=solids.loft(outer))
 
 
 def _extruded(evidence: Evidence) -> Candidate | None:
@@ -140,8 +138,6 @@ def _panels(evidence: Evidence) -> Candidate | None:
 
     def finish(p: np.ndarray) -> Finished:
         base, lid = hypothesis_panels.slabs(p)
-        from dextera_build.geometry import solids
-
         pose = hypothesis_box.upright(p[0], p[1], p[2])
         return Finished(solids.join([base, lid]), pose, (base.vertices, lid.vertices))
 

@@ -25,11 +25,10 @@ def upright(x: float, y: float, yaw: float, base: float = 0.0) -> np.ndarray:
     return transforms.rigid(rotation, np.array([x, y, base]))
 
 
-def box(evidence: Evidence) -> tuple[Model, Model]:
+def box(evidence: Evidence) -> Model:
     """An upright box: x, y, yaw, width, depth, height and, for the fit alone, a lean along its width and depth [rad].
 
-    Cartons sag and planes are a little wrong: without the lean, either would go into the sizes. The second model is
-    the same box that stands upright with the sizes fixed by `stood_up`.
+    Cartons sag and planes are a little wrong: without the lean, either would go into the sizes. `standing` takes it out again.
     """
     starts = []
     for angle in np.deg2rad(np.arange(0.0, 90.0, 7.5)):
@@ -51,16 +50,21 @@ def box(evidence: Evidence) -> tuple[Model, Model]:
         expected=starts[0],
         spread=np.array([0.1, 0.1, 1.0, 0.2, 0.2, 0.2, LEAN_RAD, LEAN_RAD]),
     )
-    standing = Model(
+    return leaning
+
+
+def standing(p: np.ndarray) -> Model:
+    """The upright box with the sizes of the leaning box `p`, free to move and turn about where its middle was."""
+    start = stood_up(p)
+    free = np.array([np.inf, np.inf, np.inf, 0.0, 0.0, 0.0])
+    return Model(
         name="box",
         build=box_solid,
-        starts=[],
-        steps=leaning.steps[:6],
-        lower=leaning.lower[:6],
-        upper=leaning.upper[:6],
-        spread=np.array([np.inf, np.inf, np.inf, 0.001, 0.001, 0.001]),
+        starts=[start],
+        steps=np.array([0.003, 0.003, 0.02, 0.003, 0.003, 0.003]),
+        lower=np.where(free > 0, -np.inf, start),
+        upper=np.where(free > 0, np.inf, start),
     )
-    return leaning, standing
 
 
 def stood_up(p: np.ndarray) -> np.ndarray:

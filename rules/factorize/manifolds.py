@@ -46,7 +46,7 @@ def mesh(made: Manifold, like: Mesh) -> Mesh:
     properties = np.asarray(data.vert_properties)
     triangles = np.asarray(data.tri_verts).astype(np.int64)
     welded = np.arange(len(properties))
-    welded[np.asarray(data.merge_from_vert)] = np.asarray(data.merge_to_vert)
+    welded[np.asarray(data.merge_from_vert, np.int64)] = np.asarray(data.merge_to_vert, np.int64)
     used, faces = np.unique(welded[triangles], return_inverse=True)
     return Mesh(
         vertices=_contiguous(properties[used, :3], np.float32),
@@ -99,4 +99,5 @@ def _first_with(values: np.ndarray) -> np.ndarray:
 
 
 def _contiguous(array: np.ndarray, kind: type) -> np.ndarray:
-    return np.ascontiguousarray(array, dtype=kind)
+    # A copy, because manifold3d refuses arrays that are read-only, and those of artifacts are.
+    return np.array(array, dtype=kind, order="C")

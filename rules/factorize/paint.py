@@ -10,10 +10,18 @@ from dextera_build.artifacts.object import ObjectView
 from dextera_build.geometry import cameras, raycast, texture, transforms
 from dextera_build.geometry.solids import Solid
 
-FACING = 0.22
-"""Cosine between normal and line of sight below which a texel is too slanted to be read from the photograph."""
-HALF_TURN = np.array([-1.0, -1.0, 1.0])
-"""Half a turn about the body's vertical axis: a symmetry of boxes, cylinders, revolved and oval bodies."""
+from .evidence import without_pinholes
+
+SLANTED, PLAIN = 0.15, 0.5
+"""Cosines between normal and line of sight: up to the first a texel is not read, from the second on it is trusted."""
+EDGE_PX = (2.0, 6.0)
+"""Distances from the mask's border: up to the first a pixel is not read, from the second on it is trusted [px]."""
+GUESS_FROM = 32
+"""Seen texels that a guessed colour is the mean of."""
+FEATHER_PX = 10.0
+"""Texels over which a colour that is read fades into one that is guessed [px]."""
+HALF_TURN = np.diag([-1.0, -1.0, 1.0])
+"""Half a turn about the body's vertical axis: a symmetry of boxes, cylinders and oval bodies."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +33,7 @@ class Painted:
     seen_fraction: float  # part of the surface that the camera saw
 
 
-def paint(body: Solid, pose: np.ndarray, seen: ObjectView, most_px: int, *, turned: bool) -> Painted:
+def paint(body: Solid, pose: np.ndarray, seen: ObjectView, most_px: int, symmetry: np.ndarray | None) -> Painted:
     """Texture of a body in its own frame.
 
     Args:
@@ -33,23 +41,48 @@ def paint(body: Solid, pose: np.ndarray, seen: ObjectView, most_px: int, *, turn
         pose: T_world_object (4, 4).
         seen: The view whose photograph is used.
         most_px: Largest width and height of the texture [px].
-        turned: Whether half a turn about z is a symmetry of the body.
+        symmetry: (3, 3) motion of the body's frame that maps the body to itself, or None.
     """
     distance = float(np.linalg.norm(pose[:3, 3] - seen.world_from_camera[:3, 3]))
     atlas = texture.unwrap(body.vertices, body.faces, 0.75 * distance / seen.camera.fx, most_px)
     texels = texture.texels(body.vertices, body.faces, atlas)
-    from_photo = _Photograph(body, pose, seen)
-    colours, good = from_photo.read(texels.points, texels.normals)
-    if turned:
-        mirrored, reachable = from_photo.read(texels.points * HALF_TURN, texels.normals * HALF_TURN)
-        colours = np.where(good[:, None], colours, mirrored)
-        good = good | reachable
-    colours = _filled(texels, colours, good, seen)
-    pixels = np.zeros((atlas.height, atlas.width, 3))
-    filled = np.zeros((atlas.height, atlas.width), bool)
-    pixels[texels.row, texels.column], filled[texels.row, texels.column] = colours, True
+    photograph = _Photograph(body, pose, seen)
+    read, trust = photograph.read(texels.points, texels.normals)
+    colours = _guessed(texels, read, trust, seen)
+    if symmetry is not None:
+        twin, likely = photograph.read(texels.points @ symmetry.T, texels.normals @ symmetry.T)
+        colours = _mixed(texels, atlas, colours, twin, likely)
+    colours = _mixed(texels, atlas, colours, read, trust)
+    pixels, filled = _drawn(texels, atlas, colours), _drawn(texels, atlas, np.ones((len(colours), 1)))[..., 0] > 0
     pixels = np.round(texture.bled(pixels, filled)).clip(0, 255).astype(np.uint8)
-    return Painted(atlas.uv.astype(np.float32), pixels, from_photo.seen_fraction())
+    return Painted(atlas.uv.astype(np.float32), pixels, photograph.seen_fraction())
+
+
+def facing_mirror(pose: np.ndarray, seen: ObjectView) -> np.ndarray:
+    """The mirror (3, 3) in the body's vertical axis that swaps its front, as the camera sees it, and its back."""
+    towards = pose[:3, :3].T @ (seen.world_from_camera[:3, 3] - pose[:3, 3])
+    towards[2] = 0.0
+    towards /= max(float(np.linalg.norm(towards)), 1e-9)
+    return np.asarray(np.eye(3) - 2.0 * np.outer(towards, towards))
+
+
+def _drawn(texels: texture.Texels, atlas: texture.Atlas, values: np.ndarray) -> np.ndarray:
+    """Values (N, C) of the texels as a picture (H, W, C), 0 elsewhere."""
+    picture = np.zeros((atlas.height, atlas.width, values.shape[1]))
+    picture[texels.row, texels.column] = values
+    return picture
+
+
+def _mixed(
+    texels: texture.Texels, atlas: texture.Atlas, under: np.ndarray, over: np.ndarray, trust: np.ndarray
+) -> np.ndarray:
+    """`over` (N, 3) where it is trusted, faded into `under` towards the border of where it is."""
+    from scipy import ndimage
+
+    untrusted = _drawn(texels, atlas, (trust <= 0.0)[:, None].astype(np.float64))[..., 0] > 0
+    distance = ndimage.distance_transform_edt(~untrusted)[texels.row, texels.column]
+    weight = np.minimum(trust, distance / FEATHER_PX).clip(0.0, 1.0)[:, None]
+    return np.asarray(under + weight * (over - under))
 
 
 class _Photograph:
@@ -62,37 +95,43 @@ class _Photograph:
         self.camera_from_object = transforms.invert(seen.world_from_camera) @ pose
         self.eye = transforms.invert(self.camera_from_object)[:3, 3]
         self.k = seen.camera.matrix()
-        self.usable = ndimage.binary_erosion(seen.mask & ~seen.occluder, iterations=2)
+        self.inset = ndimage.distance_transform_edt(without_pinholes(seen.mask) & ~seen.occluder)
         self.pixels = seen.rgb.pixels.astype(np.float64)
 
     def read(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Colours (N, 3) and which of them are to be trusted (N,)."""
+        """Colours (N, 3) and how far they are to be trusted (N,), 0 to 1."""
         place = cameras.project(transforms.apply(self.camera_from_object, points), self.k)
-        height, width = self.usable.shape
+        height, width = self.inset.shape
         within = (place > 0).all(axis=1) & (place[:, 0] < width - 1) & (place[:, 1] < height - 1)
         place = np.where(within[:, None], place, 0.0)
-        nearest = np.round(place).astype(int)
-        good = within & self.usable[nearest[:, 1], nearest[:, 0]]
-        good &= self.open(points, normals, FACING)
         corner = np.floor(place).astype(int)
         part = place - corner
-        colour = np.zeros((len(points), 3))
+        colour, inset = np.zeros((len(points), 3)), np.zeros(len(points))
         for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
             weight = np.abs(1 - dx - part[:, 0]) * np.abs(1 - dy - part[:, 1])
             row, column = np.minimum(corner[:, 1] + dy, height - 1), np.minimum(corner[:, 0] + dx, width - 1)
             colour += weight[:, None] * self.pixels[row, column]
-        return colour, good
+            inset += weight * self.inset[row, column]
+        slant = (self.facing(points, normals) - SLANTED) / (PLAIN - SLANTED)
+        border = (inset - EDGE_PX[0]) / (EDGE_PX[1] - EDGE_PX[0])
+        trust = np.minimum(slant, border).clip(0.0, 1.0) * within
+        return colour, trust * self.open(points, normals)
 
-    def open(self, points: np.ndarray, normals: np.ndarray, facing: float) -> np.ndarray:
+    def facing(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Cosine (N,) between normals and the directions to the camera."""
+        sight = self.eye - points
+        return np.asarray((sight * normals).sum(axis=1) / np.linalg.norm(sight, axis=1))
+
+    def open(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Points (N,) that face the camera and that the body itself does not hide."""
         sight = points - self.eye
         length = np.linalg.norm(sight, axis=1)
-        towards = -(sight * normals).sum(axis=1) / length > facing
         surface = raycast.Surface(self.body.vertices, self.body.faces)
         rays = np.concatenate([np.broadcast_to(self.eye, sight.shape), sight], axis=1)
         first = raycast.cast([surface], rays).depth
         # A point reflected off the body into thin air is met too late or too early.
-        return np.asarray(towards & (np.abs(first - 1.0) * length < 0.0015 + 0.002 * length))
+        facing = self.facing(points, normals) > 0.0
+        return np.asarray(facing & (np.abs(first - 1.0) * length < 0.0015 + 0.002 * length))
 
     def seen_fraction(self) -> float:
         """Part of the surface area that the camera sees."""
@@ -104,24 +143,25 @@ class _Photograph:
             points = (weights[0] * a + weights[1] * b + weights[2] * c) / 6.0
             place = cameras.project(transforms.apply(self.camera_from_object, points), self.k)
             nearest = np.clip(np.round(place).astype(int), 0, np.array(self.seen.mask.shape)[::-1] - 1)
-            lit = self.open(points, normals, 0.0) & self.seen.mask[nearest[:, 1], nearest[:, 0]]
+            lit = self.open(points, normals) & self.seen.mask[nearest[:, 1], nearest[:, 0]]
             total += float((area * lit).sum()) / 4.0
         return total / float(area.sum())
 
 
-def _filled(texels: texture.Texels, colours: np.ndarray, good: np.ndarray, seen: ObjectView) -> np.ndarray:
-    """Colours (N, 3) where those that are not `good` are the mean of the nearest good ones with a like normal."""
+def _guessed(texels: texture.Texels, read: np.ndarray, trust: np.ndarray, seen: ObjectView) -> np.ndarray:
+    """Colours (N, 3): the mean of the nearest trusted ones with a like normal."""
     from scipy.spatial import cKDTree
 
-    if not good.any():
+    source = np.flatnonzero(trust > min(0.6, 0.9 * float(trust.max(initial=0.0))))
+    if not len(source):
         mask = seen.mask if seen.mask.any() else np.ones_like(seen.mask)
-        return np.broadcast_to(np.median(seen.rgb.pixels[mask], axis=0), colours.shape).astype(np.float64)
+        return np.broadcast_to(np.median(seen.rgb.pixels[mask], axis=0), read.shape).astype(np.float64)
+    source = source[:: max(1, len(source) // 20000)]
     size = float(np.ptp(texels.points, axis=0).max())
     keys = np.concatenate([texels.points, 0.3 * size * texels.normals], axis=1)
-    source = np.flatnonzero(good)[:: max(1, int(good.sum()) // 20000)]
-    missing = np.flatnonzero(~good)
-    number = min(24, len(source))
+    missing = np.flatnonzero(trust < 1.0)
+    number = min(GUESS_FROM, len(source))
     nearest = cKDTree(keys[source]).query(keys[missing], k=number)[1].reshape(len(missing), number)
-    result = colours.copy()
-    result[missing] = colours[source][nearest].mean(axis=1)
-    return result
+    colours = read.copy()
+    colours[missing] = read[source][nearest].mean(axis=1)
+    return colours

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dextera_build.artifacts.geometry import Hull
-from dextera_build.geometry import raycast, transforms
+from dextera_build.geometry import convex, raycast, transforms
 
 _SIZE = 320
 _LIGHT = np.array([0.4, -0.5, 0.77])
@@ -37,12 +37,10 @@ def _view(hulls: Sequence[Hull], moved: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _surface(hull: Hull, shift: np.ndarray, number: int) -> raycast.Surface:
-    from scipy.spatial import ConvexHull
-
-    points = hull.vertices.astype(np.float64)
+    vertices, faces = convex.surface(hull.vertices)
     # Steps of the golden angle keep neighbours in the list far apart in hue.
     colour = colorsys.hsv_to_rgb(0.618034 * number % 1.0, 0.55, 0.95)
-    return raycast.Surface(points + shift, ConvexHull(points).simplices, colour=colour)
+    return raycast.Surface(vertices + shift, faces, colour=colour)
 
 
 def _look_at(target: np.ndarray, distance: float) -> np.ndarray:

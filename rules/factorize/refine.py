@@ -37,6 +37,8 @@ class Model:
     """What a parameter is where nothing is seen of it."""
     spread: np.ndarray = field(default_factory=lambda: np.array(np.inf))
     """Standard deviation about `expected`; infinite where nothing is expected."""
+    smooth: np.ndarray | None = None
+    """Combinations (R, P) of parameters that are near 0, in standard deviations: a profile bends slowly."""
     cost: float = 0.0
     """Complexity, subtracted from the score."""
     iterations: int = 12
@@ -107,24 +109,24 @@ def _slopes(model: Model, evidence: Evidence, here: np.ndarray, residual: np.nda
 
 def _loss(model: Model, evidence: Evidence, parameters: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     residual = residuals(model, evidence, parameters)
-    soft = np.full(len(residual), SOFT)
-    soft[len(residual) - len(parameters) :] = np.inf
-    share = _shares(evidence, len(parameters))
+    rows = 0 if model.smooth is None else len(model.smooth)
+    seen = len(evidence.rays) + len(evidence.silhouette.rays) + rows
+    soft = np.where(np.arange(len(residual)) < seen, SOFT, np.inf)
+    share = _shares(evidence, rows, len(parameters))
     squared = np.square(residual)
     rho = np.where(np.isinf(soft), squared, SOFT**2 * np.log1p(squared / SOFT**2))
     return float((share * rho).sum()), residual, share / (1.0 + squared / soft**2)
 
 
-def _shares(evidence: Evidence, parameters: int) -> np.ndarray:
+def _shares(evidence: Evidence, rows: int, parameters: int) -> np.ndarray:
     """Weight of every residual: depth and silhouette count the same in all, whatever their number."""
     rays, places = len(evidence.rays), len(evidence.silhouette.rays)
-    return np.concatenate(
-        [np.full(rays, 1.0 / max(rays, 1)), np.full(places, 1.0 / max(places, 1)), np.full(parameters, 0.02)]
-    )
+    counts, shares = [rays, places, rows, parameters], [1 / max(rays, 1), 1 / max(places, 1), 0.02, 0.02]
+    return np.repeat(np.array(shares), counts)
 
 
 def residuals(model: Model, evidence: Evidence, parameters: np.ndarray) -> np.ndarray:
-    """Depth, silhouette and prior residuals in standard deviations: (rays + outline places + parameters,)."""
+    """Depth, silhouette and prior residuals in standard deviations: (rays + places + smooth rows + parameters,)."""
     body = model.build(parameters)
     outline = evidence.silhouette
     count = len(evidence.rays)
@@ -139,4 +141,5 @@ def residuals(model: Model, evidence: Evidence, parameters: np.ndarray) -> np.nd
     prior = np.zeros(len(parameters))
     if model.expected is not None:
         prior = (parameters - model.expected) / np.broadcast_to(model.spread, parameters.shape)
-    return np.concatenate([np.clip(difference, -DEPTH_CAP, DEPTH_CAP), excess, prior])
+    bends = np.zeros(0) if model.smooth is None else model.smooth @ parameters
+    return np.concatenate([np.clip(difference, -DEPTH_CAP, DEPTH_CAP), excess, bends, prior])

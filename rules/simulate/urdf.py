@@ -11,6 +11,7 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.geometry import Hull, Mesh, obj_text
 from dextera_build.artifacts.image import png
 from dextera_build.artifacts.object import Asset, Inertial, Joint
+from dextera_build.geometry import convex
 from dextera_build.rule import Context, Options, rule
 
 Node = ElementTree.Element
@@ -92,19 +93,8 @@ def _visual(node: Node, files: dict[str, bytes], name: str, mesh: Mesh, origin: 
 
 
 def _collision(node: Node, files: dict[str, bytes], name: str, hull: Hull, origin: np.ndarray) -> None:
-    from scipy.spatial import ConvexHull
-
-    points = hull.vertices.astype(np.float64) - origin
-    outline = ConvexHull(points)
-    triangles = outline.simplices
-    # Qhull leaves the order of corners open; outward is where its plane normals point.
-    normals = np.cross(
-        points[triangles[:, 1]] - points[triangles[:, 0]], points[triangles[:, 2]] - points[triangles[:, 0]]
-    )
-    inward = (normals * outline.equations[:, :3]).sum(axis=1) < 0.0
-    triangles = np.where(inward[:, None], triangles[:, ::-1], triangles)
-    used, faces = np.unique(triangles, return_inverse=True)
-    mesh = Mesh(vertices=points[used].astype(np.float32), faces=faces.reshape(-1, 3).astype(np.int32))
+    vertices, faces = convex.surface(hull.vertices.astype(np.float64) - origin)
+    mesh = Mesh(vertices=vertices, faces=faces)
     files[f"meshes/{name}.obj"] = obj_text(mesh).encode()
     part = ElementTree.SubElement(node, "collision", name=name)
     _origin(part, np.zeros(3))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import json
 import re
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -15,8 +17,18 @@ from rich.console import Console as Terminal
 from dextera_build.cli.consoles import can_move, console, lines
 from dextera_build.cli.consoles.foot import Running, clock, foot
 from dextera_build.cli.consoles.live import LiveConsole
+from dextera_build.cli.consoles.record import Record
 from dextera_build.cli.errors import wants_colour
-from dextera_build.engine.events import Event, NodeFinished, NodeLog, NodeProgress, NodeStarted, RunFinished, RunStarted
+from dextera_build.engine.events import (
+    Event,
+    GroupOpened,
+    NodeFinished,
+    NodeLog,
+    NodeProgress,
+    NodeStarted,
+    RunFinished,
+    RunStarted,
+)
 from dextera_build.errors import UsageError
 from tests.report.fabricate import Spec, fabricate
 
@@ -79,7 +91,7 @@ def live(events: list[Event], columns: int = 100) -> str:
 
 def test_plain_log_of_a_build() -> None:
     text = show("plain", fabricate("mixed")[0])
-    assert text.startswith("plan   10 nodes, 1 open group\n  =  capture                     cached ")
+    assert text.startswith("plan   17 calls, 1 open group\n  =  capture                     cached ")
     assert "\n       body opened: 28 nodes (laptop, blue_mug, box, gray_bowl)\n" in text
     assert re.search(r"\n  \+  body\[laptop\]\.parts +1\.4 s +cpu +1 hinge, 0–131°\n", text)
     assert re.search(r"\n  ↓  body\[laptop\]\.urdf +0\.20 s +2 links, 1 joint\n", text)
@@ -101,7 +113,7 @@ def test_failure_says_what_waits_and_how_to_see_the_log(kind: str) -> None:
     events = fabricate("failed")[0]
     text = live(events) if kind == "live" else show(kind, events)
     assert re.search(r"  ✗  body\[box\]\.mesh +12\.0 s +primitives +214 open edges, 0 allowed", text)
-    assert re.search(r"  ·  scene +waits +for body\[box\]\.mesh", text)
+    assert re.search(r"  ·  11 nodes +wait +for body\[box\]\.mesh", text)
     assert "error[DXB-B201]: body[box].mesh failed its check: 214 open edges, 0 allowed\n" in text
     assert "   log         dxb log 0142 'body[box].mesh'\n" in text
     assert text.rstrip().endswith("failed twin/laptop_scene   38 nodes: 26 ran, 1 failed, 11 wait   66.5 s")
@@ -284,3 +296,38 @@ def test_a_line_of_a_rule_stays_one_line_and_cannot_move_the_cursor() -> None:
         time=1, node="a", rule="r.a", backend=None, status="ran", key="k", output="o", seconds=1, line="o\x1b[2Jne\ntwo"
     )
     assert lines.plain(lines.Columns().node(event)).endswith("  o [2Jne")
+
+
+def test_the_number_of_nodes_is_known_when_groups_have_opened() -> None:
+    record = Record()
+    record.follow(RunStarted(0.0, "1", "r", [], "cpu", "0", calls=9, groups=2))
+    record.follow(GroupOpened(0.0, "body", ["a", "b"], 6))
+    assert record.nodes == 9 - 3 + 6
+    record.follow(GroupOpened(0.0, "body[a].part", ["x"], 2))
+    record.follow(GroupOpened(0.0, "body[b].part", ["x", "y"], 4))
+    assert record.nodes == 9 - 3 + 6 - 2 + 2 + 4
+    for event in fabricate("mixed")[0]:
+        record.follow(event)
+    assert record.nodes == 38
+
+
+def test_nodes_that_never_ran_are_told_at_the_end_by_what_they_wait_for() -> None:
+    def left(node: str, status: str, *blockers: str) -> NodeFinished:
+        return NodeFinished(1.0, node, "a.b", None, status, None, None, 0.0, blocked_by=list(blockers))  # type: ignore[arg-type]
+
+    events = [left("c", "cancelled"), left("a", "waits", "x"), left("b", "waits", "y")]
+    events += [left(f"z{i}", "waits", "y") for i in range(5)]
+    shown = [" ".join(lines.plain(line).split()) for line in lines.Columns().left_over(events)]
+    assert shown == ["· a waits for x", "· 6 nodes wait for y", "- c cancelled"]
+
+
+def test_plain_and_errors_start_without_heavy_packages() -> None:
+    code = (
+        "import sys, io\n"
+        "from dextera_build.cli.consoles import console\n"
+        "from dextera_build.cli.errors import render\n"
+        "console('plain', io.StringIO())\n"
+        "print([name for name in ('rich', 'numpy', 'PIL', 'pydantic') if name in sys.modules])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 import hashlib
 import json
 import os
@@ -26,7 +27,7 @@ HERE = Place("recipe.yaml", 1, 1)
 
 def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     """Carry out `options.do`, and note in the file `$TINY_TRACE` that it ran."""
-    options, store = task["options"], Store(Path(task["store"]))
+    options, store = task["options"], _store(task["store"])
     if trace := os.environ.get("TINY_TRACE"):
         with open(trace, "a") as file:
             file.write(f"{options['name']}\n")
@@ -35,6 +36,11 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     _misbehave(options, emit)
     output = store.blobs.put(_output(options, task["inputs"], store))
     return {"output": output, "line": f"{options['do']} done", "previews": [], "metrics": {"size": (1.0, "")}}
+
+
+@functools.cache
+def _store(root: str) -> Store:
+    return Store(Path(root))
 
 
 def text_header(text: str, blob: str | None = None) -> bytes:

@@ -14,7 +14,9 @@ def square(left: int, top: int, size: int, shape: tuple[int, int] = (60, 80)) ->
     return mask
 
 
-def sphere(radius: float, centre: tuple[float, float, float] = (0.0, 0.0, 0.0), rings: int = 60) -> tuple[np.ndarray, np.ndarray]:
+def sphere(
+    radius: float, centre: tuple[float, float, float] = (0.0, 0.0, 0.0), rings: int = 60
+) -> tuple[np.ndarray, np.ndarray]:
     """A sphere's triangles; poles are small triangles, seams are closed by index."""
     polar, around = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.arange(2 * rings) * np.pi / rings, indexing="ij")
     unit = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)

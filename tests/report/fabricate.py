@@ -376,12 +376,12 @@ def fabricate(mode: str = "mixed", workers: int = 2, nodes: list[Spec] | None = 
         time=START,
         run="0142",
         recipe="twin/laptop_scene",
-        targets=["default"],
+        targets=["scene", "usd", "overlay"],
         profile="cpu",
         dxb="0.1.0",
-        calls=sum("[" not in s.node for s in nodes),
+        calls=len({s.node.rpartition(".")[2] for s in nodes}),
         groups=1,
-        argv=["dxb", "build", "twin/laptop_scene", "--profile", "cpu"],
+        argv=["build", "twin/laptop_scene", "--profile", "cpu"],
     )
     seconds = max(clock) - START
     saved = 1260.0 if mode == "cached" else 74.0 if mode == "mixed" else 0.0

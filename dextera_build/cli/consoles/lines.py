@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 from dextera_build.engine.events import GroupOpened, NodeFinished, RunFinished, RunStarted
-from dextera_build.report.wording import MARKS, count, duration, some, states
+from dextera_build.report.wording import MARKS, STATES, count, duration, some, states
 
 Line: TypeAlias = list[tuple[str, str]]
 """(text, style) pieces; styles are the names in `STYLES`."""
@@ -27,6 +27,8 @@ STYLES: dict[str, str] = {
 
 _NAME_COLUMN = (26, 36)  # characters: how wide the column of names starts, and where it stops growing
 
+_FOLD = 4  # more nodes of one state in a row than this become one line
+
 
 class Columns:
     """Widths that grow with what was printed, so that later lines stand under earlier ones."""
@@ -35,22 +37,32 @@ class Columns:
         self.name = _NAME_COLUMN[0]
         self.backend = 10
 
-    def node(self, event: NodeFinished, blocked: str = "") -> Line:
+    def node(self, event: NodeFinished) -> Line:
         """`  +  body[mug].mesh   12.0 s   primitives   revolved, closed`."""
         time = duration(event.seconds) if event.status in ("ran", "fetched", "failed") else event.status
         said = _first(event.line)
         if event.status == "failed" and event.error:
             said = _first(str(event.error.get("message", "")))
         if event.status == "waits":
-            said = blocked or f"for {some(event.blocked_by, 3)}"
+            said = f"for {some(event.blocked_by, 3)}"
         if event.status == "fetched":
             said = said or "remote"
         return self._row(event.status, event.node, time, event.backend or "", said)
 
-    def fold(self, events: Sequence[NodeFinished]) -> Line:
-        """One line for many cached nodes."""
-        names = some([event.node for event in events], 3)
-        return self._row("cached", count(len(events), "node"), "cached", "", names)
+    def several(self, events: Sequence[NodeFinished]) -> list[Line]:
+        """Nodes of one state: a line each, or one line where they are many."""
+        if len(events) <= _FOLD:
+            return [self.node(event) for event in events]
+        status = events[0].status
+        said = f"for {some(events[0].blocked_by, 3)}" if status == "waits" else some([e.node for e in events], 3)
+        return [self._row(status, count(len(events), "node"), STATES[status][1], "", said)]
+
+    def left_over(self, events: Sequence[NodeFinished]) -> list[Line]:
+        """Nodes that never ran: by what they wait for, then those that were cancelled."""
+        groups: dict[tuple[str, ...], list[NodeFinished]] = {}
+        for event in sorted(events, key=lambda e: e.status != "waits"):
+            groups.setdefault((event.status, *event.blocked_by), []).append(event)
+        return [line for group in groups.values() for line in self.several(group)]
 
     def _row(self, status: str, name: str, time: str, backend: str, said: str) -> Line:
         self.name = max(self.name, min(len(name), _NAME_COLUMN[1]))
@@ -82,9 +94,9 @@ def plain(line: Line) -> str:
 
 
 def plan(event: RunStarted) -> Line:
-    """`plan   7 nodes, 1 open group`."""
+    """`plan   17 calls, 1 open group`; how many nodes they become is known when the group opens."""
     groups = f", {count(event.groups, 'open group')}" if event.groups else ""
-    return [("plan   ", "name"), (f"{count(event.calls, 'node')}{groups}", "")]
+    return [("plan   ", "name"), (f"{count(event.calls, 'call')}{groups}", "")]
 
 
 def opened(event: GroupOpened) -> Line:

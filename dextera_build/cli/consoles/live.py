@@ -34,7 +34,6 @@ from dextera_build.report.wording import count
 _DEBOUNCE_S = 0.05  # events within it are drawn together: ten thousand cached nodes must not draw ten thousand times
 _TICK_S = 0.25  # a clock that stands still looks hung
 _PATIENCE_S = 0.4  # a build that runs nothing and ends sooner shows its last line only
-_FOLD = 4  # more cached nodes in a row than this become one line
 
 _RICH: dict[str, Style] = {
     "": Style(),
@@ -128,7 +127,7 @@ class LiveConsole:
             self._running.pop(event.node, None)
             if event.status == "cached":
                 self._cached.append(event)
-            else:
+            elif event.status not in ("waits", "cancelled"):
                 self._worked = True
                 self._say(self._columns.node(event))
         elif isinstance(event, RunStarted):
@@ -145,10 +144,7 @@ class LiveConsole:
 
     def _fold(self) -> None:
         """Cached nodes in a row become lines, or one line where they are many."""
-        if len(self._cached) > _FOLD:
-            self._pending.append(self._columns.fold(self._cached))
-        else:
-            self._pending += [self._columns.node(event) for event in self._cached]
+        self._pending += self._columns.several(self._cached)
         self._cached = []
 
     def _draw(self) -> None:
@@ -183,6 +179,8 @@ class LiveConsole:
         return text
 
     def _finish(self, event: RunFinished) -> None:
+        for left in self._columns.left_over(self._record.left_over):
+            self._terminal.print(_text(left))
         blocks = self._record.failures(colour=self._colour)
         for block in blocks:
             self._terminal.print()

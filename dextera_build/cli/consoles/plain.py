@@ -66,7 +66,7 @@ class PlainConsole:
             return lines.plan(event)
         if isinstance(event, GroupOpened):
             return lines.opened(event)
-        if isinstance(event, NodeFinished):
+        if isinstance(event, NodeFinished) and event.status not in ("waits", "cancelled"):
             return self._columns.node(event)
         if isinstance(event, NodeLog) and self._verbose:
             return lines.logged(event.node, event.text)
@@ -79,6 +79,8 @@ class PlainConsole:
             self._write("\n".join(closing))
             return
         self._release()
+        for line in self._columns.left_over(self._record.left_over):
+            self._write(self._text(line))
         for block in self._record.failures(colour=self._colour):
             self._write("\n" + block)
         self._write("\n" + "\n".join(closing))

@@ -1,0 +1,133 @@
+"""A whole twin in the viewer: objects with joint sliders, static scene, frames, camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.object import Asset, Joint, Support
+from dextera_build.artifacts.scene import Background
+from dextera_build.geometry import kinematics, quaternions
+from dextera_build.view.show import PIECE_COLOURS, add_camera, add_frame, add_piece, show
+
+SWING_RAD = 0.6
+"""How far visitors start beside the photograph's camera, about the vertical [rad]."""
+
+
+def show_scene(
+    server: Any,
+    assets: Mapping[str, Asset],
+    background: Background,
+    support: Support,
+    camera: Camera,
+    *,
+    photo: Image | None = None,
+    addresses: Mapping[str, str] | None = None,
+) -> None:
+    """Add a twin to a viser server.
+
+    Args:
+        server: From `view.server.start`.
+        assets: Label -> placed object.
+        background: Static scene.
+        support: World frame and outline.
+        camera: Intrinsics of the photograph [px].
+        photo: The photograph, shown in the camera's frustum.
+        addresses: Label -> node address, which then names the scene node; the label itself where it is left out.
+    """
+    add_frame(server, "/world", np.eye(4), axes=0.1)
+    server.scene.add_grid("/grid", width=2.0, height=2.0, cell_size=0.1, section_size=0.5, position=(0.0, 0.0, -0.002))
+    static = show(background, server, "/background")
+    outline = show(support, server, "/support")
+    pixels = None if photo is None else photo.pixels
+    lens = add_camera(server, "/camera", camera, support.world_from_camera, pixels)
+    pieces: list[Any] = []
+    for label in sorted(assets):
+        name = f"/{(addresses or {}).get(label, label)}"
+        frames = _object(server, name, assets[label], pieces)
+        _sliders(server, label, assets[label], frames)
+    _switches(server, {"Background": [static], "Camera": [lens], "Outline": [outline]}, pieces)
+    _greet(server, assets, support.world_from_camera)
+
+
+def _object(server: Any, name: str, asset: Asset, pieces: list[Any]) -> dict[str, Any]:
+    """Add an object as it was seen; its collision pieces, hidden, are put into `pieces`. Returns link -> frame."""
+    add_frame(server, name, asset.world_from_object, axes=0.04)
+    frames = {}
+    for link, pose in kinematics.link_poses(asset.body).items():
+        frames[link] = add_frame(server, f"{name}/{link}", pose)
+        show(asset.body.links[link].mesh, server, f"{name}/{link}/visual")
+        for number, hull in enumerate(asset.collision.links[link].hulls):
+            colour = PIECE_COLOURS[number % len(PIECE_COLOURS)]
+            pieces.append(add_piece(server, f"{name}/{link}/piece_{number}", hull, colour, visible=False))
+    return frames
+
+
+def _sliders(server: Any, label: str, asset: Asset, frames: Mapping[str, Any]) -> None:
+    """One slider per joint; every move poses all links of the object."""
+    if not asset.body.joints:
+        return
+    sliders: dict[str, tuple[Any, float]] = {}
+
+    def pose(_: object) -> None:
+        positions = {name: slider.value / unit for name, (slider, unit) in sliders.items()}
+        for link, matrix in kinematics.link_poses(asset.body, positions).items():
+            frames[link].wxyz = quaternions.from_matrix(matrix[:3, :3])
+            frames[link].position = matrix[:3, 3]
+
+    with server.gui.add_folder(label):
+        for joint in asset.body.joints:
+            slider, unit = _slider(server, joint)
+            sliders[joint.name] = slider, unit
+            slider.on_update(pose)
+
+
+def _slider(server: Any, joint: Joint) -> tuple[Any, float]:
+    """A slider in degrees or millimetres, and how many of them make a radian or metre."""
+    turns = joint.type == "revolute"
+    unit = float(np.degrees(1.0)) if turns else 1000.0
+    low, high = (
+        round(limit * unit, 1) for limit in (min(joint.lower, joint.position), max(joint.upper, joint.position))
+    )
+    title = f"{joint.name} [{'deg' if turns else 'mm'}]"
+    start = round(float(np.clip(joint.position * unit, low, high)), 1)
+    return server.gui.add_slider(title, min=low, max=max(high, low + 0.1), step=0.1, initial_value=start), unit
+
+
+def _switches(server: Any, layers: Mapping[str, list[Any]], pieces: list[Any]) -> None:
+    """Check boxes that show and hide the parts of the scene."""
+    with server.gui.add_folder("Show"):
+        for title, handles, visible in (
+            *((title, handles, True) for title, handles in layers.items()),
+            ("Collision pieces", pieces, False),
+        ):
+            _switch(server, title, handles, visible)
+
+
+def _switch(server: Any, title: str, handles: list[Any], visible: bool) -> None:
+    box = server.gui.add_checkbox(title, initial_value=visible)
+
+    def toggle(_: object) -> None:
+        for handle in handles:
+            handle.visible = box.value
+
+    box.on_update(toggle)
+
+
+def _greet(server: Any, assets: Mapping[str, Asset], world_from_camera: np.ndarray) -> None:
+    """Let visitors start where the photograph's camera stood, swung to its side, so that depth is seen at once."""
+    places = [asset.world_from_object[:3, 3] for asset in assets.values()]
+    target = np.mean(places, axis=0) if places else np.zeros(3)
+    c, s = np.cos(SWING_RAD), np.sin(SWING_RAD)
+    arm = world_from_camera[:3, 3] - target
+    start = target + np.array([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], 1.1 * arm[2]])
+
+    def greet(client: Any) -> None:
+        client.camera.position = tuple(start.tolist())
+        client.camera.look_at = tuple(target.tolist())
+
+    server.on_client_connect(greet)

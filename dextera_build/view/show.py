@@ -1,0 +1,214 @@
+"""One way to show each artifact type: `show(artifact, server, name)` adds it to a viser scene under `name`."""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+
+from dextera_build.artifacts.base import Artifact, Collection
+from dextera_build.artifacts.camera import Camera, Capture, Transform
+from dextera_build.artifacts.geometry import Hull, Mesh
+from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.object import Asset, Body, Collision, ObjectView, Segmentation, Shape, Support
+from dextera_build.artifacts.scene import Background
+from dextera_build.errors import UsageError
+from dextera_build.geometry import cameras, convex, kinematics, quaternions, transforms
+
+PIECE_COLOURS = ((230, 85, 60), (60, 140, 220), (90, 180, 90), (235, 170, 50), (150, 105, 200), (90, 190, 190))
+MOST_POINTS = 100_000
+
+
+@singledispatch
+def show(artifact: Artifact, server: Any, name: str) -> Any:
+    """Add `artifact` to the viser `server` as scene node `name` and return its handle.
+
+    Raises:
+        UsageError: There is nothing to see of this type.
+    """
+    kinds = sorted(kind.__name__ for kind in show.registry if kind not in (object, Artifact))
+    raise UsageError(f"a {artifact.name()} has no shape to view", code="DXB-U320", facts={"shapes": ", ".join(kinds)})
+
+
+@show.register
+def _(mesh: Mesh, server: Any, name: str) -> Any:
+    """A mesh with its texture, seen from both sides."""
+    import trimesh
+    from PIL import Image as Pillow
+
+    if mesh.texture is None or mesh.uv is None:
+        colour = tuple(round(255 * part) for part in mesh.colour)
+        return server.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=colour, side="double")
+    corners = mesh.vertices[mesh.faces].reshape(-1, 3)
+    # The photograph's light is in the texture already: it shines by itself and takes no other light.
+    material = trimesh.visual.material.PBRMaterial(
+        baseColorFactor=[0, 0, 0, 255],
+        emissiveTexture=Pillow.fromarray(mesh.texture.pixels),
+        emissiveFactor=[1.0, 1.0, 1.0],
+        metallicFactor=0.0,
+        roughnessFactor=1.0,
+        doubleSided=True,
+    )
+    visual = trimesh.visual.TextureVisuals(uv=mesh.uv.reshape(-1, 2), material=material)
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    return server.scene.add_mesh_trimesh(name, trimesh.Trimesh(corners, faces, visual=visual, process=False))
+
+
+@show.register
+def _(hull: Hull, server: Any, name: str) -> Any:
+    """A convex piece."""
+    return add_piece(server, name, hull, PIECE_COLOURS[0])
+
+
+@show.register
+def _(shape: Shape, server: Any, name: str) -> Any:
+    """A completed object at its first guess of a pose."""
+    frame = add_frame(server, name, shape.world_from_object)
+    show(shape.mesh, server, f"{name}/mesh")
+    return frame
+
+
+@show.register
+def _(body: Body, server: Any, name: str) -> Any:
+    """An articulated object as it was seen."""
+    frame = add_frame(server, name, body.world_from_object)
+    for link, pose in kinematics.link_poses(body).items():
+        add_frame(server, f"{name}/{link}", pose)
+        show(body.links[link].mesh, server, f"{name}/{link}/visual")
+    return frame
+
+
+@show.register
+def _(collision: Collision, server: Any, name: str) -> Any:
+    """All pieces of all links, one colour after the other."""
+    frame = add_frame(server, name, np.eye(4))
+    for link, pieces in collision.links.items():
+        for number, hull in enumerate(pieces.hulls):
+            add_piece(server, f"{name}/{link}/piece_{number}", hull, PIECE_COLOURS[number % len(PIECE_COLOURS)])
+    return frame
+
+
+@show.register
+def _(asset: Asset, server: Any, name: str) -> Any:
+    """A placed object as it was seen."""
+    return show(asset.body.model_copy(update={"world_from_object": asset.world_from_object}), server, name)
+
+
+@show.register
+def _(background: Background, server: Any, name: str) -> Any:
+    """The static surface and its collision boxes."""
+    frame = add_frame(server, name, np.eye(4))
+    show(background.mesh, server, f"{name}/surface")
+    for box in background.boxes:
+        turn = np.array([np.cos(box.yaw / 2), 0.0, 0.0, np.sin(box.yaw / 2)])
+        server.scene.add_box(
+            f"{name}/boxes/{box.name}",
+            color=PIECE_COLOURS[1],
+            dimensions=tuple(2 * half for half in box.half_size),
+            opacity=0.3,
+            wxyz=turn,
+            position=box.centre,
+            visible=False,
+        )
+    return frame
+
+
+@show.register
+def _(support: Support, server: Any, name: str) -> Any:
+    """The outline of the seen support, on z = 0."""
+    corners = np.concatenate([support.polygon, np.zeros((len(support.polygon), 1))], axis=1)
+    segments = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    return server.scene.add_line_segments(name, segments, colors=(46, 125, 70), line_width=2.0)
+
+
+@show.register
+def _(capture: Capture, server: Any, name: str) -> Any:
+    """The coloured points of a capture, in the camera frame turned upright (z up)."""
+    points = cameras.backproject(capture.depth.depth, capture.camera.matrix())
+    upright = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    return add_points(server, name, points @ upright.T, capture.rgb.pixels, capture.depth.depth > 0)
+
+
+@show.register
+def _(view: ObjectView, server: Any, name: str) -> Any:
+    """The seen points of one object in the world frame."""
+    points = cameras.backproject(view.depth.depth, view.camera.matrix())
+    world = transforms.apply(view.world_from_camera, points)
+    return add_points(server, name, world, view.rgb.pixels, view.mask & (view.depth.depth > 0))
+
+
+@show.register
+def _(segmentation: Segmentation, server: Any, name: str) -> Any:
+    """The seen points of every object."""
+    frame = add_frame(server, name, np.eye(4))
+    for label, view in segmentation.items.items():
+        show(view, server, f"{name}/{label}")
+    return frame
+
+
+@show.register
+def _(collection: Collection, server: Any, name: str) -> Any:  # type: ignore[type-arg]
+    """Every item under its label."""
+    frame = add_frame(server, name, np.eye(4))
+    for label, item in collection.items.items():
+        show(item, server, f"{name}/{label}")
+    return frame
+
+
+@show.register
+def _(image: Image, server: Any, name: str) -> Any:
+    """A picture that stands upright, one metre wide."""
+    height, width = image.pixels.shape[:2]
+    upright = quaternions.from_matrix(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
+    return server.scene.add_image(name, image.pixels, 1.0, height / width, wxyz=upright, position=(0.0, 0.0, 0.5))
+
+
+@show.register
+def _(transform: Transform, server: Any, name: str) -> Any:
+    """A pair of axes."""
+    return add_frame(server, name, transform.matrix, axes=0.1)
+
+
+def add_frame(server: Any, name: str, pose: np.ndarray, axes: float = 0.0) -> Any:
+    """A node at the (4, 4) `pose`; its axes are drawn `axes` [m] long, or hidden at 0."""
+    return server.scene.add_frame(
+        name,
+        wxyz=quaternions.from_matrix(pose[:3, :3]),
+        position=pose[:3, 3],
+        show_axes=axes > 0,
+        axes_length=axes or 0.05,
+        axes_radius=(axes or 0.05) / 25,
+    )
+
+
+def add_piece(server: Any, name: str, hull: Hull, colour: tuple[int, int, int], *, visible: bool = True) -> Any:
+    """A see-through convex piece."""
+    vertices, faces = convex.surface(hull.vertices)
+    return server.scene.add_mesh_simple(
+        name, vertices, faces, color=colour, opacity=0.5, flat_shading=True, visible=visible
+    )
+
+
+def add_points(server: Any, name: str, points: np.ndarray, colours: np.ndarray, where: np.ndarray) -> Any:
+    """Points (H, W, 3) [m] with colours (H, W, 3) uint8 at the pixels of `where` (H, W), thinned evenly."""
+    chosen = np.flatnonzero(where)
+    chosen = chosen[:: max(1, -(-len(chosen) // MOST_POINTS))]
+    flat, paint = points.reshape(-1, 3)[chosen], colours.reshape(-1, 3)[chosen]
+    return server.scene.add_point_cloud(name, flat.astype(np.float32), paint, point_size=0.002, point_shape="circle")
+
+
+def add_camera(
+    server: Any, name: str, camera: Camera, world_from_camera: np.ndarray, photo: np.ndarray | None = None
+) -> Any:
+    """The camera's frustum at T_world_camera (4, 4), 5 cm deep, with the photograph in it."""
+    return server.scene.add_camera_frustum(
+        name,
+        fov=float(2 * np.arctan2(camera.height / 2, camera.fy)),
+        aspect=camera.width / camera.height,
+        scale=0.05,
+        thickness=0.001,
+        image=photo,
+        wxyz=quaternions.from_matrix(world_from_camera[:3, :3]),
+        position=world_from_camera[:3, 3],
+    )

@@ -1,0 +1,191 @@
+"""A handle on a revolved body: what the mask shows beside the body, as a solid in the vertical plane of its root."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dextera_build.geometry import cameras, raycast, solids, transforms
+from dextera_build.geometry.solids import Solid
+
+from .evidence import Evidence
+from .hypotheses import Finished
+
+LEAST_PART = 0.012
+"""A handle covers at least this part of the mask."""
+WEDGES = 8
+"""Convex pieces that a handle's loop is cut into."""
+LAYERS = ((1.0, 0.26), (0.86, 0.1), (0.62, 0.0))
+"""Part of the half thickness, and part of the strap's width by which the outline is drawn in there: rounded edges."""
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """The vertical half plane of the handle, in the body's frame."""
+
+    azimuth: float
+    eye: np.ndarray  # (3,) camera position
+    object_from_camera: np.ndarray
+
+    def place(self, pixels: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(distance from the axis, height) (N, 2) [m] and depth (N,) where rays through (column, row) cross it."""
+        bearing = np.concatenate([(pixels - [k[0, 2], k[1, 2]]) / [k[0, 0], k[1, 1]], np.ones((len(pixels), 1))], 1)
+        bearing = bearing @ self.object_from_camera[:3, :3].T
+        normal = np.array([-np.sin(self.azimuth), np.cos(self.azimuth), 0.0])
+        depth = -(self.eye @ normal) / (bearing @ normal)
+        points = self.eye + depth[:, None] * bearing
+        out = points[:, 0] * np.cos(self.azimuth) + points[:, 1] * np.sin(self.azimuth)
+        return np.stack([out, points[:, 2]], axis=-1), depth
+
+
+def with_handle(body: Finished, evidence: Evidence) -> Finished | None:
+    """The body with the handle that the mask shows, or None where it shows none."""
+    outer = body.outside or body.solid
+    beside, shown = _beside(outer.moved(body.pose), evidence)
+    if beside is None:
+        return None
+    plane = _plane(beside, body.pose, evidence)
+    if plane is None:
+        return None
+    outlines = _outlines(beside, shown, plane, evidence, outer)
+    if outlines is None:
+        return None
+    section, width = outlines
+    thickness = float(np.clip(1.2 * width, 0.005, 0.02))
+    loop = _thickened(section, width, thickness, plane.azimuth)
+    whole = solids.largest(solids.union([body.solid, loop]))
+    if whole.volume < 1.005 * body.solid.volume:
+        return None
+    walls = body.walls and (*body.walls, *_wedges(section, thickness, plane.azimuth))
+    return replace(body, solid=whole, walls=walls)
+
+
+def _beside(outer: Solid, evidence: Evidence) -> tuple[np.ndarray | None, np.ndarray]:
+    """The largest patch of the mask beside the body, and the body's own silhouette."""
+    from scipy import ndimage
+
+    height, width = evidence.mask.shape
+    shown = raycast.render(
+        [raycast.Surface(outer.vertices, outer.faces)], evidence.k, evidence.world_from_camera, height, width
+    )
+    covered = shown.index >= 0
+    rest = evidence.mask & evidence.known & ~ndimage.binary_dilation(covered, iterations=2)
+    labels, number = ndimage.label(ndimage.binary_opening(rest, iterations=1))
+    if number == 0:
+        return None, covered
+    sizes = np.bincount(labels.ravel())[1:]
+    patch = labels == int(np.argmax(sizes)) + 1
+    if sizes.max() < max(LEAST_PART * evidence.mask.sum(), 40):
+        return None, covered
+    # Back to where it touches the body, which the dilation had taken away.
+    reach = ndimage.binary_dilation(patch, iterations=3) & evidence.mask & ~covered
+    return reach, covered
+
+
+def _plane(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> _Plane | None:
+    """The half plane whose crossing with the rays agrees best with the seen depth of the handle."""
+    from scipy import ndimage
+
+    object_from_camera = transforms.invert(pose) @ evidence.world_from_camera
+    eye = object_from_camera[:3, 3]
+    inner = ndimage.binary_erosion(beside, iterations=1) & (evidence.depth > 0)
+    rows, columns = np.nonzero(inner)
+    if len(rows) < 12:
+        return None
+    pixels = np.stack([columns, rows], axis=-1).astype(np.float64)
+    points = transforms.apply(object_from_camera, cameras.backproject(evidence.depth, evidence.k)[inner])
+    middle = np.median(points, axis=0)
+    guess = float(np.arctan2(middle[1], middle[0]))
+    best, least = None, np.inf
+    for turn in np.deg2rad(np.arange(-40.0, 41.0, 2.0)):
+        plane = _Plane(guess + turn, eye, object_from_camera)
+        place, depth = plane.place(pixels, evidence.k)
+        error = float(np.median(np.abs(depth - evidence.depth[inner])))
+        # Seen nearly along the plane, a pixel says nothing of where on it a point is.
+        slant = abs(np.sin(plane.azimuth - np.arctan2(-eye[1], -eye[0])))
+        if slant > 0.25 and error < least and np.median(place[:, 0]) > 0:
+            best, least = plane, error
+    return best
+
+
+def _outlines(
+    beside: np.ndarray, covered: np.ndarray, plane: _Plane, evidence: Evidence, outer: Solid
+) -> tuple[object, float] | None:
+    """Cross-section of the handle in (distance from the axis, height) with its roots in the wall, and its width [m]."""
+    import cv2
+    import manifold3d as m3
+    from scipy import ndimage
+
+    contours, _ = cv2.findContours(beside.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    rings = [
+        plane.place(ndimage.gaussian_filter1d(c[:, 0].astype(np.float64), 1.5, axis=0, mode="wrap"), evidence.k)[0]
+        for c in contours
+        if len(c) >= 12
+    ]
+    if not rings:
+        return None
+    section = m3.CrossSection(rings, m3.FillRule.EvenOdd)
+    scale = abs(section.area()) / max(np.count_nonzero(beside), 1)
+    inside = ndimage.distance_transform_edt(beside)
+    width = 2.0 * float(np.quantile(inside[inside > 0], 0.9)) * float(np.sqrt(scale))
+    radius_at = _radii(outer)
+    touching = beside & ndimage.binary_dilation(covered, iterations=4)
+    labels, number = ndimage.label(touching)
+    for label in range(1, number + 1):
+        rows, columns = np.nonzero(labels == label)
+        place, _ = plane.place(np.stack([columns, rows], axis=-1).astype(np.float64), evidence.k)
+        low, high = np.quantile(place[:, 1], [0.03, 0.97])
+        end = float(np.quantile(place[:, 0], 0.9))
+        root = [radius_at(z) - 0.0012 for z in (low, high)]
+        if len(rows) < 6 or min(root) >= end:
+            continue
+        section = section + m3.CrossSection([np.array([[root[0], low], [end, low], [end, high], [root[1], high]])])
+    section = section.offset(0.0008, m3.JoinType.Round).offset(-0.0008, m3.JoinType.Round).simplify(0.0003)
+    return section, width
+
+
+def _radii(outer: Solid) -> object:
+    """Height -> radius of a revolved body."""
+    radius = np.linalg.norm(outer.vertices[:, :2], axis=1)
+    side = radius > 0.3 * radius.max()
+    heights = np.unique(np.round(outer.vertices[side, 2], 6))
+    widest = np.array([radius[np.abs(outer.vertices[:, 2] - z) < 2e-6].max() for z in heights])
+    return lambda z: float(np.interp(z, heights, widest))
+
+
+def _thickened(section: object, width: float, thickness: float, azimuth: float) -> Solid:
+    parts = []
+    for part, inset in LAYERS:
+        drawn = section.offset(-inset * width) if inset else section  # type: ignore[attr-defined]
+        rings = [np.asarray(ring) for ring in drawn.to_polygons()]
+        if rings:
+            half = part * thickness / 2
+            parts.append(solids.extrude_rings(rings, -half, half))
+    return _upright(solids.union(parts), azimuth)
+
+
+def _wedges(section: object, thickness: float, azimuth: float) -> tuple[np.ndarray, ...]:
+    """Corner points of convex pieces of the handle: its section cut into wedges about its middle."""
+    import manifold3d as m3
+
+    left, low, right, high = section.bounds()  # type: ignore[attr-defined]
+    middle, reach = np.array([left, (low + high) / 2]), 2.0 * (right - left + high - low)
+    pieces = []
+    turns = np.linspace(-np.pi / 2, np.pi / 2, WEDGES + 1)
+    for start, end in zip(turns[:-1], turns[1:], strict=True):
+        arms = [middle + reach * np.array([np.cos(turn), np.sin(turn)]) for turn in (start, end)]
+        cut = section ^ m3.CrossSection([np.array([middle, *arms])])  # type: ignore[operator]
+        for part in cut.decompose():
+            if part.area() > 1e-6:
+                corners = np.concatenate([np.asarray(ring) for ring in part.to_polygons()])
+                flat = np.concatenate([np.c_[corners, np.full(len(corners), s * thickness / 2)] for s in (-1, 1)])
+                pieces.append(_upright(Solid(flat, np.zeros((0, 3), np.int64)), azimuth).vertices)
+    return tuple(pieces)
+
+
+def _upright(flat: Solid, azimuth: float) -> Solid:
+    """From (distance, height, sideways) to the body's frame, the half plane turned to `azimuth`."""
+    cosine, sine = np.cos(azimuth), np.sin(azimuth)
+    rotation = np.array([[cosine, 0.0, sine], [sine, 0.0, -cosine], [0.0, 1.0, 0.0]])
+    return Solid(flat.vertices @ rotation.T, flat.faces)

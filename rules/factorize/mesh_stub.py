@@ -1,0 +1,57 @@
+"""An upright box around the seen points, at once and without any package: the shape of a result, not its quality."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.geometry import Hull, Mesh
+from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.object import ObjectView, Shape
+from dextera_build.geometry import cameras, solids, transforms
+from dextera_build.rule import Backend, Context
+
+if TYPE_CHECKING:
+    from .mesh import MeshOptions
+
+BACKEND = Backend(summary="an upright box around the seen points, in the mean colour", profiles=("stub",))
+
+SMALLEST_M = 0.005
+"""No edge is shorter [m]."""
+
+
+def complete(ctx: Context, seen: ObjectView, options: MeshOptions) -> Shape:
+    """The axis-aligned box (in the world frame) of the middle 96 % of the seen points, from the support up."""
+    depth = seen.depth.depth.astype(np.float64)
+    valid = seen.mask & (depth > 0)
+    if int(valid.sum()) < options.least_points:
+        ctx.fail(
+            f"the view has {int(valid.sum())} pixels with depth, {options.least_points} are needed",
+            hint="lower `least_points`",
+        )
+    points = transforms.apply(seen.world_from_camera, cameras.backproject(depth, seen.camera.matrix())[valid])
+    low, high = np.quantile(points, [0.02, 0.98], axis=0)
+    size = np.maximum(high - low, SMALLEST_M)
+    size[2] = max(high[2], SMALLEST_M)
+    body = solids.box(size, (0.0, 0.0, size[2] / 2))
+    vertices = body.vertices.astype(np.float32)
+    colour = np.median(seen.rgb.pixels[valid], axis=0).astype(np.uint8)
+    mesh = Mesh(
+        vertices=vertices,
+        faces=body.faces.astype(np.int32),
+        uv=np.full((len(body.faces), 3, 2), 0.5, np.float32),
+        texture=Image(pixels=np.broadcast_to(colour, (4, 4, 3)).copy()),
+    )
+    middle = (low + high) / 2
+    return Shape(
+        mesh=mesh,
+        walls=(Hull(vertices=vertices.copy()),),
+        world_from_object=transforms.rigid(np.eye(3), np.array([middle[0], middle[1], 0.0])),
+        hypothesis="box",
+        hollow=False,
+        residual_m=0.0,
+        mask_iou=0.0,
+        unseen_fraction=0.5,
+        scores={"box": 0.0},
+    )

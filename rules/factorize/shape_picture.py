@@ -1,0 +1,83 @@
+"""A picture of a shape: the crop, the shape over the crop, and the shape from two other sides."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.object import ObjectView, Shape
+from dextera_build.geometry import raycast, transforms
+
+SIDE_PX = 260
+"""Width and height of each part [px]."""
+PAPER = 236
+"""Grey of the ground behind the other views."""
+
+
+def picture(shape: Shape, seen: ObjectView, turns: tuple[float, ...] = (100.0, 200.0)) -> np.ndarray | None:
+    """(SIDE_PX, n SIDE_PX, 3) uint8, or None where no ray caster is installed.
+
+    Args:
+        shape: The shape.
+        seen: The view that it explains.
+        turns: About the vertical, from the camera that saw it to the other views [deg].
+    """
+    try:
+        parts = [_fitted(seen.rgb.pixels), _fitted(_overlay(shape, seen))]
+        parts += [_from_side(shape, seen, np.deg2rad(turn)) for turn in turns]
+    except ModuleNotFoundError:
+        return None
+    return np.concatenate(parts, axis=1)
+
+
+def surface(shape: Shape) -> raycast.Surface:
+    """The textured mesh in the world frame."""
+    texture = None if shape.mesh.texture is None else shape.mesh.texture.pixels
+    vertices = transforms.apply(shape.world_from_object, shape.mesh.vertices.astype(np.float64))
+    return raycast.Surface(vertices, shape.mesh.faces, shape.mesh.uv, texture, shape.mesh.colour)
+
+
+def _overlay(shape: Shape, seen: ObjectView) -> np.ndarray:
+    body = surface(shape)
+    height, width = seen.mask.shape
+    shown = raycast.render([body], seen.camera.matrix(), seen.world_from_camera, height, width)
+    covered = shown.index >= 0
+    pixels = (seen.rgb.pixels * 0.45).astype(np.uint8)
+    pixels[covered] = raycast.shade([body], shown)[covered]
+    edge = covered.copy()
+    edge[1:-1, 1:-1] &= ~(covered[:-2, 1:-1] & covered[2:, 1:-1] & covered[1:-1, :-2] & covered[1:-1, 2:])
+    pixels[edge] = (40, 230, 60)
+    return pixels
+
+
+def _from_side(shape: Shape, seen: ObjectView, turn: float) -> np.ndarray:
+    body = surface(shape)
+    middle = (body.vertices.min(axis=0) + body.vertices.max(axis=0)) / 2
+    size = float(np.linalg.norm(np.ptp(body.vertices, axis=0)))
+    start = seen.world_from_camera[:3, 3] - middle
+    bearing = np.arctan2(start[1], start[0]) + turn
+    rise = np.deg2rad(30.0)
+    away = np.array([np.cos(bearing) * np.cos(rise), np.sin(bearing) * np.cos(rise), np.sin(rise)])
+    down = np.array([0.0, 0.0, -1.0]) + away * away[2]
+    down /= np.linalg.norm(down)
+    pose = transforms.rigid(np.stack([np.cross(down, -away), down, -away], axis=-1), middle + 3.0 * size * away)
+    focal = 2.6 * SIDE_PX
+    k = np.array([[focal, 0, SIDE_PX / 2], [0, focal, SIDE_PX / 2], [0, 0, 1.0]])
+    shown = raycast.render([body], k, pose, SIDE_PX, SIDE_PX)
+    light = 0.55 + 0.45 * np.clip(shown.normal @ (away + [0, 0, 0.6]) / np.linalg.norm(away + [0, 0, 0.6]), 0, 1)
+    pixels = (raycast.shade([body], shown) * light[..., None]).astype(np.uint8)
+    pixels[shown.index < 0] = PAPER
+    return pixels
+
+
+def _fitted(pixels: np.ndarray) -> np.ndarray:
+    """The picture scaled into a square."""
+    from PIL import Image as Pillow
+
+    height, width = pixels.shape[:2]
+    scale = SIDE_PX / max(height, width)
+    size = (max(1, round(width * scale)), max(1, round(height * scale)))
+    small = np.asarray(Pillow.fromarray(np.ascontiguousarray(pixels)).resize(size, Pillow.Resampling.LANCZOS))
+    page = np.full((SIDE_PX, SIDE_PX, 3), PAPER, np.uint8)
+    top, left = (SIDE_PX - size[1]) // 2, (SIDE_PX - size[0]) // 2
+    page[top : top + size[1], left : left + size[0]] = small
+    return page

@@ -1,0 +1,49 @@
+"""A project of small rules, for the real `dxb`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.space import Space
+from tests.recipe.conftest import RECIPE, RULES
+
+SLOW = '''
+"""toy.slow: sleeps, and can be told to misbehave."""
+import os
+import signal
+import time
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Context, Options, rule
+
+class SlowOptions(Options):
+    """Options."""
+    seconds: float = 0.0
+    """How long to sleep [s]."""
+    do: str = "work"
+    """What to do."""
+
+@rule(version=1)
+def slow(ctx: Context, text: File, *, options: SlowOptions) -> File:
+    """Return the text."""
+    print("printed", options.do, flush=True)
+    time.sleep(options.seconds)
+    if options.do == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if options.do == "raise":
+        raise ZeroDivisionError("by hand")
+    ctx.check(options.do != "fail", "the text is wrong", hint="set `do` to `work`", length=len(text.data))
+    ctx.say(f"{len(text.data)} bytes")
+    return text
+'''
+
+
+@pytest.fixture
+def space(tmp_path: Path) -> Space:
+    made = Space(tmp_path)
+    made.write("dxb.toml", 'cache = "cache"\n')
+    for name, text in {**RULES, "toy/slow.py": SLOW}.items():
+        made.write(f"rules/{name}", text.lstrip())
+    made.write("recipes/say/words.yaml", RECIPE)
+    return made

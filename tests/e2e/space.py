@@ -1,0 +1,79 @@
+"""A temporary project and the real `dxb` in it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What one command did."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def events(self) -> list[dict]:
+        """The events of a build with `--console jsonl`."""
+        return [json.loads(line) for line in self.err.splitlines() if line.startswith("{")]
+
+    def nodes(self, *statuses: str) -> set[str]:
+        """Addresses of nodes that ended with one of these statuses."""
+        return {
+            event["node"] for event in self.events if event["event"] == "node_finished" and event["status"] in statuses
+        }
+
+
+class Space:
+    """A project folder that tests write into and run `dxb` in."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+
+    def write(self, name: str, text: str) -> Path:
+        path = self.root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        return path
+
+    def edit(self, name: str, old: str, new: str) -> None:
+        text = (self.root / name).read_text()
+        assert old in text, f"{old!r} is not in {name}"
+        (self.root / name).write_text(text.replace(old, new))
+
+    def environment(self, **more: str) -> dict[str, str]:
+        kept = {name: value for name, value in os.environ.items() if not name.startswith("DXB_")}
+        return {**kept, "NO_COLOR": "1", "XDG_CONFIG_HOME": str(self.root / ".config"), **more}
+
+    def start(self, *words: str, **options: object) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [sys.executable, "-m", "dextera_build", *words],
+            cwd=self.root,
+            env=self.environment(),
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            **options,  # type: ignore[call-overload]
+        )
+
+    def dxb(self, *words: str, env: Mapping[str, str] | None = None) -> Answer:
+        done = subprocess.run(
+            [sys.executable, "-m", "dextera_build", *words],
+            cwd=self.root,
+            env=self.environment(**(env or {})),
+            text=True,
+            capture_output=True,
+            timeout=300,
+        )
+        return Answer(done.returncode, done.stdout, done.stderr)
+
+    def build(self, *words: str) -> Answer:
+        """Build with a log of events."""
+        return self.dxb("build", "--console", "jsonl", *words)

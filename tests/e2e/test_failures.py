@@ -1,0 +1,133 @@
+"""Everything that goes wrong: one clear error, the right exit code, the store intact, the next build goes on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+import pytest
+
+RECIPE = """nodes:
+  start: {rule: toy.start}
+  bad: {rule: toy.slow, text: $start, do: %s}
+  after: {rule: toy.shout, text: $bad, times: 3}
+  other: {rule: toy.slow, text: $start, seconds: 0.3}
+  beside: {rule: toy.shout, text: $other}
+targets: {default: [after, beside]}
+"""
+
+
+def test_a_failed_check_says_what_where_and_what_waits(space):
+    space.write("recipes/say/bad.yaml", RECIPE % "fail")
+    answer = space.dxb("build", "say/bad")
+    assert answer.code == 1
+    assert "error[DXB-B201]: bad failed its check: the text is wrong" in answer.err
+    assert "length" in answer.err
+    assert "after" in answer.err
+    assert "hint: set `do` to `work`" in answer.err
+    assert "Traceback" not in answer.err
+
+
+def test_keep_going_builds_what_does_not_depend_on_it(space):
+    space.write("recipes/say/bad.yaml", RECIPE % "fail")
+    answer = space.build("-k", "say/bad")
+    assert answer.code == 1
+    assert answer.nodes("ran") == {"start", "other", "beside"}
+    assert answer.nodes("failed") == {"bad"}
+    assert answer.nodes("waits") == {"after"}
+
+
+@pytest.mark.parametrize(
+    ("do", "code", "text"), [("kill", "B301", "signal 9"), ("raise", "B302", "ZeroDivisionError: by hand")]
+)
+def test_a_dead_or_faulty_worker_fails_its_node_alone(space, do, code, text):
+    space.write("recipes/say/bad.yaml", RECIPE % do)
+    answer = space.dxb("build", "-k", "say/bad")
+    assert answer.code == 1
+    assert f"error[DXB-{code}]" in answer.err
+    assert text in answer.err
+    assert "Traceback" not in answer.err
+    assert "printed" in space.dxb("log", "say/bad", "bad").out
+    space.edit("recipes/say/bad.yaml", f"do: {do}", "do: work")
+    again = space.build("say/bad")
+    assert again.code == 0
+    assert again.nodes("ran") == {"bad", "after"}
+
+
+def test_ctrl_c_keeps_what_is_done(space):
+    space.write("recipes/say/bad.yaml", RECIPE.replace("seconds: 0.3", "seconds: 60") % "work")
+    process = space.start("build", "-j", "1", "say/bad", start_new_session=True)
+    runs = space.root / "cache" / "runs" / "0001" / "events.jsonl"
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and not (
+        runs.exists() and '"node_started"' in runs.read_text() and '"other"' in runs.read_text()
+    ):
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "interrupted; what was finished is kept" in err
+    assert "Traceback" not in err
+    space.edit("recipes/say/bad.yaml", "seconds: 60", "seconds: 0")
+    again = space.build("say/bad")
+    assert again.code == 0
+    assert "start" in again.nodes("cached")
+
+
+def test_a_missing_file_is_named(space):
+    space.write(
+        "recipes/say/note.yaml", "inputs: {note: notes/gone.txt}\nnodes:\n  w: {rule: toy.split, text: $note}\n"
+    )
+    answer = space.dxb("build", "say/note")
+    assert answer.code == 2
+    assert "gone.txt" in answer.err
+    assert "Traceback" not in answer.err
+
+
+def test_an_unknown_recipe_lists_the_known(space):
+    answer = space.dxb("build", "say/wrods")
+    assert answer.code == 2
+    assert "no recipe is called `say/wrods`" in answer.err
+    assert "did you mean `say/words`?" in answer.err
+
+
+def test_a_recipe_error_shows_the_line(space):
+    space.write("recipes/say/wrong.yaml", "nodes:\n  a: {rule: toy.split, text: $b}\n")
+    answer = space.dxb("build", "say/wrong")
+    assert answer.code == 2
+    assert "--> recipes/say/wrong.yaml:2:30" in answer.err
+    assert "^^" in answer.err
+
+
+def test_a_lost_blob_is_made_again(space):
+    assert space.build("say/words").code == 0
+    output = next(e["output"] for e in space.build("--force", "start", "say/words").events if e.get("node") == "words")
+    blob = space.root / "cache" / "cas" / output[:2] / output[2:]
+    blob.unlink()
+    again = space.build("say/words")
+    assert again.code == 0
+    assert again.nodes("ran") == {"words"}
+
+
+def test_a_damaged_blob_is_not_believed(space):
+    assert space.build("say/words").code == 0
+    (out,) = [line.partition("\t")[2] for line in space.dxb("build", "say/words").out.splitlines()]
+    (space.root / out).unlink()
+    for blob in (space.root / "cache" / "cas").rglob("*"):
+        if blob.is_file() and blob.read_bytes() == b"ONE!!! TWO!!!":
+            blob.chmod(0o644)
+            blob.write_bytes(b"ONE!!! TWO???")
+    assert space.build("say/words", "--force", "words").code == 0
+    answer = space.dxb("build", "say/words", "--force", "start")
+    assert (space.root / out).read_bytes() == b"ONE!!! TWO!!!", answer.err
+
+
+@pytest.mark.parametrize(
+    "words", [["build"], ["build", "say/words", "--nope"], ["get", "say/words"], ["why", "say/words"], ["show"]]
+)
+def test_a_wrong_command_line_exits_with_two(space, words):
+    answer = space.dxb(*words)
+    assert answer.code == 2
+    assert answer.err.startswith("error[DXB-U")
+    assert "hint:" in answer.err

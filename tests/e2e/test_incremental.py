@@ -1,0 +1,108 @@
+"""What is rebuilt after which change: exact sets of nodes, through the real `dxb`."""
+
+from __future__ import annotations
+
+import pytest
+
+EVERY = {"start", "words", "all", *(f"word[{w}].{n}" for w in ("one", "two") for n in ("loud", "louder"))}
+
+
+@pytest.fixture
+def built(space):
+    first = space.build("say/words")
+    assert first.code == 0, first.err
+    assert first.nodes("ran") == EVERY
+    return space
+
+
+def test_the_second_build_runs_nothing_and_plans_nothing(built):
+    again = built.dxb("build", "say/words")
+    assert again.code == 0
+    assert again.err.startswith("say/words is up to date   7 nodes")
+    assert (built.root / again.out.strip().partition("\t")[2]).read_bytes() == b"ONE!!! TWO!!!"
+    assert len(list((built.root / "cache/runs").iterdir())) == 1
+
+
+def test_touching_a_recipe_runs_nothing(built):
+    (built.root / "recipes/say/words.yaml").touch()
+    again = built.build("say/words")
+    assert again.nodes("ran") == set()
+    assert again.nodes("cached") == EVERY
+
+
+def test_an_option_of_one_copy_rebuilds_its_chain(built):
+    again = built.build("say/words", "--set", "word[one].loud.times=4")
+    assert again.nodes("ran") == {"word[one].loud", "word[one].louder", "all"}
+
+
+def test_the_same_text_by_another_way_stops_early(built):
+    # The sentence changes, the words do not: `words` runs and its readers stay.
+    built.edit("recipes/say/words.yaml", "text: one two", "text: 'one  two'")
+    assert built.build("say/words").nodes("ran") == {"start", "words"}
+
+
+def test_a_renamed_item_rebuilds_nothing_of_the_item(built):
+    built.edit("rules/toy/split.py", "word.decode(): File", "'the_' + word.decode(): File")
+    again = built.build("say/words")
+    assert again.nodes("ran") == {"words", "all"}
+    assert again.nodes("cached") >= {"word[the_one].loud", "word[the_two].louder"}
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new"),
+    [
+        ("rules/toy/shout.py", "    return File(", "    # loudly\n    return File("),
+        ("rules/toy/shout.py", '"""Return the text in capitals."""', '"""Return capitals."""'),
+        ("rules/toy/shout.py", '"""How many marks."""', '"""Number of marks."""'),
+        ("rules/toy/marks.py", '"""Exclamation marks."""', '"""Marks of exclamation."""'),
+    ],
+)
+def test_comments_and_docstrings_rebuild_nothing(built, file, old, new):
+    built.edit(file, old, new)
+    again = built.build("say/words")
+    assert again.code == 0
+    assert again.nodes("ran") == set()
+
+
+def test_a_changed_helper_rebuilds_the_rules_that_import_it(built):
+    built.edit("rules/toy/marks.py", 'b"!" * times', 'b"?" * times')
+    assert built.build("say/words").nodes("ran") == EVERY - {"start", "words"}
+
+
+def test_a_helper_that_changes_no_bytes_stops_at_once(built):
+    built.edit("rules/toy/marks.py", 'b"!" * times', 'b"".join([b"!"] * times)')
+    # `loud` gives equal bytes; `louder` runs because its own code changed too, then `all` stays.
+    assert built.build("say/words").nodes("ran") == EVERY - {"start", "words", "all"}
+
+
+def test_a_file_is_an_input_by_content(space):
+    space.write("note.txt", "one two")
+    space.write("recipes/say/note.yaml", "inputs: {note: note.txt}\nnodes:\n  w: {rule: toy.split, text: $note}\n")
+    assert space.build("say/note").nodes("ran") == {"w"}
+    (space.root / "note.txt").touch()
+    assert space.build("say/note").nodes("ran") == set()
+    space.write("note.txt", "one three")
+    assert space.build("say/note").nodes("ran") == {"w"}
+    space.write("note.txt", "one two")
+    assert space.build("say/note").nodes("cached") == {"w"}
+
+
+def test_a_deleted_output_file_is_written_again(built):
+    out = built.root / built.dxb("build", "say/words").out.strip().partition("\t")[2]
+    out.unlink()
+    again = built.build("say/words")
+    assert again.nodes("ran") == set()
+    assert out.read_bytes() == b"ONE!!! TWO!!!"
+
+
+def test_force_runs_one_node(built):
+    assert built.build("say/words", "--force", "word[one].loud").nodes("ran") == {"word[one].loud"}
+
+
+def test_check_says_stale_with_its_own_code(built):
+    assert built.dxb("build", "--check", "say/words").code == 0
+    built.edit("recipes/say/words.yaml", "one two", "one three")
+    answer = built.dxb("build", "--check", "say/words")
+    assert answer.code == 3
+    assert "`say/words` is stale" in answer.err
+    assert "hint: `dxb why 'say/words:start'`" in answer.err

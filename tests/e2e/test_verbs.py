@@ -1,0 +1,117 @@
+"""Every verb through the real `dxb`, in a project of its own."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+
+@pytest.fixture
+def built(space):
+    assert space.build("say/words").code == 0
+    return space
+
+
+def test_plan_tells_what_would_run(space):
+    rows = [line.split("\t") for line in space.dxb("plan", "say/words").out.splitlines()]
+    assert [row[:2] for row in rows if row[0] == "start"] == [["start", "stale"]]
+    assert {row[1] for row in rows if row[0] != "start"} == {"unknown"}
+    space.build("say/words")
+    rows = json.loads(space.dxb("plan", "--json", "say/words").out)
+    assert {row["status"] for row in rows} == {"cached"}
+
+
+def test_ls(built):
+    assert "say/words\tWords, louder." in built.dxb("ls").out
+    assert "toy.start\tReturn the text." in built.dxb("ls", "rules").out
+    assert "toy.spoken\tcloud\tcloud\tno: no-such-distribution" in built.dxb("ls", "backends").out
+    assert "word[*].loud\ttoy.shout\t-\trecipes/say/words.yaml:9:20" in built.dxb("ls", "say/words").out
+    (run,) = json.loads(built.dxb("ls", "--json", "runs").out)
+    assert (run["run"], run["recipe"], run["ended"]) == ("0001", "say/words", "done")
+
+
+def test_show_a_node_and_the_configuration(built):
+    shown = json.loads(built.dxb("show", "--json", "say/words:word[one].loud").out)
+    assert shown["rule"] == "toy.shout version 1"
+    assert shown["type"] == "File"
+    assert shown["option times"] == "1"
+    config = built.dxb("show", "--config", env={"DXB_JOBS": "3"}).out
+    assert "jobs\t3\tenvironment" in config
+    assert "cache\tcache\tdxb.toml" in config
+    assert "profile\tcpu\tdefault" in config
+
+
+def test_get_writes_the_artifact(built):
+    answer = built.dxb("get", "say/words:all", "-o", "there")
+    assert (built.root / answer.out.strip()).read_bytes() == b"ONE!!! TWO!!!"
+
+
+def test_get_of_what_was_never_built_says_how(space):
+    answer = space.dxb("get", "say/words:all")
+    assert answer.code == 2
+    assert "hint: `dxb build 'say/words:all'`" in answer.err
+
+
+def test_log_of_a_run(built):
+    rows = dict(line.split("\t")[:2] for line in built.dxb("log").out.splitlines())
+    assert rows["start"] == "ran"
+    assert built.dxb("log", "say/nothing").code == 2
+
+
+def test_report_is_one_file(built):
+    path = built.root / built.dxb("report").out.strip()
+    text = path.read_text()
+    assert "say/words" in text
+    assert "<script src" not in text
+
+
+def test_init_new_and_check_make_a_project_that_builds(tmp_path, space):
+    answer = space.dxb("init", "fresh")
+    assert answer.code == 0
+    assert "fresh/dxb.toml" in answer.out.splitlines()
+    assert space.dxb("init", "fresh").code == 2
+    space.root = space.root / "fresh"
+    assert space.dxb("new", "rule", "toy.bright").out.strip() == "rules/toy/bright.py"
+    assert space.dxb("new", "rule", "toy.bright").code == 2
+    assert space.dxb("new", "backend", "toy.bright=fast").out.strip() == "rules/toy/bright_fast.py"
+    assert space.dxb("new", "recipe", "toy/scene").out.strip() == "recipes/toy/scene.yaml"
+    assert space.dxb("new", "rule", "NotAName").code == 2
+    assert "toy.bright" in space.dxb("ls", "rules").out
+    assert "twin/my_table\tsound" in space.dxb("check", "twin/my_table").out
+
+
+def test_check_builds_a_node_again_and_compares(built):
+    assert "same output again" in built.dxb("check", "say/words:word[one].loud").out
+    built.write(
+        "rules/toy/dice.py",
+        '"""toy.dice: chance."""\nimport os\nfrom dextera_build.artifacts.base import File\n'
+        "from dextera_build.rule import Context, rule\n\n@rule(version=1)\ndef dice(ctx: Context) -> File:\n"
+        '    """Return chance."""\n    return File(data=os.urandom(8))\n',
+    )
+    built.write("recipes/say/dice.yaml", "nodes: {d: {rule: toy.dice}}")
+    assert built.build("say/dice").code == 0
+    answer = built.dxb("check", "say/dice:d")
+    assert answer.code == 1
+    assert "is not deterministic" in answer.err
+
+
+def test_cache_size_counts(built):
+    rows = {line.split("\t")[0]: line.split("\t")[1:] for line in built.dxb("cache", "size").out.splitlines()}
+    assert int(rows["actions"][0]) == 7
+    assert int(rows["blobs"][1]) > 0
+
+
+def test_doctor_lists_findings(space):
+    answer = space.dxb("doctor", "--json")
+    assert answer.code in (0, 4)
+    assert {"python", "store", "rendering"} <= {finding["what"] for finding in json.loads(answer.out)}
+
+
+def test_a_wrong_setting_is_named(space):
+    space.write("dxb.toml", 'chache = "x"\n')
+    answer = space.dxb("show", "--config")
+    assert answer.code == 2
+    assert "did you mean `cache`?" in answer.err
+    space.write("dxb.toml", 'profile = "fast"\n')
+    assert "`fast` is not a profile" in space.dxb("show", "--config").err

@@ -1,0 +1,30 @@
+"""Quaternions: inverse of each other, one sign, half turns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from dextera_build.geometry import quaternions
+
+
+@given(st.integers(0, 100_000))
+def test_matrix_and_back(seed: int) -> None:
+    rotation = Rotation.random(rng=np.random.default_rng(seed))
+    quaternion = quaternions.from_matrix(rotation.as_matrix())
+    assert quaternion[0] >= 0
+    np.testing.assert_allclose(quaternions.to_matrix(quaternion), rotation.as_matrix(), atol=1e-12)
+    expected = rotation.as_quat(canonical=True, scalar_first=True)
+    np.testing.assert_allclose(np.abs(quaternion @ expected), 1.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_half_turns_have_one_sign(axis: int) -> None:
+    signs = -np.ones(3)
+    signs[axis] = 1.0
+    wanted = np.zeros(4)
+    wanted[1 + axis] = 1.0
+    np.testing.assert_allclose(quaternions.from_matrix(np.diag(signs)), wanted, atol=1e-12)

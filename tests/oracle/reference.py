@@ -1,0 +1,119 @@
+"""What a build should do, said in the shortest way: recursion, one dict as the cache, no states."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dextera_build import digest
+from dextera_build.engine.graph import Address, Call, Graph, Input, Item, Leaf, Output, node_address
+from dextera_build.store.header import collection_header, file_header
+from tests.engine.tiny import _output
+
+Labels = tuple[str, ...]
+
+
+@dataclass
+class Reference:
+    """One run over one graph; `cache` lives on between runs."""
+
+    graph: Graph
+    cache: dict[str, str]
+    blobs: Any = field(init=False)
+    store: dict[str, bytes] = field(default_factory=dict)
+    keys: dict[str, str] = field(default_factory=dict)
+    """Node -> key, for nodes whose inputs are known."""
+    outputs: dict[str, str | None] = field(default_factory=dict)
+    """Node -> output; None for one that failed or waits."""
+    ran: set[str] = field(default_factory=set)
+    """Keys that had to run."""
+    failed: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.blobs = self
+
+    def put(self, data: bytes) -> str:
+        key = digest.of_bytes(data)
+        self.store[key] = data
+        return key
+
+    def build(self, targets: list[Address]) -> None:
+        for target in targets:
+            for labels in self.copies(target.call, ()) or ():
+                if target.matches(labels):
+                    self.node(target.call, labels)
+
+    def node(self, path: tuple[str, ...], labels: Labels) -> str | None:
+        address = node_address(path, labels)
+        if address not in self.outputs:
+            call = self.call(path, labels)
+            inputs = {slot: self.value(source, path[:-1], labels) for slot, source in call.inputs.items()}
+            self.outputs[address] = None if None in inputs.values() else self.result(address, call, inputs)
+        return self.outputs[address]
+
+    def member(self, path: tuple[str, ...]) -> Any:
+        found: Any = self.graph
+        for name in path:
+            found = found.members[name]
+        return found
+
+    def call(self, path: tuple[str, ...], labels: Labels) -> Call:
+        own = self.member(path[:-1]).overrides.get(labels[-1], {}) if labels else {}
+        found: Call = own.get(path[-1], self.member(path))
+        return found
+
+    def result(self, address: str, call: Call, inputs: dict[str, Any]) -> str | None:
+        rule = call.rule
+        key = self.keys[address] = repr(
+            (rule.path, rule.version, rule.code, call.options, call.salt, sorted(inputs.items()))
+        )
+        if call.options["do"] == "fail":
+            self.failed.add(address)
+            return None
+        if key not in self.cache:
+            self.ran.add(key)
+            self.cache[key] = self.put(_output(call.options, inputs, self))  # type: ignore[arg-type]
+        else:
+            self.put(_output(call.options, inputs, self))  # type: ignore[arg-type]
+        return self.cache[key]
+
+    def value(self, source: Input, scope: tuple[str, ...], labels: Labels) -> str | None:
+        if isinstance(source, Leaf):
+            data = Path(source.path).read_bytes()
+            return self.put(file_header(digest.of_bytes(data), len(data)))
+        if isinstance(source, Item):
+            level = len(source.group)
+            found = self.items(source.group, labels[: level - 1])
+            return found[labels[level - 1]] if found is not None else None
+        if isinstance(source, Output):
+            return self.node(source.call, labels[: len(source.call) - 1])
+        shared = 0
+        while shared < min(len(scope), len(source.call) - 1) and scope[shared] == source.call[shared]:
+            shared += 1
+        copies = self.copies(source.call, labels[:shared])
+        parts = {".".join(c[shared:]): self.node(source.call, c) for c in copies or ()}
+        if copies is None or None in parts.values():
+            return None
+        return self.put(collection_header({label: str(part) for label, part in parts.items()}))
+
+    def copies(self, call: tuple[str, ...], labels: Labels) -> list[Labels] | None:
+        """All label tuples of a call below `labels`; None where a group cannot be opened."""
+        found: list[Labels] = [labels]
+        whole = True
+        for depth in range(len(labels), len(call) - 1):
+            opened = [(each, self.items(call[: depth + 1], each)) for each in found]
+            whole = whole and all(items is not None for _, items in opened)
+            found = [(*each, label) for each, items in opened for label in items or {}]
+        if not whole:  # a build still asks for the copies that it knows
+            for each in found:
+                self.node(call, each)
+            return None
+        return found
+
+    def items(self, path: tuple[str, ...], labels: Labels) -> dict[str, str] | None:
+        over = self.value(self.member(path).over, path[:-1], labels)
+        if over is None:
+            return None
+        return {label: ref["$ref"] for label, ref in json.loads(self.store[over])["fields"]["items"]["$map"].items()}

@@ -1,0 +1,248 @@
+"""Taking objects out: the empty table is known, so what is filled in can be compared with it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import ModuleType
+
+import cv2
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.camera import Camera, Capture
+from dextera_build.artifacts.image import DepthImage, Image, LabelImage
+from dextera_build.artifacts.object import Segmentation, Support
+from dextera_build.artifacts.scene import Background
+from dextera_build.errors import RuleError
+from dextera_build.geometry import cameras, raycast, transforms
+from dextera_build.rule import Context
+from rules.background import static_planes, static_stub
+from rules.background.boxes import support_box
+from rules.background.static import StaticOptions, static
+from rules.background.surface import grid_mesh, plane_depth
+from tests import factories
+
+LENS = factories.camera(320, 240)
+CAPTURES = Path(__file__).parents[4] / "shared" / "captures"
+
+
+def striped_table() -> tuple[Capture, Support]:
+    """A table with fine stripes along y, seen in perspective, no objects."""
+    table = factories.support(0.45)
+    bare = factories.capture(LENS, table)
+    points = transforms.apply(table.world_from_camera, cameras.backproject(bare.depth.depth, LENS.matrix()))
+    wave = 18 * np.sin(points[..., 0] * 2 * np.pi / 0.03)
+    light = 20 * points[..., 1]
+    pixels = np.clip(np.array([168, 140, 110]) + (wave + light)[..., None], 0, 255).astype(np.uint8)
+    return bare.model_copy(update={"rgb": Image(pixels=pixels)}), table
+
+
+def with_box(empty: Capture, table: Support, *, shadow: bool = True) -> tuple[Capture, np.ndarray]:
+    """The capture with a red box on the table, and its mask."""
+    box = factories.box_mesh((-0.06, -0.05, 0.0), (0.06, 0.05, 0.12))
+    seen = raycast.render(
+        [raycast.Surface(box.vertices, box.faces)], LENS.matrix(), table.world_from_camera, LENS.height, LENS.width
+    )
+    mask = seen.index >= 0
+    pixels = empty.rgb.pixels.astype(np.float64)
+    if shadow:
+        soft = cv2.GaussianBlur(np.roll(mask, 12, axis=1).astype(np.float64), (0, 0), 6.0)
+        pixels *= 1.0 - 0.35 * soft[..., None]
+    pixels[mask] = (200, 30, 30)
+    depth = np.where(mask, seen.depth, empty.depth.depth).astype(np.float32)
+    image = Image(pixels=pixels.astype(np.uint8))
+    return Capture(rgb=image, depth=DepthImage(depth=depth), camera=LENS), mask
+
+
+def segmented(mask: np.ndarray) -> Segmentation:
+    labels = LabelImage(labels=mask.astype(np.int32))
+    return Segmentation(items={}, names=("box",), labels=labels, fixed=np.zeros_like(mask))
+
+
+def build(capture: Capture, table: Support, mask: np.ndarray, path: Path, backend: ModuleType) -> Background:
+    return static(Context(backend=backend, scratch=path), capture, table, segmented(mask), options=StaticOptions())
+
+
+@pytest.fixture(scope="module")
+def cleaned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Capture, Support, np.ndarray, Background]:
+    empty, table = striped_table()
+    capture, mask = with_box(empty, table)
+    return empty, table, mask, build(capture, table, mask, tmp_path_factory.mktemp("s"), static_planes)
+
+
+def test_neither_ghost_nor_shadow_remains(cleaned: tuple[Capture, Support, np.ndarray, Background]) -> None:
+    empty, table, mask, background = cleaned
+    shadowed, _ = with_box(empty, table)
+    wide = cv2.dilate(mask.astype(np.uint8), np.ones((41, 41), np.uint8)) > 0
+    blurred = [cv2.GaussianBlur(p.astype(np.float32), (0, 0), 5.0) for p in (background.image.pixels, empty.rgb.pixels)]
+    error = np.abs(blurred[0] - blurred[1]).mean(axis=-1)[wide]
+    before = np.abs(cv2.GaussianBlur(shadowed.rgb.pixels.astype(np.float32), (0, 0), 5.0) - blurred[1]).mean(axis=-1)
+    assert before[wide].mean() > 20
+    assert error.mean() < 4
+    assert error.max() < 15
+
+
+def test_the_hole_has_the_tables_texture(cleaned: tuple[Capture, Support, np.ndarray, Background]) -> None:
+    empty, _, mask, background = cleaned
+    inner = cv2.erode(mask.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+
+    def contrast(pixels: np.ndarray) -> float:
+        grey = pixels.astype(np.float32).mean(axis=-1)
+        return float((grey - cv2.GaussianBlur(grey, (0, 0), 6.0))[inner].std())
+
+    assert contrast(background.image.pixels) == pytest.approx(contrast(empty.rgb.pixels), rel=0.35)
+
+
+def test_far_pixels_are_untouched(cleaned: tuple[Capture, Support, np.ndarray, Background]) -> None:
+    empty, _, mask, background = cleaned
+    far = cv2.dilate(mask.astype(np.uint8), np.ones((161, 161), np.uint8)) == 0
+    assert far.mean() > 0.2
+    assert (background.image.pixels == empty.rgb.pixels)[far].all()
+
+
+def test_depth_behind_the_object_is_the_plane(cleaned: tuple[Capture, Support, np.ndarray, Background]) -> None:
+    empty, _, mask, background = cleaned
+    np.testing.assert_allclose(background.depth.depth[mask], empty.depth.depth[mask], atol=1e-3)
+
+
+def test_the_surface_lies_exactly_on_the_support_and_faces_up(
+    cleaned: tuple[Capture, Support, np.ndarray, Background],
+) -> None:
+    mesh = cleaned[3].mesh
+    assert (mesh.vertices[:, 2] == 0.0).all()
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (normals[:, 2] > 0).all()
+
+
+def test_the_surface_rendered_from_the_camera_is_the_cleaned_picture(
+    cleaned: tuple[Capture, Support, np.ndarray, Background],
+) -> None:
+    _, table, _, background = cleaned
+    mesh = background.mesh
+    assert mesh.texture is not None
+    surface = raycast.Surface(mesh.vertices, mesh.faces, mesh.uv, mesh.texture.pixels)
+    seen = raycast.render([surface], LENS.matrix(), table.world_from_camera, LENS.height, LENS.width)
+    picture = raycast.shade([surface], seen)
+    hit = seen.index >= 0
+    assert hit.mean() > 0.5
+    difference = np.abs(picture.astype(int) - background.image.pixels.astype(int)).max(axis=-1)
+    assert np.quantile(difference[hit], 0.95) < 12
+
+
+def test_the_box_covers_the_polygon_with_its_top_at_zero(
+    cleaned: tuple[Capture, Support, np.ndarray, Background],
+) -> None:
+    _, table, _, background = cleaned
+    box = background.boxes[0]
+    assert box.centre[2] + box.half_size[2] == pytest.approx(0.0, abs=1e-12)
+    assert (np.abs(table.polygon - box.centre[:2]) + 0.09 < box.half_size[:2]).all()
+
+
+def test_the_same_input_gives_the_same_bytes(
+    cleaned: tuple[Capture, Support, np.ndarray, Background], tmp_path: Path
+) -> None:
+    empty, table, mask, background = cleaned
+    capture, _ = with_box(empty, table)
+    again = build(capture, table, mask, tmp_path, static_planes)
+    stored: list[list[bytes]] = [[], []]
+    for value, blobs in zip((background, again), stored, strict=True):
+        value.encode(lambda data, blobs=blobs: (blobs.append(data), str(len(blobs)))[1])
+    assert stored[0] == stored[1]
+
+
+def test_a_tilted_table_gets_the_smallest_box() -> None:
+    turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+    corners = np.array([[-0.4, -0.2], [0.4, -0.2], [0.4, 0.2], [-0.4, 0.2]]) @ turn.T + [0.1, 0.3]
+    box = support_box(corners, 0.0, 0.04)
+    assert sorted(box.half_size) == pytest.approx([0.02, 0.2, 0.4])
+    assert box.centre == pytest.approx((0.1, 0.3, -0.02))
+    local = (corners - box.centre[:2]) @ np.array(
+        [[np.cos(box.yaw), -np.sin(box.yaw)], [np.sin(box.yaw), np.cos(box.yaw)]]
+    )
+    np.testing.assert_allclose(np.abs(local), np.tile(box.half_size[:2], (4, 1)), atol=1e-9)
+
+
+def test_a_depth_step_is_cut_and_closed_on_its_far_side() -> None:
+    lens = Camera(width=60, height=40, fx=60.0, fy=60.0, cx=29.5, cy=19.5)
+    depth = np.full((40, 60), 2.0)
+    depth[:, :30] = 1.0
+    mesh = grid_mesh(np.zeros((40, 60, 3), np.uint8), depth, lens, np.eye(4), stride=5, edge=0.05)
+    assert set(np.unique(mesh.vertices[:, 2])) == {1.0, 2.0}
+    assert (np.ptp(mesh.vertices[mesh.faces][..., 2], axis=1) == 0).all()
+    seen = raycast.render([raycast.Surface(mesh.vertices, mesh.faces)], lens.matrix(), np.eye(4), 40, 60)
+    assert (seen.index[1:-1, 1:-1] >= 0).all()
+
+
+def test_unmeasured_places_leave_no_surface() -> None:
+    depth = np.ones((40, 60))
+    depth[:, 40:] = 0.0
+    mesh = grid_mesh(np.zeros((40, 60, 3), np.uint8), depth, factories.camera(60, 40), np.eye(4), stride=4, edge=0.05)
+    right = (40 - 0.49 * 60) / (0.95 * 60)
+    assert mesh.vertices[:, 0].max() < right
+
+
+def test_rays_above_the_horizon_never_meet_the_plane() -> None:
+    depth = plane_depth(LENS, factories.look_at((0.0, -1.0, 0.3), (0.0, 0.0, 0.3)))
+    assert np.isinf(depth[:100]).all()
+    assert np.isfinite(depth[-20:]).all()
+
+
+@pytest.mark.parametrize("backend", [static_stub, static_planes])
+def test_every_backend_keeps_the_contract(backend: ModuleType, tmp_path: Path) -> None:
+    empty, table = striped_table()
+    capture, mask = with_box(empty, table)
+    context = Context(backend=backend, scratch=tmp_path)
+    result = static(context, capture, table, segmented(mask), options=StaticOptions())
+    assert result.image.pixels.shape == capture.rgb.pixels.shape
+    assert not (result.image.pixels[mask] == (200, 30, 30)).all(axis=-1).any()
+    assert context.outcome.previews
+    assert "taken out" in context.outcome.line
+
+
+@pytest.mark.parametrize("backend", [static_stub, static_planes])
+def test_nothing_to_take_out_leaves_the_photograph(backend: ModuleType, tmp_path: Path) -> None:
+    empty, table = striped_table()
+    result = build(empty, table, np.zeros((240, 320), bool), tmp_path, backend)
+    assert (result.image.pixels == empty.rgb.pixels).all()
+
+
+def test_a_hole_as_large_as_the_picture_still_gives_a_surface(tmp_path: Path) -> None:
+    empty, table = striped_table()
+    result = build(empty, table, np.ones((240, 320), bool), tmp_path, static_planes)
+    assert len(result.mesh.faces)
+
+
+def test_a_segmentation_of_another_size_is_refused(tmp_path: Path) -> None:
+    empty, table = striped_table()
+    with pytest.raises(RuleError, match="of another picture"):
+        build(empty, table, np.zeros((10, 10), bool), tmp_path, static_stub)
+
+
+def test_a_real_table_loses_its_object(tmp_path: Path) -> None:
+    folder = CAPTURES / "table_mustard"
+    if not folder.exists():
+        pytest.skip("needs shared/captures/table_mustard")
+    from PIL import Image as Pillow
+
+    from rules.align.support import SupportOptions, support
+
+    facts = json.loads((folder / "capture.json").read_text())
+    lens = Camera(**{name: facts[name] for name in ("width", "height", "fx", "fy", "cx", "cy")})
+    depth = np.asarray(Pillow.open(folder / "depth.png")).astype(np.float32) * np.float32(facts["depth_scale_m"])
+    pixels = np.array(Pillow.open(folder / "rgb.png").convert("RGB"))
+    capture = Capture(rgb=Image(pixels=pixels), depth=DepthImage(depth=depth), camera=lens)
+    table = support(Context(scratch=tmp_path), capture, options=SupportOptions())
+    world = transforms.apply(table.world_from_camera, cameras.backproject(depth, lens.matrix()))
+    mask = (depth > 0) & (world[..., 2] > 0.006) & (world[..., 2] < 0.4)
+    mask = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8)) > 0
+    result = build(capture, table, mask, tmp_path, static_planes)
+
+    def yellow(picture: np.ndarray) -> int:
+        hsv = cv2.cvtColor(picture[150:350, 330:490], cv2.COLOR_RGB2HSV)
+        return int(((hsv[..., 0] > 20) & (hsv[..., 0] < 35) & (hsv[..., 1] > 170)).sum())
+
+    assert yellow(pixels) > 5000
+    assert yellow(result.image.pixels) < 50
+    assert abs(np.median(result.mesh.vertices[:, 2])) < 1e-6

@@ -1,0 +1,69 @@
+"""The camera's faults one by one, on pictures made by hand."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+FILE = Path(__file__).parents[3] / "rules" / "capture" / "sensor.py"
+K = np.array([[300.0, 0, 99.5], [0, 300.0, 74.5], [0, 0, 1]])
+
+
+@pytest.fixture(scope="module")
+def sensor() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("sensor_under_test", FILE)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def plane(tilt: float) -> np.ndarray:
+    """Depth (150, 200) of a plane through (0, 0, 1) m whose normal leans by `tilt` rad from the optical axis."""
+    rows = (np.arange(150)[:, None] - K[1, 2]) / K[1, 1]
+    return np.broadcast_to(np.cos(tilt) / (np.cos(tilt) + rows * np.sin(tilt)), (150, 200)).copy()
+
+
+def test_edges_are_as_wide_as_told(sensor: ModuleType) -> None:
+    depth = np.ones((20, 40))
+    depth[:, 20:] = 2.0
+    for width in (1, 2, 3):
+        found = np.flatnonzero(sensor.edges(depth, width, 0.02)[10])
+        assert found.tolist() == list(range(20 - width, 20 + width))
+
+
+def test_small_steps_are_no_edges(sensor: ModuleType) -> None:
+    depth = np.ones((20, 40))
+    depth[:, 20:] = 1.015
+    assert not sensor.edges(depth, 2, 0.02).any()
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.6, 1.2])
+def test_facing_is_the_cosine_between_ray_and_normal(sensor: ModuleType, tilt: float) -> None:
+    cosine = sensor.facing(plane(tilt), K)[74:76, 99:101].mean()
+    assert cosine == pytest.approx(np.cos(tilt), abs=0.01)
+
+
+def test_nothing_comes_back_at_grazing_angles_or_out_of_range(sensor: ModuleType) -> None:
+    rng = np.random.default_rng(0)
+    clean = sensor.DepthNoiseOptions(dropout=0.0, edge_step=10.0)
+    assert (sensor.measure_depth(plane(1.48), K, clean, rng)[70:80] == 0).mean() > 0.9
+    assert (sensor.measure_depth(plane(1.0), K, clean, rng)[70:80] > 0).all()
+    assert (sensor.measure_depth(plane(0.0) * 0.1, K, clean, rng) == 0).all()
+    assert (sensor.measure_depth(plane(0.0) * 9.0, K, clean, rng) == 0).all()
+
+
+def test_neighbouring_errors_are_correlated_over_the_window(sensor: ModuleType) -> None:
+    wide = sensor.DepthNoiseOptions(dropout=0.0, step_m=1e-6, correlation_px=3)
+    error = sensor.measure_depth(plane(0.0), K, wide, np.random.default_rng(1)).astype(np.float64) - 1.0
+    neighbour = np.corrcoef(error[:, :-1].ravel(), error[:, 1:].ravel())[0, 1]
+    far = np.corrcoef(error[:, :-3].ravel(), error[:, 3:].ravel())[0, 1]
+    assert neighbour == pytest.approx(2 / 3, abs=0.05)
+    assert abs(far) < 0.05

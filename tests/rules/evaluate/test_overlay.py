@@ -1,0 +1,81 @@
+"""evaluate.overlay: the twin must cover the photograph's objects, pixel by pixel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.scene import Scene
+from dextera_build.errors import RuleError
+from dextera_build.geometry import raycast
+from dextera_build.rule import Context
+from rules.evaluate import overlay_mujoco, overlay_stub
+from rules.evaluate.overlay import OverlayOptions, overlay
+from rules.evaluate.panels import outlined
+from rules.simulate.scene import scene
+from tests import factories
+
+LENS, TABLE = factories.camera(), factories.support()
+
+
+@pytest.fixture
+def twin(tmp_path: Path) -> Scene:
+    assets = {
+        "box": factories.box_asset(factories.pose(-0.15)),
+        "laptop": factories.laptop_asset(factories.pose(0.2, 0.1)),
+    }
+    return scene(
+        Context(scratch=tmp_path), Collection[Asset](items=assets), factories.background(size=(240, 320)), TABLE, LENS
+    )
+
+
+def test_objects_are_where_ray_casting_says(twin: Scene) -> None:
+    _, owner = overlay_mujoco.render(twin)
+    box = factories.box_asset(factories.pose(-0.15))
+    surface = raycast.posed(
+        box.body.links["base"].mesh.vertices, box.body.links["base"].mesh.faces, factories.pose(-0.15)
+    )
+    seen = raycast.render([surface], LENS.matrix(), TABLE.world_from_camera, LENS.height, LENS.width).index >= 0
+    found = owner == 0
+    assert (found & seen).sum() / (found | seen).sum() > 0.97
+    assert (owner == 1).sum() > 1000, "the lid belongs to the laptop"
+
+
+def test_the_background_picture_shows_where_the_twin_has_no_surface(twin: Scene) -> None:
+    pixels, owner = overlay_mujoco.render(twin)
+    backdrop = factories.background(size=(240, 320)).image.pixels
+    assert (owner[0] == -1).all()
+    np.testing.assert_array_equal(pixels[0], backdrop[0])
+
+
+@pytest.mark.parametrize("backend", [overlay_mujoco, overlay_stub])
+def test_the_board_holds_four_pictures(backend: ModuleType, twin: Scene, tmp_path: Path) -> None:
+    context = Context(backend=backend, scratch=tmp_path)
+    board = overlay(context, factories.capture(LENS, TABLE), twin, options=OverlayOptions())
+    height, width = board.pixels.shape[:2]
+    assert height > 2 * LENS.height
+    assert width > 2 * LENS.width
+    assert context.outcome.line == ("2 of 2 objects in view" if backend is overlay_mujoco else "0 of 2 objects in view")
+    assert context.outcome.previews
+
+
+def test_outlines_follow_the_mask_and_leave_the_rest() -> None:
+    photo = np.full((60, 80, 3), 100, np.uint8)
+    owner = np.full((60, 80), -1, np.int32)
+    owner[40:55, 20:60] = 0
+    drawn = (outlined(photo, owner, ("a",)) != photo).any(axis=-1)
+    assert drawn[40, 25:55].all()
+    assert not drawn[43:52, 24:56].any()
+    assert not drawn[57:, :].any()
+
+
+def test_a_photograph_of_another_camera_is_refused(twin: Scene, tmp_path: Path) -> None:
+    other = factories.capture(factories.camera(160, 120), TABLE)
+    with pytest.raises(RuleError, match="not the photograph's") as caught:
+        overlay(Context(backend=overlay_stub, scratch=tmp_path), other, twin, options=OverlayOptions())
+    assert caught.value.facts == {"photograph": "160 x 120 px", "scene": "320 x 240 px"}

@@ -1,0 +1,96 @@
+"""Mass properties of bodies: density times volume, intervals, what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.object import Body, Link, Physics
+from dextera_build.errors import RuleError
+from dextera_build.geometry import massprops, solids
+from dextera_build.testing import RuleRunner
+from tests import object_views
+
+
+@pytest.fixture
+def runner(tmp_path):
+    return RuleRunner(tmp_path)
+
+
+def weigh(runner, body, proposed="plastic", **options) -> Physics:
+    seen = object_views.view(body.links["base"].mesh, np.eye(4), material=proposed)
+    return runner.run("factorize.physics", body=body, seen=seen, options=options)
+
+
+BOX = object_views.mesh(solids.box((0.1, 0.2, 0.3), (0.0, 0.0, 0.15)))
+
+
+def test_a_box_of_wood_weighs_density_times_volume(runner):
+    found = weigh(runner, object_views.body(BOX), "wood").links["base"]
+    assert found.mass_kg == pytest.approx(600.0 * 0.006, rel=1e-6)
+    assert found.centre == pytest.approx((0.0, 0.0, 0.15), abs=1e-6)
+    x, y, z = 0.1, 0.2, 0.3
+    expected = found.mass_kg / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+    assert found.inertia == pytest.approx((*expected, 0.0, 0.0, 0.0), rel=1e-5, abs=1e-9)
+    assert found.source == "material table: wood, whole at 600 kg/m3"
+
+
+def test_a_vessel_is_made_of_walls_and_a_product_of_what_is_in_it(runner):
+    cup = object_views.mesh(object_views.cup())
+    volume = massprops.of_mesh(cup.vertices, cup.faces).volume
+    hollow = weigh(runner, object_views.body(cup, hollow=True), "ceramic").links["base"]
+    filled = weigh(runner, object_views.body(cup), "ceramic").links["base"]
+    assert hollow.mass_kg == pytest.approx(2300.0 * volume, rel=1e-6)
+    assert filled.mass_kg == pytest.approx(800.0 * volume, rel=1e-6)
+
+
+def test_the_interval_holds_the_estimate_and_is_wide_where_little_is_known(runner):
+    box = weigh(runner, object_views.body(BOX), "cardboard").links["base"]
+    metal = weigh(runner, object_views.body(BOX), "wood").links["base"]
+    assert box.mass_low_kg < box.mass_kg < box.mass_high_kg
+    assert box.mass_high_kg / box.mass_low_kg > metal.mass_high_kg / metal.mass_low_kg > 1.5
+
+
+@pytest.mark.parametrize(("grams", "size"), [(411, (0.060, 0.158, 0.210)), (514, (0.038, 0.089, 0.175))])
+def test_published_boxes_lie_inside_their_interval(runner, grams, size):
+    found = weigh(runner, object_views.body(object_views.mesh(solids.box(size))), "cardboard").links["base"]
+    assert found.mass_low_kg < grams / 1000 < found.mass_high_kg
+
+
+def test_a_weighed_mass_is_shared_out_by_volume(runner):
+    lid = object_views.mesh(solids.box((0.1, 0.2, 0.1), (0.0, 0.0, 0.35)))
+    body = Body(links={"base": Link(mesh=BOX), "lid": Link(mesh=lid)}, world_from_object=np.eye(4))
+    found = weigh(runner, body, mass_kg=2.0)
+    assert found.links["base"].mass_kg == pytest.approx(1.5, rel=1e-6)
+    assert found.links["lid"].mass_kg == pytest.approx(0.5, rel=1e-6)
+    assert found.links["lid"].source == "weighed"
+    assert runner.outcome.line.startswith("2.00 kg (1.94 kg to 2.07 kg), weighed")
+
+
+def test_contact_comes_from_the_table_and_an_option_overrides_the_proposal(runner):
+    found = weigh(runner, object_views.body(BOX), "plastic", material="rubber")
+    assert (found.material, found.friction, found.restitution) == ("rubber", 0.8, 0.6)
+
+
+def test_an_unknown_material_names_those_that_exist(runner):
+    with pytest.raises(RuleError, match="no material is called `ceramics`") as caught:
+        weigh(runner, object_views.body(BOX), "ceramics")
+    assert caught.value.hint == "did you mean `ceramic`?"
+    assert "wood" in caught.value.facts["exist"]
+    with pytest.raises(RuleError) as caught:
+        weigh(runner, object_views.body(BOX), "xyz")
+    assert caught.value.hint == "set `material` of the element in `scene.yaml` to one that exists"
+
+
+def test_an_open_and_an_inside_out_link_are_refused(runner):
+    opened = Mesh(vertices=BOX.vertices, faces=BOX.faces[1:])
+    with pytest.raises(RuleError, match="link `base` is open, it has no volume"):
+        weigh(runner, object_views.body(opened))
+    with pytest.raises(RuleError, match=r"link `base` has no mass: the volume is -0.006 m3"):
+        weigh(runner, object_views.body(Mesh(vertices=BOX.vertices, faces=np.ascontiguousarray(BOX.faces[:, ::-1]))))
+
+
+def test_a_weighed_mass_must_be_positive(runner):
+    with pytest.raises(RuleError, match=r"option `mass_kg` is -1.0, but a mass is positive"):
+        weigh(runner, object_views.body(BOX), mass_kg=-1.0)

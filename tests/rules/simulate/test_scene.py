@@ -1,0 +1,30 @@
+"""simulate.scene: what it hands on and what it says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.object import Asset
+from dextera_build.rule import Context
+from rules.simulate.scene import scene
+from tests import factories
+
+
+def test_the_scene_names_every_object_and_says_what_it_weighs(tmp_path: Path) -> None:
+    assets = {"Blue Box": factories.box_asset(mass=0.4), "laptop": factories.laptop_asset(mass=1.3)}
+    table, lens = factories.support(), factories.camera()
+    context = Context(scratch=tmp_path)
+    result = scene(context, Collection[Asset](items=assets), factories.background(), table, lens)
+    assert result.bodies == ("blue_box", "laptop")
+    assert result.camera == lens
+    assert context.outcome.line == "2 bodies, 1 joint, 1.70 kg"
+    assert {"scene.xml", "assets/blue_box.obj", "assets/laptop_lid.obj"} <= set(result.model.files)
+
+
+def test_an_empty_collection_is_a_bare_scene(tmp_path: Path) -> None:
+    table, lens = factories.support(), factories.camera()
+    context = Context(scratch=tmp_path)
+    result = scene(context, Collection[Asset](items={}), factories.background(), table, lens)
+    assert result.bodies == ()
+    assert context.outcome.line == "0 bodies, 0 joints, 0.00 kg"

@@ -1,0 +1,74 @@
+"""simulate.settle: verdicts, with and without a simulator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.scene import Scene, SettleReport
+from dextera_build.errors import RuleError
+from dextera_build.rule import Context
+from rules.simulate import settle_mujoco, settle_stub
+from rules.simulate.scene import scene
+from rules.simulate.settle import SettleOptions, settle
+from tests import factories
+
+
+def placed(tmp_path: Path, **assets: Asset) -> Scene:
+    return scene(
+        Context(scratch=tmp_path),
+        Collection[Asset](items=assets),
+        factories.background(),
+        factories.support(),
+        factories.camera(),
+    )
+
+
+def judge(twin: Scene, tmp_path: Path, backend: ModuleType = settle_mujoco) -> tuple[SettleReport, Context]:
+    context = Context(backend=backend, scratch=tmp_path)
+    return settle(context, twin, options=SettleOptions(seconds=1.5)), context
+
+
+@pytest.mark.parametrize("backend", [settle_mujoco, settle_stub])
+def test_a_standing_scene_passes(backend: ModuleType, tmp_path: Path) -> None:
+    report, context = judge(placed(tmp_path, box=factories.box_asset(), lap=_laptop()), tmp_path, backend)
+    assert report.passed
+    assert [body.name for body in report.bodies] == ["box", "lap"]
+    assert all(body.resting for body in report.bodies)
+    assert context.outcome.line.startswith("settles, drift 0.")
+    assert context.outcome.previews
+
+
+def test_what_falls_is_named_and_the_report_is_still_made(tmp_path: Path) -> None:
+    beside = factories.box_asset(factories.pose(0.9))
+    report, context = judge(placed(tmp_path, box=factories.box_asset(), lost=beside), tmp_path)
+    assert not report.passed
+    assert [body.resting for body in report.bodies] == [True, False]
+    assert context.outcome.line.startswith("does not rest: lost")
+
+
+def test_a_body_that_slides_away_does_not_rest(tmp_path: Path) -> None:
+    first, second = factories.box_asset(), factories.box_asset(factories.pose(0.03))
+    report, _ = judge(placed(tmp_path, a=first, b=second), tmp_path)
+    assert max(body.penetration_m for body in report.bodies) > 0.02
+
+
+def test_a_report_that_leaves_bodies_out_is_refused(tmp_path: Path) -> None:
+    twin = placed(tmp_path, box=factories.box_asset())
+
+    class Forgetful:
+        @staticmethod
+        def let_go(scene: Scene, options: SettleOptions) -> SettleReport:
+            report = settle_stub.let_go(scene, options)
+            return report.model_copy(update={"bodies": ()})
+
+    with pytest.raises(RuleError, match="does not name the scene's bodies"):
+        settle(Context(backend=Forgetful, scratch=tmp_path), twin, options=SettleOptions())
+
+
+def _laptop() -> Asset:
+    return factories.laptop_asset(factories.pose(0.25, 0.1))

@@ -1,0 +1,20 @@
+"""Loading a twin from memory."""
+
+from __future__ import annotations
+
+import pytest
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.errors import RuleError
+from dextera_build.sim import model
+
+
+def test_a_folder_without_a_scene_is_refused() -> None:
+    with pytest.raises(RuleError, match=r"holds no `scene.xml`"):
+        model.compile_folder(Folder(files={"readme": b""}))
+
+
+def test_mujocos_reason_is_handed_on() -> None:
+    with pytest.raises(RuleError, match=r"does not load `scene.xml`") as caught:
+        model.compile_folder(Folder(files={"scene.xml": b"<mujoco><worldbody><geom mesh='x'/></worldbody></mujoco>"}))
+    assert "MuJoCo" in caught.value.facts

@@ -1,0 +1,48 @@
+"""Shading normals of meshes, and pictures averaged from finer ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.geometry import cameras
+from dextera_build.sim import shot, tessellate, world
+
+
+def test_a_ball_is_smooth() -> None:
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 24)
+    vertices, faces = tessellate.turned(np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    mesh = Mesh(vertices=vertices.astype(np.float32), faces=faces)
+    normals = world.corner_normals(mesh)
+    corners = mesh.vertices[mesh.faces.ravel()]
+    away = np.abs(corners[:, 2]) < 0.98  # the poles are rings of equal points here
+    assert (normals[away] * corners[away]).sum(axis=1).min() > 0.99
+
+
+def test_a_cube_keeps_its_edges() -> None:
+    corners = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], np.float32)
+    faces = np.array([[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4]], np.int32)
+    normals = world.corner_normals(Mesh(vertices=corners, faces=faces))
+    np.testing.assert_allclose(np.abs(normals).max(axis=1), 1.0)
+    np.testing.assert_allclose(normals[:6], np.tile([0.0, 0, -1], (6, 1)), atol=1e-12)
+
+
+def test_black_and_white_average_to_half_the_light() -> None:
+    board = np.zeros((4, 4, 3), np.uint8)
+    board[::2, ::2] = board[1::2, 1::2] = 255
+    assert shot.average(board, 2).shape == (2, 2, 3)
+    np.testing.assert_allclose(shot.average(board, 2), 0.5 ** (1 / 2.2))
+    flat = np.full((4, 4, 3), 100, np.uint8)
+    np.testing.assert_allclose(shot.average(flat, 2), 100 / 255)
+
+
+def test_an_enlarged_camera_sees_the_same() -> None:
+    camera = Camera(width=64, height=48, fx=60.0, fy=58.0, cx=30.0, cy=25.0)
+    point = np.array([[0.1, -0.2, 1.3]])
+    small = cameras.project(point, camera.matrix())
+    large = cameras.project(point, shot.enlarge(camera, 3).matrix())
+    # Pixel i covers fine pixels 3 i .. 3 i + 2, whose middle is 3 i + 1.
+    np.testing.assert_allclose(large, 3 * small + 1)
+    assert shot.enlarge(camera, 3).width == pytest.approx(192)
