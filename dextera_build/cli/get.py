@@ -18,6 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths, the main one first."""
+    from dextera_build.cli.results import stem_of
     from dextera_build.cli.session import Session, wish
 
     wanted = wish(args.node)
@@ -26,7 +27,6 @@ def run(args: argparse.Namespace) -> int:
             "name a node", code="DXB-U111", hint=f"`dxb get {wanted.recipe}:NODE`; `dxb ls {wanted.recipe}`"
         )
     session = Session(options.project(args), wanted.recipe)
-    stem = wanted.target.rpartition(".")[2]
-    for path in session.artifact(wanted.target).export(Path(args.out), stem):
+    for path in session.artifact(wanted.target).export(Path(args.out), stem_of(wanted.target)):
         print(path)
     return 0

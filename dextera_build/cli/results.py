@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,6 +30,11 @@ def folder_of(session: Session, node: str) -> Path:
     return session.project.cache / "out" / session.recipe / node.replace("/", ".").replace(":", ".")
 
 
+def stem_of(node: str) -> str:
+    """What the files of a node are called: `mesh` for `body[mug].mesh`, `scene` for `twin/scene`."""
+    return re.split("[./:]", node)[-1]
+
+
 def _export(session: Session, node: str, rule: str, output: str) -> Path:
     folder = folder_of(session, node)
     stamp = folder / _STAMP
@@ -38,7 +44,7 @@ def _export(session: Session, node: str, rule: str, output: str) -> Path:
             return folder / name
     shutil.rmtree(folder, ignore_errors=True)
     artifact = session.project.library.find(rule).rule.returns.decode(output, session.store.blobs.get)
-    written = artifact.export(folder, node.rpartition(".")[2])
+    written = artifact.export(folder, stem_of(node))
     main: Path = written[0] if written else folder
     stamp.write_text(f"{output}\n{main.relative_to(folder).as_posix()}")
     return main

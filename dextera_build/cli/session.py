@@ -78,6 +78,19 @@ class Session:
         """Node address -> what the last run that finished it left behind."""
         return self.past_builds.all()
 
+    @cached_property
+    def last_nodes(self) -> list[str]:
+        """Nodes that the recipe's last run brought up to date; what only older runs knew is not among them."""
+        from dextera_build.engine import eventlog
+
+        run = eventlog.latest(self.store, self.recipe)
+        events = eventlog.read(self.store, run) if run else []
+        return [
+            event["node"]
+            for event in events
+            if event["event"] == "node_finished" and event["output"] and event["node"] in self.history
+        ]
+
     def past(self, node: str) -> Entry:
         """What is known of a node that was built.
 

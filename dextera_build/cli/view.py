@@ -1,15 +1,17 @@
-"""`dxb view`: a scene in the browser."""
+"""`dxb view`: a scene, or one artifact, in the browser."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
-from typing import TYPE_CHECKING
+import webbrowser
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options
-from dextera_build.errors import MachineError, UsageError
-from dextera_build.loader import version_of
+from dextera_build.engine.graph import parse_address
+from dextera_build.errors import DxbError, UsageError
 
 if TYPE_CHECKING:
     from dextera_build.cli.session import Session
@@ -18,43 +20,78 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("target", metavar="RECIPE[:NODE]", help="a recipe that was built, or one node of it")
-    parser.add_argument("--port", type=int, default=8080, help="port on localhost (8080)")
+    parser.add_argument("--port", type=int, default=8080, help="port on localhost (8080, or the next free one)")
     parser.add_argument("--no-open", action="store_true", help="do not open the browser")
     options.project_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Serve until interrupted; the address goes to stdout."""
-    if version_of("viser") is None:
-        raise MachineError("the viewer is not installed", code="DXB-E303", hint="`pip install 'dextera-build[view]'`")
     from dextera_build.cli.session import Session, wish
     from dextera_build.view import server
 
     wanted = wish(args.target)
     session = Session(options.project(args), wanted.recipe)
-    nodes = _nodes(session, wanted.target)
-    artifacts = {node: session.artifact(node) for node in nodes}
+    fill = _one(session, wanted.target) if wanted.target else _scene(session)
     viewer, url = server.start(args.port)
-    server.show_all(viewer, artifacts)
+    fill(viewer)
     print(url, flush=True)
     print("Ctrl-C ends it", file=sys.stderr)
     if not args.no_open:
-        server.open_browser(url)
-    try:
-        while True:
+        webbrowser.open(url)
+    while True:
+        try:
             time.sleep(3600)
-    except KeyboardInterrupt:
-        return 0
+        except KeyboardInterrupt:
+            return 0
 
 
-def _nodes(session: Session, target: str) -> list[str]:
-    from dextera_build.view.show import SHOWN_RULES
+def _one(session: Session, node: str) -> Any:
+    from dextera_build.view.show import show
 
-    if target:
-        return [target]
-    found = [node for node in session.history if session.document(node)["rule"] in SHOWN_RULES]
-    if not found:
+    artifact = session.artifact(node)
+    return lambda viewer: show(artifact, viewer, f"/{node}")
+
+
+def _scene(session: Session) -> Any:
+    """Everything of a recipe's last build that makes up a scene, by the types of the artifacts."""
+    from dextera_build.view.scene import show_scene
+
+    nodes = _by_type(session)
+    missing = [kind for kind in ("Background", "Support", "Capture") if kind not in nodes]
+    if missing:
         raise UsageError(
-            f"nothing of `{session.recipe}` can be shown yet", code="DXB-U113", hint=f"`dxb build {session.recipe}`"
+            f"`{session.recipe}` has no scene to show yet",
+            code="DXB-U113",
+            facts={"missing": ", ".join(missing)},
+            hint=f"`dxb build {session.recipe}`, or name a node: `dxb view {session.recipe}:NODE`",
         )
+    loaded: dict[str, Any] = {kind: session.artifact(nodes[kind][-1]) for kind in ("Background", "Support", "Capture")}
+    addresses = {_label(node): node for node in nodes.get("Asset", [])}
+    assets: dict[str, Any] = {label: session.artifact(node) for label, node in addresses.items()}
+    capture = loaded["Capture"]
+    return lambda viewer: show_scene(
+        viewer,
+        assets,
+        loaded["Background"],
+        loaded["Support"],
+        capture.camera,
+        photo=capture.rgb,
+        addresses=addresses,
+    )
+
+
+def _by_type(session: Session) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for node in session.last_nodes:
+        try:
+            header = json.loads(session.store.blobs.get(session.output(node)))
+        except DxbError:
+            continue  # what is no longer in the store cannot be shown
+        found.setdefault(header["artifact"], []).append(node)
     return found
+
+
+def _label(node: str) -> str:
+    labels = parse_address(node).labels or (node,)
+    return labels[-1]

@@ -66,9 +66,7 @@ def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: s
     entry = session.history.get(node)
     when = f"run {entry.run} ({_ago(entry.time)})" if entry else ""
     if state.status == "cached":
-        return (
-            f"up to date: key {state.key[:12]}" + (f", built by {when}" if when else ", built by another recipe")
-        ), []
+        return f"up to date: key {(state.key or '')[:12]}, built by {when or 'another recipe'}", []
     if entry is None:
         return "never built", _upstream(states, node)
     if not state.key_document:

@@ -10,17 +10,18 @@ from dextera_build.engine.states import State, States
 from dextera_build.engine.units import Gathering, Node, Opening, Unit
 from dextera_build.store.store import Store
 
-_MOST = 5
+_MOST = 3
+"""How often one blob may vanish under one reader."""
 
 
-def rewind(unit: Unit, store: Store, states: States) -> list[Unit] | None:
-    """Take `unit`, and everything between it and the nodes whose results are lost, back to waiting.
+def rewind(unit: Unit, digest: str, store: Store, states: States) -> list[Unit] | None:
+    """Blob `digest` is gone: take `unit`, and everything between it and the nodes whose results are lost, back to waiting.
 
     Returns:
         The units that must be connected again, or None where nothing that `unit` reads can be made again.
     """
-    unit.rewinds += 1
-    if unit.rewinds > _MOST:
+    unit.lost[digest] += 1
+    if unit.lost[digest] > _MOST:
         return None
     again = _lost(unit, store)
     if not again and not (isinstance(unit, Node) and unit.leaves):

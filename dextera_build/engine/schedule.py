@@ -219,7 +219,8 @@ class Scheduler:
 
     def _broke(self, unit: Unit, error: DxbError) -> None:
         """An error came up: where bytes that `unit` reads are gone, make them again, else it has failed."""
-        again = rewind.rewind(unit, self.store, self.states) if error.code == MissingBlob.CODE else None
+        lost = error.facts.get("digest") if error.code == MissingBlob.CODE else None
+        again = rewind.rewind(unit, lost, self.store, self.states) if lost else None
         if again is None:
             self._fail(unit, error)
             return

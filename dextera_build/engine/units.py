@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -30,8 +31,8 @@ class Unit:
     """What this one reads from."""
     dependents: list[Unit] = field(default_factory=list, repr=False)
     """What waits for this one; emptied when it becomes known."""
-    rewinds: int = 0
-    """How often bytes that it reads were found to be gone."""
+    lost: Counter[str] = field(default_factory=Counter, repr=False)
+    """Blobs that it reads and that were found to be gone, with how often."""
 
     def await_(self, source: Unit) -> None:
         """Depend on `source`, and wait for it unless it is known."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +28,20 @@ def start(port: int = 8080, host: str = "127.0.0.1") -> tuple[Any, str]:
             code="DXB-E320",
             hint="`pip install 'dextera-build[view]'`",
         ) from None
-    server = viser.ViserServer(host=host, port=port, label="dxb", verbose=False)
+    # Its banner belongs to people, and standard output to data.
+    with contextlib.redirect_stdout(sys.stderr):
+        server = viser.ViserServer(host=host, port=port, label="dxb", verbose=False)
     server.scene.set_up_direction("+z")
     # viser's fog begins right at the camera and would bleach photographs.
     server.scene.configure_fog(near=50.0, far=100.0, enabled=False)
-    server.gui.configure_theme(control_layout="collapsible", dark_mode=False, show_logo=False)
+    server.gui.configure_theme(dark_mode=False, show_logo=False)
     return server, f"http://{host}:{server.get_port()}"
+
+
+def stop(server: Any) -> None:
+    """Stop a server that `start` started."""
+    with contextlib.redirect_stdout(sys.stderr):
+        server.stop()
 
 
 def static_export(server: Any, folder: Path) -> Path:

@@ -119,7 +119,7 @@ def _(support: Support, server: Any, name: str) -> Any:
     """The outline of the seen support, on z = 0."""
     corners = np.concatenate([support.polygon, np.zeros((len(support.polygon), 1))], axis=1)
     segments = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-    return server.scene.add_line_segments(name, segments, colors=(46, 125, 70), line_width=2.0)
+    return server.scene.add_line_segments(name, segments, colors=(46, 125, 70), thickness=2.0, thickness_units="screen")
 
 
 @show.register

@@ -148,7 +148,7 @@ class _Search:
 def _correlation(picture: np.ndarray, wanted: np.ndarray, context: np.ndarray) -> np.ndarray:
     """Normalised correlation of `wanted` with every place of `picture` where `context` holds, -1..1."""
     fit = cv2.matchTemplate(picture, wanted, cv2.TM_CCOEFF_NORMED, mask=context.astype(np.float32))
-    return np.clip(np.nan_to_num(fit, nan=-1.0, posinf=-1.0), -1.0, 1.0)
+    return np.asarray(np.clip(np.nan_to_num(fit, nan=-1.0, posinf=-1.0), -1.0, 1.0))
 
 
 def _shrunk(picture: np.ndarray) -> np.ndarray:
@@ -157,7 +157,7 @@ def _shrunk(picture: np.ndarray) -> np.ndarray:
 
 
 def _thinned(picture: np.ndarray) -> np.ndarray:
-    return picture[::SHRINK, ::SHRINK]
+    return np.asarray(picture[::SHRINK, ::SHRINK])
 
 
 def _tiles(hole: np.ndarray, tile: int) -> list[tuple[int, int]]:

@@ -54,10 +54,8 @@ def slabs(p: np.ndarray) -> list[Solid]:
     # The lid's inner face runs through the crease; its thickness is on the outer side, clear of the base.
     along = np.array([0.0, -np.cos(angle), np.sin(angle)])
     outward = np.array([0.0, np.sin(angle), np.cos(angle)])
-    pose = transforms.rigid(np.stack([[1.0, 0.0, 0.0], outward, -along], axis=-1), np.array([0.0, depth / 2, thick]))
-    slab = solids.box((width, lid, length), (0.0, lid / 2, -length / 2))
-    if np.linalg.det(pose[:3, :3]) < 0:
-        raise ArithmeticError("the lid's frame is left-handed")
+    pose = transforms.rigid(np.stack([[1.0, 0.0, 0.0], outward, along], axis=-1), np.array([0.0, depth / 2, thick]))
+    slab = solids.box((width, lid, length), (0.0, lid / 2, length / 2))
     return [base, slab.moved(pose)]
 
 

@@ -14,7 +14,9 @@ BAND = 12
 DEEP = 8
 """Measured pixels farther inside stay [px]."""
 SURE = 6
-"""Depth borders are rarely wrong by more than this [px]."""
+"""Depth cameras rarely fatten a border by more than this [px]."""
+EATEN = 9
+"""They rarely eat more than this off a thin part [px]."""
 NEARBY = 15
 """Distance over which colours are compared [px]."""
 COLOUR_SIGMA = 6.0
@@ -51,14 +53,14 @@ def fill(mask: np.ndarray, others: np.ndarray, relief: Relief) -> np.ndarray:
     labels, count = ndimage.label(holes)
     if not count:
         return mask
-    outline = regions.convex_hull(relief.points[mask & relief.valid][:, :2])
+    outline = regions.convex_hull(relief.points[mask & relief.raised][:, :2])
     within = relief.valid & regions.inside_convex(relief.points[..., :2], outline)
     numbers = np.arange(1, count + 1)
     size = np.asarray(ndimage.sum(holes, labels, numbers))
     measured = np.asarray(ndimage.sum(relief.valid, labels, numbers))
     inside = np.asarray(ndimage.sum(within, labels, numbers))
     small = (measured == 0) & (size < max(30.0, 0.02 * mask.sum()))
-    keep = np.concatenate([[False], small | ((measured > 0) & (inside > 0.7 * measured))])
+    keep = np.concatenate([[False], small | ((measured > 0.3 * size) & (inside > 0.7 * measured))])
     return np.asarray(mask | keep[labels])
 
 
@@ -80,11 +82,11 @@ def border(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndar
     lab = ndimage.median_filter(proposals.colour_lab(pixels[box]), size=(3, 3, 1))
     ridge = own & (inside >= ndimage.maximum_filter(inside, size=7))
     nearby = Nearby(lab, ~fixed)
-    beyond = (outside > BAND) | (measured & (outside > SURE))
+    beyond = (outside > BAND) | (measured & (outside > EATEN))
     belief = np.where(own & ((inside > SURE) | ridge), 1.0, np.where(beyond, 0.0, 0.5))
     for _ in range(4):
-        # What was not measured never counts as surroundings, or it would confirm itself.
-        surround = (beyond | ((measured | own) & (belief < 0.1))) & ~foreign
+        # The open band never counts as surroundings, or it would confirm itself.
+        surround = (beyond | (own & (belief < 0.1))) & ~foreign
         hint = nearby.evidence((belief > 0.9) & ~foreign, surround)
         belief = agree(prior + hint, lab, fixed, own)
     won = ndimage.binary_opening(np.pad(belief > 0.5, 2), np.ones((2, 2)))[2:-2, 2:-2] & ~foreign

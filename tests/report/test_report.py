@@ -233,6 +233,7 @@ def test_the_limit_is_kept_by_coarser_pictures(tmp_path: Path, monkeypatch: pyte
     assert len(page.all("img")) > 20
 
 
+@pytest.mark.slow
 def test_large_noisy_pictures_of_many_objects_stay_below_five_megabytes(tmp_path: Path) -> None:
     events, store = fabricate("cold")
     noise = np.random.default_rng(0).integers(0, 256, (540, 960, 3), dtype=np.uint8)

@@ -24,7 +24,7 @@ def quad(*corners: tuple[float, float, float]) -> Surface:
 
 
 FLOOR = quad((-5, -5, 0), (5, -5, 0), (5, 5, 0), (-5, 5, 0))
-WALL = quad((0, -50, 0), (0, 50, 0), (0, 50, 50), (0, -50, 50))
+WALL = quad((0.3, -50, 0), (0.3, 50, 0), (0.3, 50, 50), (0.3, -50, 50))
 
 
 def shares(surfaces: list[Surface], **options: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -40,15 +40,17 @@ def test_an_empty_floor_sees_the_whole_sky_and_the_lamp() -> None:
     np.testing.assert_array_equal(key, 1.0)
 
 
-def test_the_foot_of_a_wall_sees_half_the_sky() -> None:
+def test_in_front_of_an_endless_wall_half_the_sky_is_open() -> None:
     sky, _ = shares([FLOOR, WALL])
-    assert sky[20:100, 76].mean() == pytest.approx(0.5, abs=0.06)
-    assert sky[20:100, 20].mean() > 0.5
+    assert sky[20:100, 20:110].mean() == pytest.approx(0.5, abs=0.03)
+    assert sky[20:100, 20:110].std() < 0.03
 
 
 def test_what_lies_beyond_the_reach_does_not_darken() -> None:
     sky, _ = shares([FLOOR, WALL], reach_m=0.1)
-    assert sky[20:100, 10].min() == 1.0
+    x = (np.arange(160) - CAMERA.cx) / CAMERA.fx
+    assert sky[:, x < 0.15].min() == 1.0
+    assert sky[:, (x > 0.27) & (x < 0.29)].max() < 0.8
 
 
 def test_a_wide_lamp_gives_a_penumbra_of_its_width() -> None:

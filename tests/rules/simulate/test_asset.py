@@ -1,0 +1,123 @@
+"""Assets: every part is scaled by the power that physics asks for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.object import Collision, Joint, Physics, Placement
+from dextera_build.errors import RuleError
+from dextera_build.geometry import kinematics, massprops
+from dextera_build.testing import RuleRunner
+from tests import factories, object_views
+
+S = 0.5
+
+
+@pytest.fixture
+def runner(tmp_path):
+    return RuleRunner(tmp_path)
+
+
+def place(scale: float = S, pose: np.ndarray | None = None) -> Placement:
+    where = factories.pose(0.1, 0.2, 0.3, 0.4) if pose is None else pose
+    return Placement(world_from_object=where, scale=scale, residual_m=0.0, overlap=1.0, method="test")
+
+
+def build(runner, made, placement, **parts):
+    seen = object_views.view(made.body.links["base"].mesh, np.eye(4), category="laptop")
+    inputs = {"body": made.body, "physics": made.physics, "collision": made.collision, **parts}
+    return runner.run("simulate.asset", placement=placement, seen=seen, **inputs)
+
+
+def test_masses_go_with_the_cube_and_inertias_with_the_fifth_power(runner):
+    made = factories.laptop_asset()
+    found = build(runner, made, place())
+    for name, before in made.physics.links.items():
+        after = found.physics.links[name]
+        assert after.mass_kg == pytest.approx(before.mass_kg / 8)
+        assert (after.mass_low_kg, after.mass_high_kg) == pytest.approx(
+            (before.mass_low_kg / 8, before.mass_high_kg / 8)
+        )
+        assert after.inertia == pytest.approx(np.array(before.inertia) / 32)
+        assert after.centre == pytest.approx(np.array(before.centre) / 2)
+
+
+def test_the_scaled_numbers_are_those_of_the_scaled_mesh(runner):
+    made = factories.laptop_asset()
+    found = build(runner, made, place())
+    for name, link in found.body.links.items():
+        solid = massprops.of_mesh(link.mesh.vertices, link.mesh.faces)
+        inertial = found.physics.links[name]
+        density = inertial.mass_kg / solid.volume
+        assert inertial.inertia == pytest.approx(massprops.six(solid.inertia * density), rel=1e-4, abs=1e-9)
+
+
+def test_geometry_walls_pieces_and_pivots_scale_but_angles_stay(runner):
+    made = factories.bowl_asset()
+    bowl = build(runner, made, place())
+    assert bowl.body.links["base"].mesh.extent == pytest.approx(S * made.body.links["base"].mesh.extent, rel=1e-6)
+    before, after = made.body.links["base"].walls[3], bowl.body.links["base"].walls[3]
+    assert after.vertices == pytest.approx(S * before.vertices)
+    piece = bowl.collision.links["base"].hulls[3]
+    assert piece.vertices == pytest.approx(S * made.collision.links["base"].hulls[3].vertices)
+    assert bowl.body.hollow
+    laptop = factories.laptop_asset()
+    joint = build(runner, laptop, place()).body.joints[0]
+    assert joint.origin == pytest.approx(S * np.array(laptop.body.joints[0].origin))
+    assert (joint.axis, joint.lower, joint.upper, joint.position) == ((-1.0, 0.0, 0.0), 0.0, 2.3, 1.9)
+
+
+def test_a_scaled_hinge_still_closes_and_opens_like_the_original(runner):
+    made = factories.laptop_asset()
+    found = build(runner, made, place())
+    for position in (0.0, 1.0, 1.9):
+        before, _ = kinematics.posed_surface(made.body, {"hinge": position})
+        after, _ = kinematics.posed_surface(found.body, {"hinge": position})
+        assert after == pytest.approx(S * before, abs=1e-6)
+
+
+def test_limits_that_are_lengths_scale(runner):
+    made = factories.laptop_asset()
+    slide = Joint(
+        name="slide", type="prismatic", parent="base", child="lid", origin=(0.0, 0.1, 0.0), axis=(0.0, 1.0, 0.0),
+        lower=-0.02, upper=0.2, position=0.1,
+    )  # fmt: skip
+    body = made.body.model_copy(update={"joints": (slide,)})
+    joint = build(runner, made, place(), body=body).body.joints[0]
+    assert (joint.lower, joint.upper, joint.position) == pytest.approx((-0.01, 0.1, 0.05))
+
+
+def test_the_pose_is_the_placement_and_scale_one_changes_nothing(runner):
+    made = factories.laptop_asset()
+    found = build(runner, made, place(scale=1.0))
+    assert found.world_from_object == pytest.approx(factories.pose(0.1, 0.2, 0.3, 0.4))
+    assert runner.encode(found.physics) == runner.encode(made.physics)
+    assert found.category == "laptop"
+    assert runner.outcome.line == "1.300 kg, scale 1.0000, 2 collision pieces, 1 joint"
+
+
+@pytest.mark.parametrize("factors", [(1.0, 1.0, 2.0), (2.0, 2.0, 2.0), (1.0, 1.0, -1.0)])
+def test_a_pose_that_scales_or_mirrors_is_refused(runner, factors):
+    pose = factories.pose(0.1, 0.0, 0.0, 0.3)
+    pose[:3, :3] *= factors
+    with pytest.raises(RuleError, match="the pose scales, shears or mirrors the object") as caught:
+        build(runner, factories.laptop_asset(), place(pose=pose))
+    assert "uniform factor belongs into `scale`" in caught.value.hint
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0])
+def test_a_scale_that_is_not_positive_is_refused(runner, scale):
+    with pytest.raises(RuleError, match=rf"the scale is {scale}, but it is positive"):
+        build(runner, factories.laptop_asset(), place(scale))
+
+
+def test_links_must_agree_between_the_parts(runner):
+    made = factories.laptop_asset()
+    less = made.collision.links["base"]
+    with pytest.raises(RuleError, match=r"collision has links \['base'\], but the body has \['base', 'lid'\]"):
+        build(runner, made, place(), collision=Collision(links={"base": less}))
+    physics = made.physics.model_copy(update={"links": {"base": made.physics.links["base"]}})
+    assert isinstance(physics, Physics)
+    with pytest.raises(RuleError, match=r"physics has links \['base'\], but the body has \['base', 'lid'\]"):
+        build(runner, made, place(), physics=physics)

@@ -1,0 +1,92 @@
+"""What holds for every rule and every backend."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import subprocess
+import sys
+
+import pytest
+
+from dextera_build.loader import Library, RuleFile
+from dextera_build.recipe.calls import facts_of
+
+LIBRARY = Library()
+RULES = list(LIBRARY.rules())
+UNITS = re.compile(r"_(m|m2|m3|mm|px|rad|deg|s|hz|kg|gb|n|nm|j|ratio|fraction|factor|iou|sigma|sigmas)$")
+HEAVY = ("torch", "open3d", "mujoco", "cv2", "trimesh", "coacd", "pxr", "viser", "scipy", "manifold3d", "shapely")
+
+
+@pytest.fixture(params=RULES, ids=lambda found: found.path)
+def found(request: pytest.FixtureRequest) -> RuleFile:
+    rule: RuleFile = request.param
+    return rule
+
+
+def test_there_are_rules():
+    assert len(RULES) > 20
+
+
+def test_it_says_what_it_returns(found):
+    assert found.rule.summary.startswith("Return "), found.rule.summary
+    assert found.rule.summary.endswith(".")
+
+
+def test_its_options_are_described(found):
+    for name, field in found.rule.options.model_fields.items():
+        assert field.description, f"{found.path}.{name} has no docstring"
+
+
+def test_its_options_have_defaults_that_fit(found):
+    required = [name for name, field in found.rule.options.model_fields.items() if field.is_required()]
+    if not required:
+        plain = found.rule.options().model_dump(mode="json")
+        assert found.rule.options.model_validate_json(json.dumps(plain)).model_dump(mode="json") == plain
+
+
+def test_lengths_and_angles_name_their_unit(found):
+    for name, field in found.rule.options.model_fields.items():
+        described = re.search(r"\[(m|rad|s|kg|px|deg|mm|Hz)[\]^/ ]", field.description or "")
+        if described and field.annotation is float:
+            assert UNITS.search(name), f"{found.path}.{name} is in [{described[1]}], its name does not say so"
+
+
+def test_its_facts_can_be_stated(found):
+    for backend in [None, *found.backends.values()]:
+        if backend is None or not backend.missing():
+            facts = facts_of(LIBRARY, found, backend)
+            assert f"rules/{found.path.replace('.', '/')}.py" in facts.code
+            assert facts.types["return"]
+
+
+def test_every_profile_of_ci_has_a_backend(found):
+    if found.backends:
+        chosen = {profile for backend in found.backends.values() for profile in backend.facts.profiles}
+        assert {"stub", "cpu"} <= chosen
+
+
+def test_a_backend_says_what_it_is(found):
+    for backend in found.backends.values():
+        assert backend.facts.summary
+        assert backend.facts.licence
+        assert not backend.facts.summary.endswith(".")
+
+
+def test_its_file_imports_nothing_heavy(found):
+    for node in ast.parse(found.file.read_text()).body:
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+        assert not [name for name in names if name.partition(".")[0] in HEAVY]
+
+
+def test_no_rule_drags_in_a_heavy_package():
+    """Planning imports every rule of a recipe; that must stay quick."""
+    code = (
+        "import sys\nfrom dextera_build.loader import Library\n"
+        "[found.rule for found in Library().rules()]\n"
+        f"print([name for name in {HEAVY!r} if name in sys.modules])"
+    )
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert answer.stdout.strip() == "[]"
