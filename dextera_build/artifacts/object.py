@@ -114,6 +114,8 @@ class Shape(Artifact):
     """Part of the surface area that the camera did not see."""
     scores: dict[str, float]
     """Hypothesis -> render score, higher is better."""
+    unobserved: tuple[str, ...] = ()
+    """Sizes that the view does not determine and that were guessed: `x`, `y` or `z` of the mesh."""
 
 
 class Joint(Value):
@@ -189,6 +191,8 @@ class Physics(Artifact):
     """Standard deviation of `friction`."""
     restitution: float
     """Coefficient of restitution."""
+    restitution_sigma: float = 0.1
+    """Standard deviation of `restitution`."""
     material: str
     """Key of the material table."""
 
@@ -199,7 +203,7 @@ class Pieces(Artifact):
     hulls: tuple[Hull, ...]
     """At least one."""
     method: str
-    """`walls`, `hull`, `coacd`."""
+    """`walls`, `hull`, `wedges` (a container cut across its walls), `coacd`."""
     cavity_fill: float | None = None
     """Part of the cavity's volume that the pieces fill wrongly; None where there is no cavity."""
 

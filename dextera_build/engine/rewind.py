@@ -15,7 +15,7 @@ _MOST = 3
 
 
 def rewind(unit: Unit, digest: str, store: Store, states: States) -> list[Unit] | None:
-    """Blob `digest` is gone: take `unit`, and everything between it and the nodes whose results are lost, back to waiting.
+    """Blob `digest` is gone: take `unit`, and all between it and nodes whose results are lost, back to waiting.
 
     Returns:
         The units that must be connected again, or None where nothing that `unit` reads can be made again.

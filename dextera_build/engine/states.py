@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 class State(enum.Enum):
     """See the picture above."""
 
+    # The hash of `Enum` is a Python function, and states are looked up all the time.
+    __hash__ = object.__hash__
+
     WAITS = "waits"
     """Some source is not known yet. `Unit.pending` counts them."""
     READY = "ready"

@@ -92,25 +92,27 @@ def _solve(
     inverse: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray, limit: np.ndarray, radius: int
 ) -> LocalPlanes:
     """Least squares over the window's pixels whose inverse depth is within `limit` of the plane (a, b, c)."""
-    names = ("n", "x", "y", "xx", "xy", "yy", "w", "xw", "yw", "ww")
-    s = {name: np.zeros_like(inverse) for name in names}
+    rows, columns = np.nonzero(inverse > 0)
+    padded = np.pad(inverse, radius)
+    width = padded.shape[1]
+    place = (rows + radius) * width + columns + radius
+    flat = padded.ravel()
+    a0, b0, c0, limit0 = (x[rows, columns] for x in (a, b, c, limit))
+    s = np.zeros((10, len(rows)))
     for down in range(-radius, radius + 1):
         for right in range(-radius, radius + 1):
-            other = _shift(inverse, down, right)
-            delta = other - c
-            near = ((other > 0) & (np.abs(delta - a * right - b * down) < limit)).astype(inverse.dtype)
+            other = flat[place + (down * width + right)]
+            delta = other - c0
+            near = ((other > 0) & (np.abs(delta - a0 * right - b0 * down) < limit0)).astype(np.float64)
             delta *= near
-            s["n"] += near
-            s["x"] += right * near
-            s["y"] += down * near
-            s["xx"] += right * right * near
-            s["xy"] += right * down * near
-            s["yy"] += down * down * near
-            s["w"] += delta
-            s["xw"] += right * delta
-            s["yw"] += down * delta
-            s["ww"] += delta * delta
-    return _planes(s, inverse, c)
+            s[:6] += near * np.array([1, right, down, right * right, right * down, down * down])[:, None]
+            s[6:9] += delta * np.array([1, right, down])[:, None]
+            s[9] += delta * delta
+    sums = {}
+    for name, values in zip(("n", "x", "y", "xx", "xy", "yy", "w", "xw", "yw", "ww"), s, strict=True):
+        sums[name] = np.zeros_like(inverse)
+        sums[name][rows, columns] = values
+    return _planes(sums, inverse, c)
 
 
 def _planes(s: dict[str, np.ndarray], inverse: np.ndarray, c: np.ndarray) -> LocalPlanes:

@@ -118,9 +118,7 @@ def _charts(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
     same = key[order][1:] == key[order][:-1]
     first, second = owner[order][:-1][same], owner[order][1:][same]
     joined = side[first] == side[second]
-    links = coo_array(
-        (np.ones(int(joined.sum())), (first[joined], second[joined])), shape=(len(faces), len(faces))
-    )
+    links = coo_array((np.ones(int(joined.sum())), (first[joined], second[joined])), shape=(len(faces), len(faces)))
     return side, connected_components(links, directed=False)[1]
 
 

@@ -227,6 +227,14 @@ class _Planner:
         path = self._path(text, where, from_cli)
         if (target or not path.exists()) and self._read(address) is not None:
             return self._foreign_target(address, target, where)
+        if not path.exists():
+            raise RecipeError(
+                f"`{text}` is neither a file nor a recipe",
+                code="DXB-R301",
+                where=where,
+                facts={"looked for": str(path)},
+                hint="`--input NAME=PATH` starts from the current folder, a recipe's own paths from the project",
+            )
         kind = "Folder" if path.is_dir() else "File"
         return Bound(Leaf(path, where), lambda: _leaf_type(kind))
 

@@ -54,7 +54,7 @@ def build(world: World, robot: RobotModel | None) -> Stage:
     spec.visual.headlight.ambient[:] = world.ambient
     spec.visual.headlight.diffuse[:] = 0.0
     spec.visual.headlight.specular[:] = 0.0
-    spec.visual.quality.shadowsize = 8192
+    spec.visual.quality.shadowsize = 0  # shadows are cast by rays
     spec.stat.extent = 3.0
     spec.stat.center[:] = 0.0
     for lamp in world.lamps:

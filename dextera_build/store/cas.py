@@ -100,6 +100,17 @@ class Blobs:
             raise MissingBlob(digest, "its bytes were damaged, it was set aside")
         return data
 
+    def verify(self, digest: str) -> bool:
+        """Whether the blob is there and whole; a damaged one is set aside."""
+        try:
+            with open(self._file(digest), "rb") as file:
+                whole = hashlib.file_digest(file, "sha256").hexdigest() == digest
+        except OSError:
+            return False
+        if not whole:
+            self.quarantine(digest)
+        return whole
+
     def quarantine(self, digest: str) -> None:
         """Set a damaged blob aside, so that it counts as missing."""
         # A store that cannot be written keeps it: readers check the bytes anyway.
@@ -112,7 +123,7 @@ class Blobs:
         yield from entries(self.root)
 
     def _file(self, digest: str) -> str:
-        if len(digest) != 64 or not _HEX.issuperset(digest):
+        if not is_digest(digest):
             raise StoreError(f"`{digest}` is not a SHA-256 digest", code="DXB-S104")
         return f"{self._base}{digest[:2]}/{digest[2:]}"
 
@@ -140,6 +151,11 @@ class Blobs:
             state.update(chunk)
             files.write_all(target, chunk)
         return state.hexdigest()
+
+
+def is_digest(text: str) -> bool:
+    """Whether `text` is written as digests are: 64 lower-case hex digits."""
+    return len(text) == 64 and _HEX.issuperset(text)
 
 
 class _ChangedError(StoreError):

@@ -71,9 +71,9 @@ def items(read: Read, digest: str) -> dict[str, str]:
     inner = body.get("$map") if isinstance(body, dict) else None
     if inner is None or not all(isinstance(item, dict) and "$ref" in item for item in inner.values()):
         raise RuleError(
-            f"a {header['artifact']} cannot be opened by `each`",
+            f"`each` cannot open {header['artifact']}: it has no field `items` that maps labels to artifacts",
             code="DXB-B313",
-            facts={"needed": "a field `items` that maps labels to artifacts", "fields": listing(header["fields"])},
+            facts={"fields": listing(header["fields"])},
         )
     return {label: item["$ref"] for label, item in inner.items()}
 

@@ -17,6 +17,8 @@ class ObjectOptions(Options):
     """Relative standard deviation of the scale that extent ratios give."""
     gain: float = 0.01
     """A refined pose replaces the guess only where the render score improves by this much."""
+    search_gain: float = 0.1
+    """A pose found from scratch replaces a poor guess only where the render score improves by this much."""
     rest_m: float = 0.02
     """A body whose lowest point is within this of the support stands on it [m]."""
     iterations: int = 40

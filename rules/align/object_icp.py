@@ -44,6 +44,8 @@ def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
         best, method = _refined(model, vertices, points, guess, score, options)
     else:
         best, method = starts.search(model, vertices, faces, seen, options)
+        if model.score(best).cost > score.cost - options.search_gain:
+            best, method = guess, f"guess kept (IoU {score.iou:.2f}, {method} gained too little)"
     best, rested = _rested(model, vertices, best, options)
     return _result(model, vertices, points, best, method + rested)
 

@@ -11,6 +11,8 @@ from dextera_build.geometry import planes, regions
 CELL_M = 0.02
 SAMPLES = 8000
 GATE = 3.0
+LEVEL_M = 0.008
+"""Cells of a surface lie on its plane on average within this [m]."""
 
 
 @dataclass(frozen=True)
@@ -121,8 +123,13 @@ def _connected(plane: planes.Plane, points: np.ndarray, near: np.ndarray) -> Sur
     cells = np.minimum(cells, shape - 1)
     counts = np.zeros(tuple(shape + 4), np.int64)
     np.add.at(counts, (cells[:, 0] + 2, cells[:, 1] + 2), 1)
-    region = regions.largest(_bridged(counts > 2), counts)
-    inside = region[cells[:, 0] + 2, cells[:, 1] + 2] & (counts[cells[:, 0] + 2, cells[:, 1] + 2] > 2)
+    distance = planes.distance(plane, points[near])
+    sums = np.zeros(counts.shape)
+    np.add.at(sums, (cells[:, 0] + 2, cells[:, 1] + 2), distance)
+    # Noise averages out within a cell; a neighbouring surface a little lower does not.
+    level = (counts > 2) & (np.abs(sums) < LEVEL_M * np.maximum(counts, 1))
+    region = regions.largest(_bridged(level), counts) & level
+    inside = region[cells[:, 0] + 2, cells[:, 1] + 2]
     if inside.sum() < 100:
         return None
     pixels = near.copy()

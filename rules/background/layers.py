@@ -13,6 +13,9 @@ from dextera_build.geometry import cameras, regions, transforms
 
 from .surface import plane_depth
 
+RIM_M = 0.01
+"""So near to the outline of the support nothing is taken for a neighbour [m]."""
+
 
 @dataclass(frozen=True)
 class Layers:
@@ -29,8 +32,10 @@ class Layers:
 def split(capture: Capture, support: Support, hole: np.ndarray, tolerance: float) -> Layers:
     """Sort the pixels of a capture.
 
-    Inside the seen outline of the support everything hidden is support. Around it, hidden and unmeasured pixels go
-    with the nearest pixel that was measured, as far out as half the outline's extent.
+    Inside the outline of all that was measured in the support's plane, everything hidden is support. Beyond it, as
+    far out as half its extent, a hidden pixel goes with the nearest one there that is not hidden: with something else
+    where something else was measured (the support ends here), with the support where nothing was (only its
+    measurement ended).
 
     Args:
         capture: Photograph and depth.
@@ -46,12 +51,21 @@ def split(capture: Capture, support: Support, hole: np.ndarray, tolerance: float
     height = transforms.apply(pose, cameras.backproject(depth, k))[..., 2]
     measured = (depth > 0) & ~hole
     reach = float(np.ptp(support.polygon, axis=0).max()) / 2
-    inside = finite & regions.inside_convex(floor, support.polygon)
     around = finite & regions.inside_convex(floor, support.polygon, reach)
     level = measured & (np.abs(height) <= tolerance)
     elsewhere = measured & ~level
-    behind = ~elsewhere & (inside | (around & _nearer(level & around, elsewhere)))
-    return Layers(hole, plane, floor, level, elsewhere, np.asarray(behind))
+    seen = floor[_wide(level & around)]
+    outline = regions.convex_hull(np.concatenate([support.polygon, seen[:: max(1, len(seen) // 20_000)]]))
+    inside = finite & regions.inside_convex(floor, outline)
+    outside = ~hole & ~regions.inside_convex(floor, outline, RIM_M)
+    goes_on = around & _nearer(_wide(outside & ~elsewhere), elsewhere & outside)
+    return Layers(hole, plane, floor, level, elsewhere, np.asarray(~elsewhere & (inside | goes_on)))
+
+
+def _wide(mask: np.ndarray) -> np.ndarray:
+    """The mask without strips that are narrow in the picture: depth is missing along every edge."""
+    side = max(3, mask.shape[1] // 40)
+    return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8)) > 0)
 
 
 def _nearer(first: np.ndarray, second: np.ndarray) -> np.ndarray:

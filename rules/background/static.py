@@ -19,8 +19,8 @@ class StaticOptions(Options):
     """Smallest texel of the rectified support [m]."""
     snap_m: float = 0.015
     """Surface within this height of the support becomes the support [m]."""
-    stride_px: int = 6
-    """Spacing of the mesh's vertices in the photograph [px]."""
+    stride: float = 0.01
+    """Spacing of the mesh's vertices in the photograph, as a part of its width."""
     edge: float = 0.05
     """Relative depth step between neighbouring vertices that cuts the mesh."""
     farthest_m: float = 4.0
@@ -46,7 +46,7 @@ def static(
     result: Background = ctx.backend.clean(capture, support, segmentation, options)
     top = result.boxes[0].centre[2] + result.boxes[0].half_size[2]
     ctx.check(abs(top) < 1e-9, "the support's box does not end at z = 0", top=f"{top * 1000:.3f} mm")
-    ctx.check(len(result.mesh.faces) > 0, "nothing of the background was measured", hint="lower `stride_px`")
+    ctx.check(len(result.mesh.faces) > 0, "nothing of the background was measured", hint="lower `stride`")
     hidden = (labels > 0) | segmentation.fixed
     untouched = float((result.image.pixels == capture.rgb.pixels).all(axis=-1).mean())
     ctx.metric("filled", 100.0 * (1.0 - untouched), "%")

@@ -52,7 +52,7 @@ def clean(capture: Capture, support: Support, segmentation: Segmentation, option
         depth,
         capture.camera,
         support.world_from_camera,
-        stride=options.stride_px,
+        stride=max(1, round(options.stride * capture.camera.width)),
         edge=options.edge,
         flat=layers.behind | layers.level,
     )
@@ -148,4 +148,16 @@ def _depth(depth: np.ndarray, layers: Layers, support: Support, options: StaticO
         inverse = np.where(layers.elsewhere, 1.0 / np.maximum(depth, 1e-3), 0.0).astype(np.float32)[..., None]
         clean[rest] = 1.0 / np.maximum(membrane(inverse, layers.elsewhere)[..., 0][rest], 1e-3)
     clean[clean > options.farthest_m] = 0.0
-    return clean.astype(np.float32)
+    return _without_specks(clean.astype(np.float32), round(options.dilate * depth.shape[1]))
+
+
+def _without_specks(depth: np.ndarray, side: int) -> np.ndarray:
+    """`depth` with small unmeasured spots, up to `side` x `side` pixels large, interpolated."""
+    count, labels, facts, _ = cv2.connectedComponentsWithStats((depth == 0).astype(np.uint8), connectivity=4)
+    small = facts[:, cv2.CC_STAT_AREA] <= side * side
+    small[0] = False
+    specks = small[labels]
+    if count > 1 and specks.any():
+        inverse = np.where(depth > 0, 1.0 / np.maximum(depth, 1e-3), 0.0).astype(np.float32)[..., None]
+        depth = np.where(specks, 1.0 / np.maximum(membrane(inverse, depth > 0)[..., 0], 1e-3), depth)
+    return depth.astype(np.float32)

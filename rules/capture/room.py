@@ -41,7 +41,7 @@ class TableOptions(Options):
         edge = textures.wood(rows, 2048, self.colour, 1, self.seed + 1)
         top = solids.slab(self.size_m, 0.02, 0.003, np.concatenate([grain, edge]))
         parts = {"table": Part(mesh=_at(top, (*self.centre_m, -z)), gloss=self.gloss)}
-        steel = np.tile(textures.plain(64, 64, (0.2, 0.2, 0.21), 0.03, 4, self.seed), (2, 3, 1))
+        steel = textures.plain(64, 64, (0.2, 0.2, 0.21), 0.03, 4, self.seed)
         for number, (i, j) in enumerate(((-1, -1), (1, -1), (-1, 1), (1, 1))):
             place = (self.centre_m[0] + i * (x / 2 - 0.06), self.centre_m[1] + j * (y / 2 - 0.06), -0.74)
             leg = _at(solids.box((0.05, 0.05, 0.74 - z), steel), place)
@@ -70,9 +70,9 @@ class RoomOptions(Options):
     def parts(self) -> dict[str, Part]:
         """All of them, in the world frame."""
         w, z, y = self.width_m, self.floor_z_m, self.wall_y_m
-        floor = _sheets(textures.plain(1024, 1024, self.floor, 0.10, 6, self.seed))
-        wall = _sheets(textures.plain(512, 1024, self.wall, 0.025, 5, self.seed + 1))
-        board = _sheets(textures.plain(64, 512, (0.92, 0.92, 0.9), 0.02, 4, self.seed + 2))
+        floor = textures.plain(1024, 1024, self.floor, 0.10, 6, self.seed)
+        wall = textures.plain(512, 1024, self.wall, 0.025, 5, self.seed + 1)
+        board = textures.plain(64, 512, (0.92, 0.92, 0.9), 0.02, 4, self.seed + 2)
         parts = {
             "floor": Part(mesh=_at(solids.box((w, w, 0.02), floor), (0, y - w / 2, z - 0.02)), gloss=0.1),
             "wall": Part(mesh=_at(solids.box((w, 0.05, 3.0), wall), (0, y + 0.025, z))),
@@ -80,15 +80,10 @@ class RoomOptions(Options):
         }
         if self.pedestal_m is not None:
             x, front, size, top = self.pedestal_m
-            steel = _sheets(textures.plain(256, 256, (0.30, 0.31, 0.33), 0.03, 8, self.seed + 3))
+            steel = textures.plain(256, 256, (0.30, 0.31, 0.33), 0.03, 8, self.seed + 3)
             block = _at(solids.box((size, size, top - z), steel), (x, front, z))
             parts["pedestal"] = Part(mesh=block, gloss=0.2)
         return parts
-
-
-def _sheets(picture: np.ndarray) -> np.ndarray:
-    """An atlas with the same picture on all six faces."""
-    return np.tile(picture, (2, 3, 1))
 
 
 def _at(mesh: Mesh, place: tuple[float, float, float]) -> Mesh:

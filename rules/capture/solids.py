@@ -17,19 +17,23 @@ CELLS = ("front", "right", "back", "left", "top", "bottom")
 """Faces of a box in the order of its atlas: three columns, two rows, row by row from the upper left."""
 
 
-def box(size: tuple[float, float, float], atlas: np.ndarray) -> Mesh:
-    """A box of `size` (x, y, z); `atlas` has six cells as `CELLS` names them, each upright seen from outside."""
+def box(size: tuple[float, float, float], picture: np.ndarray, *, atlas: bool = False) -> Mesh:
+    """A box of `size` (x, y, z).
+
+    Every face shows all of `picture`, or, of an `atlas`, the cell that `CELLS` names, upright seen from outside.
+    """
     x, y, z = size[0] / 2, size[1] / 2, size[2]
     corners = np.array([[i, j, k] for k in (0.0, z) for j in (-y, y) for i in (-x, x)], np.float32)
     # Lower left, lower right, upper right, upper left, seen from outside; `front` looks along -y.
     quads = [(0, 1, 5, 4), (1, 3, 7, 5), (3, 2, 6, 7), (2, 0, 4, 6), (4, 5, 7, 6), (2, 3, 1, 0)]
     faces, uv = [], []
     for cell, (a, b, c, d) in enumerate(quads):
-        left, low = (cell % 3) / 3, 1.0 - (cell // 3 + 1) / 2
-        square = np.array([[left, low], [left + 1 / 3, low], [left + 1 / 3, low + 0.5], [left, low + 0.5]])
+        square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+        if atlas:
+            square = square * [1 / 3, 1 / 2] + [(cell % 3) / 3, 1.0 - (cell // 3 + 1) / 2]
         faces += [(a, b, c), (a, c, d)]
         uv += [square[[0, 1, 2]], square[[0, 2, 3]]]
-    return _mesh(corners, np.array(faces), np.array(uv), atlas)
+    return _mesh(corners, np.array(faces), np.array(uv), picture)
 
 
 def slab(size: tuple[float, float, float], radius: float, bevel: float, picture: np.ndarray) -> Mesh:

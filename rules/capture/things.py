@@ -52,7 +52,7 @@ class Carton(Placed):
     def parts(self) -> dict[str, Part]:
         """The box."""
         atlas = textures.carton(self.brand, self.line, self.colour, self.accent, self.seed)
-        return {"box": Part(mesh=solids.box(self.size_m, atlas), gloss=0.15)}
+        return {"box": Part(mesh=solids.box(self.size_m, atlas, atlas=True), gloss=0.15)}
 
 
 class Cylinder(Placed):

@@ -11,6 +11,8 @@ from dextera_build.rule import Backend
 from dextera_build.sim import model as models
 from dextera_build.sim import rendering
 
+from .panels import spread
+
 BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu", "gpu"), packages=("mujoco",), extra="twin")
 
 
@@ -25,7 +27,9 @@ def render(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     owner = np.full(geoms.shape, -1, np.int32)
     for number, name in enumerate(scene.bodies):
         owner[roots == model.body(name).id] = number
-    return _backed(pixels, geoms < 0, scene), owner
+    # The rim of a surface is mixed with the sky.
+    bare = spread(geoms < 0) & (owner < 0)
+    return _backed(pixels, bare, scene), owner
 
 
 def _backed(pixels: np.ndarray, nothing: np.ndarray, scene: Scene) -> np.ndarray:

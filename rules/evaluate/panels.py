@@ -44,7 +44,7 @@ def outlined(photo: np.ndarray, owner: np.ndarray, names: tuple[str, ...]) -> np
         if not mask.any():
             continue
         colour = _colour(number)
-        pixels[_rim(mask)] = colour
+        pixels[spread(mask) & spread(~mask)] = colour
         rows, columns = np.nonzero(mask)
         spots.append((name, float(columns.mean()), float(rows.min()), colour))
     picture = Image.fromarray(pixels)
@@ -59,16 +59,12 @@ def outlined(photo: np.ndarray, owner: np.ndarray, names: tuple[str, ...]) -> np
     return np.array(picture, np.uint8)
 
 
-def _rim(mask: np.ndarray) -> np.ndarray:
-    """Pixels within two of the mask's border, on both sides."""
+def spread(mask: np.ndarray) -> np.ndarray:
+    """A (H, W) mask grown by one pixel to all eight sides."""
     padded = np.pad(mask, 1)
-    grown, shrunk = mask.copy(), mask.copy()
-    for row in range(3):
-        for column in range(3):
-            part = padded[row : row + mask.shape[0], column : column + mask.shape[1]]
-            grown |= part
-            shrunk &= part
-    return np.asarray(grown & ~shrunk)
+    height, width = mask.shape
+    shifts = [padded[row : row + height, column : column + width] for row in range(3) for column in range(3)]
+    return np.asarray(np.logical_or.reduce(shifts))
 
 
 def _colour(number: int) -> tuple[int, int, int]:

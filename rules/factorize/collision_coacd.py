@@ -35,9 +35,13 @@ def pieces(link: Link, hollow: bool, options: CollisionOptions) -> Pieces:
         options: See `CollisionOptions`.
     """
     inside = cavity.find(link.mesh) if hollow else cavity.Cavity(np.zeros((0, 3)), 0.0)
-    if link.walls:
-        return Pieces(hulls=link.walls, method="walls", cavity_fill=cavity.fill(inside, link.walls))
     solid = manifolds.solid(link.mesh)
+    if link.walls:
+        fill = cavity.fill(inside, link.walls)
+        exact = Pieces(hulls=link.walls, method="walls", cavity_fill=fill)
+        if fill is None or fill <= options.cavity_fill:
+            return exact
+        return min(exact, _container(solid, inside, options), key=lambda made: made.cavity_fill or 0.0)
     if solid.volume() >= options.convexity * solid.hull().volume():
         return Pieces(hulls=(_hull(solid, options.corners),), method="hull")
     if len(inside.points):

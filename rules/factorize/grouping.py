@@ -1,4 +1,9 @@
-"""Patches to objects: apply the rules of `relations` in order, always judging whole groups."""
+"""Patches to objects: rules on how surfaces meet, always judged for whole groups.
+
+Objects are mostly convex as seen from outside. Patches join where they meet convexly or smoothly and stay apart at
+concave creases and depth steps, with five exceptions: slivers, cavities, attached parts, one surface that shows on
+both sides of an occluder, and laptops.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +11,14 @@ import numpy as np
 
 from . import relations
 from .patches import Surfaces
-from .relations import PART_M2, SLIVER_M2, Contact, Group
+from .relations import Contact, Group
 
+SLIVER_M2 = 0.0006
+"""Patches below this size are what creases and noise leave over [m^2]."""
+PART_M2 = 0.0025
+"""Attached parts, such as handles, are smaller than this [m^2]."""
+CAVITY_RAD = -0.06
+"""Surfaces that bend less than this are the inside of something [rad]."""
 FEWEST = 12
 """Contacts of fewer pixel pairs say nothing."""
 ATTACHED_M = 0.015
@@ -20,8 +31,12 @@ class Grouping:
     def __init__(self, s: Surfaces, labels: np.ndarray) -> None:
         self.surfaces = s
         self.labels = labels
+        bends = relations.bends(s, labels)
+        order = np.argsort(labels, axis=None, kind="stable")
+        starts = np.searchsorted(labels.ravel()[order], np.arange(1, labels.max() + 2))
         self.groups: dict[int, Group] = {
-            number: relations.describe(s, labels == number) for number in range(1, int(labels.max()) + 1)
+            number: relations.describe(s, order[starts[number - 1] : starts[number]], float(bends[number]))
+            for number in range(1, int(labels.max()) + 1)
         }
         self.members: dict[int, list[int]] = {number: [number] for number in self.groups}
         self.patches = dict(self.groups)
@@ -44,15 +59,19 @@ class Grouping:
             contact = self.contacts.pop((min(gone, other), max(gone, other)))
             if other != keep:
                 self.contacts.setdefault((min(keep, other), max(keep, other)), Contact()).add(contact)
-        self.labels[self.labels == gone] = keep
-        del self.groups[gone]
-        self.groups[keep] = relations.describe(self.surfaces, self.labels == keep)
+        first, second = self.groups[keep], self.groups.pop(gone)
+        self.labels.ravel()[second.pixels] = keep
+        sizes = len(first.pixels), len(second.pixels)
+        bend = (first.bend * sizes[0] + second.bend * sizes[1]) / sum(sizes)
+        pixels = np.concatenate([first.pixels, second.pixels])
+        self.groups[keep] = relations.describe(self.surfaces, pixels, bend)
         return keep
 
 
 def group(s: Surfaces, labels: np.ndarray) -> Grouping:
     """Objects of a patch image: a partition whose groups are one object each."""
     parts = Grouping(s, labels.copy())
+    join_flat(parts)
     join_convex(parts)
     join_slivers(parts)
     join_cavities(parts)
@@ -61,6 +80,18 @@ def group(s: Surfaces, labels: np.ndarray) -> Grouping:
     join_occluded(parts)
     join_hinged(parts)
     return parts
+
+
+def join_flat(parts: Grouping) -> None:
+    """Join neighbours that lie on one plane: smooth waves of a depth camera's error are no creases."""
+    for a, b in sorted(parts.contacts, key=lambda pair: (-parts.contacts[pair].meeting, pair)):
+        if a not in parts.groups or b not in parts.groups:
+            continue
+        contact, first, second = parts.contact(a, b), parts.groups[a], parts.groups[b]
+        smooth = contact.meeting > 0.7 * contact.pairs and abs(contact.turn) < 0.4 * contact.meeting
+        large = min(first.area_m2, second.area_m2) > SLIVER_M2
+        if contact.pairs >= FEWEST and smooth and large and relations.one_plane(parts.surfaces, first, second):
+            parts.join(a, b)
 
 
 def join_convex(parts: Grouping) -> None:
@@ -91,18 +122,26 @@ def join_slivers(parts: Grouping) -> None:
 def join_cavities(parts: Grouping) -> None:
     """Give surfaces that bend inwards, seen over a rim, to the body whose rim is as high."""
     for number in sorted(parts.groups, key=lambda n: (parts.groups[n].area_m2, n)):
-        if number not in parts.groups or parts.groups[number].bend > -0.06:
-            continue
-        cavity = parts.groups[number]
-        options = []
-        for other in parts.neighbours(number):
-            contact, body = parts.contact(number, other), parts.groups[other]
-            same_rim = abs(cavity.top_m - body.top_m) < 0.015
-            inner = cavity.bend < -0.06 and body.bend < -0.06
-            if contact.pairs >= FEWEST and (same_rim or inner):
-                options.append((contact.pairs, -other))
-        if options:
-            parts.join(number, -max(options)[1])
+        while number in parts.groups and parts.groups[number].bend < CAVITY_RAD:
+            cavity = parts.groups[number]
+            body = _body_of(parts, number)
+            if body is None:
+                break
+            whole = parts.groups[body].area_m2 > 0.2 * cavity.area_m2
+            number = parts.join(number, body)
+            if whole:
+                break
+
+
+def _body_of(parts: Grouping, number: int) -> int | None:
+    cavity = parts.groups[number]
+    options = []
+    for other in parts.neighbours(number):
+        contact, body = parts.contact(number, other), parts.groups[other]
+        same_rim = abs(cavity.top_m - body.top_m) < 0.015
+        if contact.pairs >= FEWEST and (same_rim or body.bend < CAVITY_RAD):
+            options.append((contact.pairs, -other))
+    return -max(options)[1] if options else None
 
 
 def join_parts(parts: Grouping) -> None:
@@ -115,7 +154,7 @@ def join_parts(parts: Grouping) -> None:
         for other, body in sorted(parts.groups.items()):
             like = float(np.linalg.norm((part.colour - body.colour) * [0.5, 1.0, 1.0])) < 18.0
             if other != number and like and body.area_m2 > 2.0 * part.area_m2:
-                distance = relations.gap(parts.surfaces, part.mask, body.mask)
+                distance = relations.gap(parts.surfaces, part, body)
                 if distance < ATTACHED_M:
                     options.append((-distance, -other))
         if options:
@@ -145,7 +184,9 @@ def _continues(parts: Grouping, a: int, b: int) -> bool:
     for i in parts.members[a]:
         for j in parts.members[b]:
             p, q = parts.patches[i], parts.patches[j]
-            if min(p.area_m2, q.area_m2) >= SLIVER_M2 and relations.one_plane(parts.surfaces, p, q):
+            if min(p.area_m2, q.area_m2) < SLIVER_M2 or abs(float(p.plane[0] @ q.plane[0])) < 0.85:
+                continue
+            if relations.one_plane(parts.surfaces, p, q):
                 own = (parts.labels == a) | (parts.labels == b)
                 if relations.hidden_between(parts.surfaces, p, q, own):
                     return True

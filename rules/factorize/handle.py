@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +17,8 @@ from .hypotheses import Finished
 
 LEAST_PART = 0.012
 """A handle covers at least this part of the mask."""
+ROOT_M = 0.0012
+"""How deep a handle's roots reach into the wall [m]; no wall is thinner."""
 WEDGES = 8
 """Convex pieces that a handle's loop is cut into."""
 LAYERS = ((1.0, 0.26), (0.86, 0.1), (0.62, 0.0))
@@ -71,16 +76,18 @@ def _beside(outer: Solid, evidence: Evidence) -> tuple[np.ndarray | None, np.nda
     )
     covered = shown.index >= 0
     rest = evidence.mask & evidence.known & ~ndimage.binary_dilation(covered, iterations=2)
-    labels, number = ndimage.label(ndimage.binary_opening(rest, iterations=1))
+    # Thin straps break in a mask; what lies within a few pixels belongs together.
+    joined = ndimage.binary_closing(ndimage.binary_opening(rest), iterations=4) & ~covered
+    labels, number = ndimage.label(joined)
     if number == 0:
         return None, covered
     sizes = np.bincount(labels.ravel())[1:]
-    patch = labels == int(np.argmax(sizes)) + 1
     if sizes.max() < max(LEAST_PART * evidence.mask.sum(), 40):
         return None, covered
+    patch = labels == int(np.argmax(sizes)) + 1
     # Back to where it touches the body, which the dilation had taken away.
-    reach = ndimage.binary_dilation(patch, iterations=3) & evidence.mask & ~covered
-    return reach, covered
+    near = ndimage.binary_dilation(patch, iterations=3) & evidence.mask & ~covered
+    return patch | near, covered
 
 
 def _plane(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> _Plane | None:
@@ -111,7 +118,7 @@ def _plane(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> _Plane |
 
 def _outlines(
     beside: np.ndarray, covered: np.ndarray, plane: _Plane, evidence: Evidence, outer: Solid
-) -> tuple[object, float] | None:
+) -> tuple[Any, float] | None:
     """Cross-section of the handle in (distance from the axis, height) with its roots in the wall, and its width [m]."""
     import cv2
     import manifold3d as m3
@@ -131,21 +138,33 @@ def _outlines(
     width = 2.0 * float(np.quantile(inside[inside > 0], 0.9)) * float(np.sqrt(scale))
     radius_at = _radii(outer)
     touching = beside & ndimage.binary_dilation(covered, iterations=4)
-    labels, number = ndimage.label(touching)
+    labels, number = ndimage.label(touching, structure=np.ones((3, 3)))
+    roots = []
     for label in range(1, number + 1):
         rows, columns = np.nonzero(labels == label)
         place, _ = plane.place(np.stack([columns, rows], axis=-1).astype(np.float64), evidence.k)
         low, high = np.quantile(place[:, 1], [0.03, 0.97])
-        end = float(np.quantile(place[:, 0], 0.9))
-        root = [radius_at(z) - 0.0012 for z in (low, high)]
-        if len(rows) < 6 or min(root) >= end:
-            continue
-        section = section + m3.CrossSection([np.array([[root[0], low], [end, low], [end, high], [root[1], high]])])
+        if len(rows) >= 6:
+            roots.append((float(low), float(high), float(np.quantile(place[:, 0], 0.9))))
+    if len(roots) == 1:
+        roots.append(_other_end(section, roots[0], width))
+    for low, high, end in roots:
+        wall = [radius_at(z) - ROOT_M for z in (low, high)]
+        if min(wall) < end:
+            section = section + m3.CrossSection([np.array([[wall[0], low], [end, low], [end, high], [wall[1], high]])])
     section = section.offset(0.0008, m3.JoinType.Round).offset(-0.0008, m3.JoinType.Round).simplify(0.0003)
     return section, width
 
 
-def _radii(outer: Solid) -> object:
+def _other_end(section: Any, root: tuple[float, float, float], width: float) -> tuple[float, float, float]:
+    """A second root (low, high, end) for a strap that is seen to meet the body only once: level with its far tip."""
+    corners = np.concatenate([np.asarray(ring) for ring in section.to_polygons()])
+    tip = corners[np.argmax(np.abs(corners[:, 1] - (root[0] + root[1]) / 2))]
+    low = tip[1] - width if tip[1] > root[1] else tip[1]
+    return float(low), float(low + width), float(tip[0]) - 0.2 * width
+
+
+def _radii(outer: Solid) -> Callable[[float], float]:
     """Height -> radius of a revolved body."""
     radius = np.linalg.norm(outer.vertices[:, :2], axis=1)
     side = radius > 0.3 * radius.max()
@@ -154,10 +173,10 @@ def _radii(outer: Solid) -> object:
     return lambda z: float(np.interp(z, heights, widest))
 
 
-def _thickened(section: object, width: float, thickness: float, azimuth: float) -> Solid:
+def _thickened(section: Any, width: float, thickness: float, azimuth: float) -> Solid:
     parts = []
     for part, inset in LAYERS:
-        drawn = section.offset(-inset * width) if inset else section  # type: ignore[attr-defined]
+        drawn = section.offset(-inset * width) if inset else section
         rings = [np.asarray(ring) for ring in drawn.to_polygons()]
         if rings:
             half = part * thickness / 2
@@ -165,17 +184,17 @@ def _thickened(section: object, width: float, thickness: float, azimuth: float) 
     return _upright(solids.union(parts), azimuth)
 
 
-def _wedges(section: object, thickness: float, azimuth: float) -> tuple[np.ndarray, ...]:
+def _wedges(section: Any, thickness: float, azimuth: float) -> tuple[np.ndarray, ...]:
     """Corner points of convex pieces of the handle: its section cut into wedges about its middle."""
     import manifold3d as m3
 
-    left, low, right, high = section.bounds()  # type: ignore[attr-defined]
+    left, low, right, high = section.bounds()
     middle, reach = np.array([left, (low + high) / 2]), 2.0 * (right - left + high - low)
     pieces = []
     turns = np.linspace(-np.pi / 2, np.pi / 2, WEDGES + 1)
-    for start, end in zip(turns[:-1], turns[1:], strict=True):
+    for start, end in pairwise(turns):
         arms = [middle + reach * np.array([np.cos(turn), np.sin(turn)]) for turn in (start, end)]
-        cut = section ^ m3.CrossSection([np.array([middle, *arms])])  # type: ignore[operator]
+        cut = section ^ m3.CrossSection([np.array([middle, *arms])])
         for part in cut.decompose():
             if part.area() > 1e-6:
                 corners = np.concatenate([np.asarray(ring) for ring in part.to_polygons()])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -48,6 +48,8 @@ class Candidate:
 
     model: Model
     finish: Callable[[np.ndarray], Finished]
+    sizes: dict[int, str] = field(default_factory=dict)
+    """Parameter -> the axis whose length it is, where the view may leave it open."""
     finer: Callable[[np.ndarray], Candidate] | None = None
     """Makes the same body with more parameters, which start where the given ones ended."""
     settled: Callable[[np.ndarray], Model] | None = None
@@ -75,7 +77,7 @@ def _box(evidence: Evidence) -> Candidate:
         body = hypothesis_box.box_body(p)
         return Finished(body, hypothesis_box.upright(p[0], p[1], p[2]), (body.vertices,))
 
-    return Candidate(hypothesis_box.box(evidence), finish, settled=hypothesis_box.standing)
+    return Candidate(hypothesis_box.box(evidence), finish, {3: "x", 4: "y"}, settled=hypothesis_box.standing)
 
 
 def _cylinder(evidence: Evidence) -> Candidate:
@@ -110,7 +112,7 @@ def _lofted(layout: Layout, model: Model, wall_m: float) -> Candidate:
 
 
 def _finish_profile(layout: Layout, p: np.ndarray) -> Finished:
-    profile = layout.profile(p).finer(int(np.clip(2 * layout.knots, 16, 40)))
+    profile = layout.profile(p).finer(int(np.clip(2 * layout.knots, 16, 22 if layout.hollow else 36)))
     body = profile.solid(FACETS)
     if profile.wall is None:
         return Finished(body, layout.pose(p))

@@ -28,7 +28,8 @@ def upright(x: float, y: float, yaw: float, base: float = 0.0) -> np.ndarray:
 def box(evidence: Evidence) -> Model:
     """An upright box: x, y, yaw, width, depth, height and, for the fit alone, a lean along its width and depth [rad].
 
-    Cartons sag and planes are a little wrong: without the lean, either would go into the sizes. `standing` takes it out again.
+    Cartons sag and planes are a little wrong: without the lean, either would go into the sizes. `standing` takes it
+    out again.
     """
     starts = []
     for angle in np.deg2rad(np.arange(0.0, 90.0, 7.5)):
@@ -37,20 +38,21 @@ def box(evidence: Evidence) -> Model:
     # The smallest rectangles about the footprint first: a wrong turn makes it larger.
     starts.sort(key=lambda start: float(start[3] * start[4]))
     starts = starts[:4]
-    starts += [_deepened(start, evidence.forward) for start in starts[:2]]
+    likely = _likely_depth(starts[0])
+    starts += [_deepened(start, evidence.forward, likely) for start in starts[:2]]
     starts = [np.array([*start, 0.0, 0.0]) for start in starts]
     edges = ([SMALLEST_M] * 3, [LARGEST_M] * 3)
-    leaning = Model(
+    return Model(
         name="box",
         build=leaning_solid,
         starts=starts,
         steps=np.array([0.003, 0.003, 0.02, 0.003, 0.003, 0.003, 0.01, 0.01]),
         lower=np.array([-np.inf] * 3 + edges[0] + [-0.1, -0.1]),
         upper=np.array([np.inf] * 3 + edges[1] + [0.1, 0.1]),
-        expected=starts[0],
-        spread=np.array([0.1, 0.1, 1.0, 0.2, 0.2, 0.2, LEAN_RAD, LEAN_RAD]),
+        expected=np.array([0.0, 0.0, 0.0, likely, likely, evidence.height, 0.0, 0.0]),
+        # Weak, or it would pull at sizes that are seen; enough to keep a depth that is not.
+        spread=np.array([np.inf, np.inf, np.inf, 0.1, 0.1, 0.1, LEAN_RAD, LEAN_RAD]),
     )
-    return leaning
 
 
 def standing(p: np.ndarray) -> Model:
@@ -104,13 +106,18 @@ def _start(low: np.ndarray, high: np.ndarray, angle: float, height: float) -> np
     return np.array([x, y, angle, size[0], size[1], height])
 
 
-def _deepened(start: np.ndarray, forward: np.ndarray) -> np.ndarray:
-    """The same box where only its front was seen: as deep as it is wide, front face where it was."""
+def _likely_depth(start: np.ndarray) -> float:
+    """Depth of a box of which only the front is seen [m]: cartons are about half as deep as narrow."""
+    return max(0.55 * float(min(max(start[3:5]), start[5])), 2 * SMALLEST_M)
+
+
+def _deepened(start: np.ndarray, forward: np.ndarray, depth: float) -> np.ndarray:
+    """The same box at least `depth` [m] deep, its front face where it was."""
     axes = np.array([[np.cos(start[2]), np.sin(start[2])], [-np.sin(start[2]), np.cos(start[2])]])
     along = axes @ forward
     thin = int(np.argmax(np.abs(along)))
     grown = start.copy()
-    extra = max(0.0, float(start[4 - thin] - start[3 + thin])) / 2
+    extra = max(0.0, depth - float(start[3 + thin])) / 2
     grown[3 + thin] += 2 * extra
     grown[:2] += extra * np.sign(along[thin]) * axes[thin]
     return grown

@@ -71,4 +71,4 @@ def footprint(points: np.ndarray, *, closed: bool) -> np.ndarray | None:
         return None
     following = np.roll(outline, -1, axis=0)
     turning = (outline[:, 0] * following[:, 1] - outline[:, 1] * following[:, 0]).sum()
-    return outline if turning > 0 else outline[::-1].copy()
+    return np.asarray(outline if turning > 0 else outline[::-1].copy())

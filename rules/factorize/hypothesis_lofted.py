@@ -87,7 +87,7 @@ def model(layout: Layout, name: str, starts: list[np.ndarray], wall_m: float) ->
 
 
 def _oval_start(evidence: Evidence, yaw: float, layout: Layout) -> np.ndarray:
-    """Half-axes from the widths of the seen points in slices, and the axis behind the front by the depth's half-axis."""
+    """Half-axes from the widths of the seen points in slices; the axis is a half-axis of depth behind the front."""
     along, across = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
     u, v, z = evidence.points[:, :2] @ along, evidence.points[:, :2] @ across, evidence.points[:, 2]
     heights = np.linspace(0.0, evidence.height, layout.knots)

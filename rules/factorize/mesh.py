@@ -33,7 +33,7 @@ class MeshOptions(Options):
 
 
 @rule(version=1, packages=("numpy",))
-def mesh(ctx: Context, seen: ObjectView, *, options: MeshOptions = MeshOptions()) -> Shape:
+def mesh(ctx: Context, seen: ObjectView, *, options: MeshOptions) -> Shape:
     """Return a closed, textured mesh of the object, metres, origin at the middle of the base, z up as it stands."""
     shape: Shape = ctx.backend.complete(ctx, seen, options)
     lowest = float(shape.mesh.vertices[:, 2].min())
@@ -54,5 +54,6 @@ def describe(shape: Shape) -> str:
     family = shape.hypothesis.replace("_hollow", "").replace("_", " ")
     size = " x ".join(f"{length * 1000:.0f}" for length in shape.mesh.extent)
     hollow = ", hollow" if shape.hollow else ""
+    guessed = f" ({' and '.join(shape.unobserved)} guessed)" if shape.unobserved else ""
     residual = f"{shape.residual_m * 1000:.1f} mm residual"
-    return f"{family}{hollow}, {size} mm, {residual}, {shape.unseen_fraction * 100:.0f} % unseen"
+    return f"{family}{hollow}, {size} mm{guessed}, {residual}, {shape.unseen_fraction * 100:.0f} % unseen"

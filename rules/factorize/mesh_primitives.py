@@ -17,7 +17,7 @@ from . import evidence as evidence_of
 from .handle import with_handle
 from .hypotheses import HYPOTHESES, Candidate, Finished, propose
 from .paint import HALF_TURN, facing_mirror, paint
-from .refine import descend, fit
+from .refine import descend, fit, undetermined
 from .scoring import Judgement, judge
 
 if TYPE_CHECKING:
@@ -42,7 +42,6 @@ class _Fitted:
     candidate: Candidate
     parameters: np.ndarray
     score: float
-    unseen: tuple[str, ...] = ()
 
 
 def complete(ctx: Context, seen: ObjectView, options: MeshOptions) -> Shape:
@@ -68,9 +67,10 @@ def complete(ctx: Context, seen: ObjectView, options: MeshOptions) -> Shape:
     if not fitted:
         ctx.fail("no hypothesis is left to try", hint="allow more `hypotheses`", known=listing(HYPOTHESES))
     best = max(fitted, key=lambda found: found.score)
-    body, judged = _finished(best, evidence, options.refine_steps)
+    body, judged, loose = _finished(best, evidence, options.refine_steps)
     scores = {found.candidate.model.name: found.score for found in fitted}
-    return _shape(best.candidate.model.name, body, judged, scores, seen, options)
+    shape = _shape(best.candidate.model.name, body, judged, scores, seen, options)
+    return shape.model_copy(update={"unobserved": loose})
 
 
 def _fitted(candidate: Candidate, evidence: evidence_of.Evidence, steps: int) -> _Fitted:
@@ -79,10 +79,15 @@ def _fitted(candidate: Candidate, evidence: evidence_of.Evidence, steps: int) ->
     return _Fitted(candidate, found.parameters, judge(body, evidence, candidate.model.cost).score)
 
 
-def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tuple[Finished, Judgement]:
-    """The winner, refined longer, in more detail and with a handle where those explain the view better."""
+def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tuple[Finished, Judgement, tuple[str, ...]]:
+    """The winner, refined longer, in more detail and with a handle where those explain the view better.
+
+    The third value names the sizes that the view leaves open.
+    """
     cost = best.candidate.model.cost
     candidate, parameters = best.candidate, descend(best.candidate.model, evidence, best.parameters, steps).parameters
+    loose = undetermined(candidate.model, evidence, parameters, tuple(candidate.sizes))
+    named = tuple(candidate.sizes[index] for index in loose)
     if candidate.settled is not None:
         settled = candidate.settled(parameters)
         parameters = descend(settled, evidence, settled.starts[0], steps).parameters
@@ -98,8 +103,8 @@ def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tupl
         if handled is not None:
             again = judge(handled.solid.moved(handled.pose), evidence, cost)
             if again.score > mark.score:
-                return handled, again
-    return body, mark
+                return handled, again, named
+    return body, mark, named
 
 
 def _shape(

@@ -14,11 +14,11 @@ from .evidence import without_pinholes
 
 SLANTED, PLAIN = 0.15, 0.5
 """Cosines between normal and line of sight: up to the first a texel is not read, from the second on it is trusted."""
-EDGE_PX = (2.0, 6.0)
+EDGE_PX = (1.5, 4.0)
 """Distances from the mask's border: up to the first a pixel is not read, from the second on it is trusted [px]."""
-GUESS_FROM = 32
-"""Seen texels that a guessed colour is the mean of."""
-FEATHER_PX = 10.0
+GUESS_FROM, GUESS_SOURCES, GUESS_BLOCK_PX = 16, 3000, 5
+"""A guessed colour is the mean of so many of so many seen texels, and the same in blocks of so many pixels."""
+FEATHER_PX = 6.0
 """Texels over which a colour that is read fades into one that is guessed [px]."""
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 """Half a turn about the body's vertical axis: a symmetry of boxes, cylinders and oval bodies."""
@@ -156,12 +156,17 @@ def _guessed(texels: texture.Texels, read: np.ndarray, trust: np.ndarray, seen: 
     if not len(source):
         mask = seen.mask if seen.mask.any() else np.ones_like(seen.mask)
         return np.broadcast_to(np.median(seen.rgb.pixels[mask], axis=0), read.shape).astype(np.float64)
-    source = source[:: max(1, len(source) // 20000)]
+    source = source[:: max(1, len(source) // GUESS_SOURCES)]
     size = float(np.ptp(texels.points, axis=0).max())
     keys = np.concatenate([texels.points, 0.3 * size * texels.normals], axis=1)
     missing = np.flatnonzero(trust < 1.0)
+    # A guess varies slowly: one for each small block of texels that look to the same side is enough.
+    side = np.abs(texels.normals[missing]).argmax(axis=1)
+    side = 2 * side + (np.take_along_axis(texels.normals[missing], side[:, None], axis=1)[:, 0] < 0)
+    blocks = np.stack([texels.row[missing] // GUESS_BLOCK_PX, texels.column[missing] // GUESS_BLOCK_PX, side], axis=1)
+    _, first, block = np.unique(blocks, axis=0, return_index=True, return_inverse=True)
     number = min(GUESS_FROM, len(source))
-    nearest = cKDTree(keys[source]).query(keys[missing], k=number)[1].reshape(len(missing), number)
+    nearest = cKDTree(keys[source]).query(keys[missing[first]], k=number)[1].reshape(len(first), number)
     colours = read.copy()
-    colours[missing] = read[source][nearest].mean(axis=1)
+    colours[missing] = read[source][nearest].mean(axis=1)[block.ravel()]
     return colours

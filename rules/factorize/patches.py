@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.geometry import normals, planes
+from dextera_build.artifacts.camera import Capture
+from dextera_build.geometry import cameras, normals, planes, transforms
 
 from .heights import Relief
 
+FOCAL_PX = 600.0
+"""Images of longer focal length are worked on in blocks, so that distances in pixels keep their meaning."""
 SPAN = 3
 """Half distance over which creases and steps are looked for [px]."""
 CREASE_RAD = 0.38
@@ -20,10 +22,11 @@ NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Per-pixel geometry of a crop of the image."""
+    """Per-pixel geometry of a crop of the image, in blocks of `stride` x `stride` px."""
 
     left: int
     top: int
+    stride: int
     points: np.ndarray  # (h, w, 3) world [m]
     height: np.ndarray  # (h, w) [m]
     inverse: np.ndarray  # (h, w) inverse depth [1/m], 0 where not raised or not measured
@@ -31,29 +34,73 @@ class Surfaces:
     sharp: normals.LocalPlanes
     normal: np.ndarray  # (h, w, 3) world, 0 where unknown
     raised: np.ndarray  # (h, w) bool
-    visible_floor: np.ndarray  # (h, w) bool, the support itself was measured here
-    pixel_m2: np.ndarray  # (h, w) area that a pixel covers, seen face on [m^2]
+    floor: np.ndarray  # (h, w) bool, the support itself was measured here
+    pixel_m2: np.ndarray  # (h, w) area that a block covers, seen face on [m^2]
     lab: np.ndarray  # (h, w, 3) float32 CIE L*a*b*
 
+    def full(self, labels: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        """Labels of the crop's blocks on the pixels of a full-size mask; those beside a block get its label."""
+        blown = np.repeat(np.repeat(labels, self.stride, axis=0), self.stride, axis=1)
+        found = np.zeros(mask.shape, labels.dtype)
+        height, width = found[self.top :, self.left :].shape
+        blown = blown[:height, :width]
+        found[self.top : self.top + blown.shape[0], self.left : self.left + blown.shape[1]] = blown
+        return np.where(mask, spread(found, mask, self.stride + 1), 0)
 
-def surfaces(relief: Relief, raised: np.ndarray, camera: Camera, world: np.ndarray, lab: np.ndarray) -> Surfaces:
-    """Local planes and normals of the raised pixels, in the smallest crop that holds them and a border of 8 px."""
+
+def surfaces(
+    relief: Relief, raised: np.ndarray, capture: Capture, world_from_camera: np.ndarray, lab: np.ndarray
+) -> Surfaces:
+    """Local planes and normals of the raised pixels, in the smallest crop that holds them and a border of 8 blocks."""
+    camera = capture.camera
+    stride = max(1, round(camera.fx / FOCAL_PX))
     rows, columns = np.nonzero(raised)
-    top, bottom = max(0, rows.min() - 8), min(raised.shape[0], rows.max() + 9)
-    left, right = max(0, columns.min() - 8), min(raised.shape[1], columns.max() + 9)
-    box = (slice(top, bottom), slice(left, right))
-    mask = raised[box]
-    depth = (relief.points[box] - world[:3, 3]) @ world[:3, 2]
-    inverse = np.where(mask, 1.0 / np.where(mask, depth, 1.0), 0.0)
-    tolerance = np.where(mask, planes.depth_sigma(depth) * np.square(inverse), 1.0)
-    local = normals.fit(inverse, tolerance)
-    sharp = normals.sharpen(local, inverse, tolerance)
-    k = camera.crop(left, top, right - left, bottom - top).matrix()
-    normal = sharp.normals(k) @ world[:3, :3].T
-    pixel_m2 = np.where(mask, np.square(depth), 0.0) / (camera.fx * camera.fy)
-    place = (int(left), int(top), relief.points[box], relief.height[box])
-    floor = relief.valid[box] & ~relief.raised[box]
-    return Surfaces(*place, inverse, tolerance, sharp, normal, mask, floor, pixel_m2, lab[box])
+    top, left = max(0, int(rows.min()) - 8 * stride), max(0, int(columns.min()) - 8 * stride)
+    box = (slice(top, int(rows.max()) + 8 * stride), slice(left, int(columns.max()) + 8 * stride))
+    depth = blocks(np.where(raised, capture.depth.depth, 0.0)[box].astype(np.float64), stride)
+    near = nearest(depth)
+    mask = near.any(axis=-1)
+    mean = (depth * near).sum(axis=-1) / np.maximum(near.sum(axis=-1), 1)
+    inverse = np.where(mask, 1.0 / np.where(mask, mean, 1.0), 0.0)
+    tolerance = np.where(mask, planes.depth_sigma(mean) * np.square(inverse), 1.0)
+    sharp = normals.sharpen(normals.fit(inverse, tolerance), inverse, tolerance)
+    k = camera.crop(left, top, camera.width, camera.height).matrix()
+    k[:2] /= stride
+    k[:2, 2] -= (stride - 1) / (2 * stride)
+    points = transforms.apply(world_from_camera, cameras.backproject(mean, k))
+    heights = (blocks(relief.height[box], stride) * near).sum(axis=-1) / np.maximum(near.sum(axis=-1), 1)
+    floor = blocks(relief.valid[box] & ~relief.raised[box], stride).mean(axis=-1) > 0.5
+    colour = np.stack([blocks(lab[box][..., i], stride).mean(axis=-1) for i in range(3)], axis=-1)
+    return Surfaces(
+        left=left,
+        top=top,
+        stride=stride,
+        points=points,
+        height=heights,
+        inverse=inverse,
+        tolerance=tolerance,
+        sharp=sharp,
+        normal=sharp.normals(k) @ world_from_camera[:3, :3].T,
+        raised=mask,
+        floor=floor & ~mask,
+        pixel_m2=np.where(mask, np.square(mean), 0.0) / (k[0, 0] * k[1, 1]),
+        lab=colour,
+    )
+
+
+def blocks(values: np.ndarray, stride: int) -> np.ndarray:
+    """(h, w, stride^2) pixels of each block of (H, W), the last row and column repeated to fill up."""
+    height, width = (-(-n // stride) for n in values.shape)
+    padding = [(0, height * stride - values.shape[0]), (0, width * stride - values.shape[1])]
+    filled = np.pad(values, padding, mode="edge")
+    parts = filled.reshape(height, stride, width, stride).swapaxes(1, 2)
+    return np.asarray(parts.reshape(height, width, stride * stride))
+
+
+def nearest(depth: np.ndarray) -> np.ndarray:
+    """Which pixels of each block (h, w, n) belong to its nearest surface: within 2 % of the smallest valid depth."""
+    least = np.where(depth > 0, depth, np.inf).min(axis=-1, keepdims=True)
+    return np.asarray((depth > 0) & (depth < 1.02 * least))
 
 
 def fold(s: Surfaces, rows: np.ndarray, columns: np.ndarray, down: int, right: int) -> tuple[np.ndarray, np.ndarray]:
@@ -148,10 +195,10 @@ def grow(s: Surfaces, labels: np.ndarray, rounds: int = 12) -> np.ndarray:
     return labels
 
 
-def spread(labels: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Give the unlabelled pixels of a mask to the nearest label within 6 px."""
+def spread(labels: np.ndarray, mask: np.ndarray, reach: float = 6.0) -> np.ndarray:
+    """Give the unlabelled pixels of a mask to the nearest label within `reach` px."""
     from scipy import ndimage
 
     distance, (rows, columns) = ndimage.distance_transform_edt(labels == 0, return_indices=True)
-    near = mask & (labels == 0) & (distance <= 6)
+    near = mask & (labels == 0) & (distance <= reach)
     return np.where(near, labels[rows, columns], labels)

@@ -58,6 +58,7 @@ def physics(ctx: Context, body: Body, seen: ObjectView, *, options: PhysicsOptio
         friction=material.friction,
         friction_sigma=material.friction_sigma,
         restitution=material.restitution,
+        restitution_sigma=material.restitution_sigma,
         material=name,
     )
 

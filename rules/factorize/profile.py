@@ -35,8 +35,9 @@ class Profile:
         from scipy.interpolate import PchipInterpolator
 
         heights = np.linspace(0.0, self.heights[-1], count)
-        curves = [None if c is None else PchipInterpolator(self.heights, c)(heights) for c in (self.a, self.b, self.wall)]
-        return Profile(heights, curves[0], curves[1], self.exponent, curves[2], self.floor)
+        a, b = (np.asarray(PchipInterpolator(self.heights, curve)(heights)) for curve in (self.a, self.b))
+        wall = None if self.wall is None else np.asarray(PchipInterpolator(self.heights, self.wall)(heights))
+        return Profile(heights, a, b, self.exponent, wall, self.floor)
 
     def outer(self, facets: int) -> np.ndarray:
         """Rings (K, facets, 3) of the outside, from the base up."""
@@ -60,7 +61,7 @@ class Profile:
 
 @dataclass(frozen=True)
 class Layout:
-    """How a parameter vector describes a profile: x, y, [yaw, exponent], height, a..., [b ratios...], [walls..., floor]."""
+    """What parameters mean: x, y, [yaw, exponent], height, a by knot, [ratios b / a], [wall by knot, floor]."""
 
     knots: int
     oval: bool = False
@@ -97,7 +98,6 @@ class Layout:
     def build(self, p: np.ndarray) -> Solid:
         """The body in the world frame, coarse enough for a search."""
         return self.profile(p).solid(40).moved(self.pose(p))
-
 
     def finer(self, p: np.ndarray) -> tuple[Layout, np.ndarray]:
         """The layout with twice as many knots, and the parameters that draw the same profile with it."""

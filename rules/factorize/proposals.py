@@ -11,6 +11,7 @@ from dextera_build.artifacts.object import Support
 
 from . import grouping, heights, patches
 from .relations import Group
+from .standing import standing
 
 LARGEST_M = 0.6
 """Things longer than this are furniture or robots."""
@@ -37,7 +38,7 @@ class Proposal:
     hinged: bool
     """Two plates that meet in a crease, like a laptop."""
     static: str
-    """Why it is not a handled object: `robot` (reaches out of the image or is too large), `room`; else empty."""
+    """`robot` for what is cut by the image border, too large or does not stand on the support; else empty."""
 
 
 @dataclass(frozen=True)
@@ -60,16 +61,17 @@ def scenery(capture: Capture, support: Support) -> Scenery:
     if not raised.any():
         return Scenery(relief, (), relief.raised)
     lab = colour_lab(capture.rgb.pixels)
-    crop = patches.surfaces(relief, raised, capture.camera, support.world_from_camera, lab)
+    crop = patches.surfaces(relief, raised, capture, support.world_from_camera, lab)
     parts = grouping.group(crop, patches.patches(crop))
-    found = []
-    for number, part in sorted(parts.groups.items()):
-        if part.area_m2 >= SMALLEST_M2 and part.top_m >= LOWEST_M:
-            mask = np.zeros(raised.shape, bool)
-            height, width = part.mask.shape
-            mask[crop.top : crop.top + height, crop.left : crop.left + width] = parts.labels == number
-            pieces = sorted((parts.patches[n] for n in parts.members[number]), key=lambda p: -p.area_m2)
-            found.append(_proposal(relief, mask, part, tuple(pieces), number in parts.hinged))
+    labels = crop.full(parts.labels, raised)
+    things = {
+        number: labels == number
+        for number, part in sorted(parts.groups.items())
+        if part.area_m2 >= SMALLEST_M2 and part.top_m >= LOWEST_M and (labels == number).any()
+    }
+    cut = {number for number, mask in things.items() if _is_cut(relief, mask)}
+    handled = standing(parts, cut)
+    found = [_proposal(parts, number, mask, number in handled) for number, mask in things.items()]
     found.sort(key=lambda p: (-p.area_m2, p.box))
     taken = np.zeros(raised.shape, bool)
     for proposal in found:
@@ -90,11 +92,16 @@ def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
     return int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1
 
 
-def _proposal(
-    relief: heights.Relief, mask: np.ndarray, part: Group, pieces: tuple[Group, ...], hinged: bool
-) -> Proposal:
+def _is_cut(relief: heights.Relief, mask: np.ndarray) -> bool:
+    """Whether a thing reaches out of the image or is too large to be handled."""
     points = relief.points[mask]
     extent = float(np.max(np.quantile(points, 0.99, axis=0) - np.quantile(points, 0.01, axis=0)))
-    cut = mask[:2].any() or mask[-2:].any() or mask[:, :2].any() or mask[:, -2:].any()
-    static = "robot" if cut or extent > LARGEST_M else ""
-    return Proposal(mask, box_of(mask), part.area_m2, part.top_m, pieces, hinged, static)
+    border = mask[:2].any() or mask[-2:].any() or mask[:, :2].any() or mask[:, -2:].any()
+    return bool(border) or extent > LARGEST_M
+
+
+def _proposal(parts: grouping.Grouping, number: int, mask: np.ndarray, handled: bool) -> Proposal:
+    part = parts.groups[number]
+    pieces = tuple(sorted((parts.patches[n] for n in parts.members[number]), key=lambda p: -p.area_m2))
+    hinged = number in parts.hinged
+    return Proposal(mask, box_of(mask), part.area_m2, part.top_m, pieces, hinged, "" if handled else "robot")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,6 +16,8 @@ DEPTH_CAP = 8.0
 """Largest depth residual, in standard deviations; also that of a ray that misses the body."""
 SOFT = 2.5
 """Where residuals start to count less, in standard deviations (Cauchy)."""
+INDEPENDENT = 40.0
+"""Residuals that are worth as much as independent ones: neighbours err alike."""
 SIGMA_PX = 1.0
 """Standard deviation of the silhouette [px]."""
 
@@ -50,8 +52,6 @@ class Fit:
 
     parameters: np.ndarray
     loss: float
-    precision: np.ndarray
-    """Curvature of the loss by parameter, in units of `steps`: near 0 where the view says nothing."""
 
 
 def fit(model: Model, evidence: Evidence, iterations: int, tries: int = 2) -> Fit:
@@ -70,12 +70,11 @@ def descend(model: Model, evidence: Evidence, start: np.ndarray, iterations: int
     here = start.copy()
     loss, residual, weight = _loss(model, evidence, here)
     damping = 1e-2
-    curvature = np.zeros(len(here))
     for _ in range(iterations):
         slope = _slopes(model, evidence, here, residual)
         normal = (slope * weight[:, None]).T @ slope
         gradient = slope.T @ (weight * residual)
-        curvature = np.diag(normal).copy()
+        curvature = np.diag(normal)
         improved = False
         for _ in range(4):
             damped = normal + damping * np.diag(curvature + 1e-6 * curvature.max(initial=1e-12))
@@ -93,7 +92,24 @@ def descend(model: Model, evidence: Evidence, start: np.ndarray, iterations: int
         damping = max(damping / 4.0, 1e-5)
         if gain < 1e-4 * loss:
             break
-    return Fit(here, loss, curvature)
+    return Fit(here, loss)
+
+
+def undetermined(model: Model, evidence: Evidence, found: np.ndarray, sizes: tuple[int, ...]) -> list[int]:
+    """Which of the parameters `sizes` could be much larger or smaller, the others adapting, without a worse fit."""
+    loss = _loss(model, evidence, found)[0]
+    loose = []
+    for index in sizes:
+        for factor in (0.75, 1.3):
+            start = found.copy()
+            start[index] *= factor
+            held = np.arange(len(start)) == index
+            lower, upper = np.where(held, start, model.lower), np.where(held, start, model.upper)
+            other = descend(replace(model, lower=lower, upper=upper), evidence, start, 4)
+            if other.loss - loss < 1.0 / INDEPENDENT:
+                loose.append(index)
+                break
+    return loose
 
 
 def _slopes(model: Model, evidence: Evidence, here: np.ndarray, residual: np.ndarray) -> np.ndarray:

@@ -43,10 +43,10 @@ def judge(body: Solid, evidence: Evidence, complexity: float = 0.0) -> Judgement
     residual = float(np.median(difference)) if common.any() else float("inf")
     # Every trusted pixel counts; one that the body does not cover counts as wholly wrong.
     error = np.minimum(difference / (6.0 * evidence.sigma[common]), 1.0).sum()
-    trusted = max(np.count_nonzero(evidence.core & evidence.known), 1)
+    trusted = max(int(np.count_nonzero(evidence.core & evidence.known)), 1)
     depth_error = (float(error) + trusted - np.count_nonzero(common)) / trusted
     seen_behind = (evidence.depth > 0) & (shown.depth < evidence.depth - 0.006 - 4.0 * evidence.sigma)
     clear = np.where(mask, evidence.core, True)
-    free = np.count_nonzero(covered & seen_behind & clear) / max(np.count_nonzero(covered), 1)
+    free = np.count_nonzero(covered & seen_behind & clear) / max(int(np.count_nonzero(covered)), 1)
     score = iou - DEPTH_WEIGHT * depth_error - FREE_WEIGHT * free - complexity
     return Judgement(float(score), float(iou), residual, float(free))

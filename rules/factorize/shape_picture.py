@@ -63,8 +63,9 @@ def _from_side(shape: Shape, seen: ObjectView, turn: float) -> np.ndarray:
     focal = 2.6 * SIDE_PX
     k = np.array([[focal, 0, SIDE_PX / 2], [0, focal, SIDE_PX / 2], [0, 0, 1.0]])
     shown = raycast.render([body], k, pose, SIDE_PX, SIDE_PX)
-    light = 0.55 + 0.45 * np.clip(shown.normal @ (away + [0, 0, 0.6]) / np.linalg.norm(away + [0, 0, 0.6]), 0, 1)
-    pixels = (raycast.shade([body], shown) * light[..., None]).astype(np.uint8)
+    lamp = away + np.array([0.0, 0.0, 0.6])
+    light = 0.55 + 0.45 * np.clip(shown.normal @ lamp / np.linalg.norm(lamp), 0, 1)
+    pixels = np.asarray(raycast.shade([body], shown) * light[..., None], np.uint8)
     pixels[shown.index < 0] = PAPER
     return pixels
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 SECTORS = 20
@@ -23,7 +25,7 @@ def ring_walls(outer: np.ndarray, inner: np.ndarray) -> tuple[np.ndarray, ...]:
     cuts = _cuts(np.linalg.norm(cavity[:, 0, :2], axis=1), cavity[:, 0, 2])
     pieces = [np.concatenate([outer[outer[:, 0, 2] < floor - 1e-6].reshape(-1, 3), level[0]])]
     size = outer.shape[1] // SECTORS
-    for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+    for low, high in pairwise(cuts):
         bottom, top = cavity[low, 0, 2], cavity[high, 0, 2]
         between = (level[:, 0, 2] > bottom + 1e-6) & (level[:, 0, 2] < top - 1e-6)
         skin = np.concatenate([_at(level, bottom)[None], level[between], _at(level, top)[None]])

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from dextera_build.engine.events import GroupOpened, NodeFinished, NodeLog, NodeProgress, NodeStarted, RunFinished
+from dextera_build.engine.events import GroupOpened, NodeLog, NodeProgress, NodeStarted
 from dextera_build.engine.execute import RunInfo, RunResult, build
 from dextera_build.engine.graph import Address, Graph, Group
 from dextera_build.engine.history import History
-from dextera_build.errors import RecipeError, RuleError, StaleError, UsageError
+from dextera_build.engine.key import key_of
 from dextera_build.store import header
 from dextera_build.store.store import Store
-from tests.engine.tiny import Record, call, every, facts, graph, group, inline, item, leaf, out
+from tests.engine.tiny import Record, call, every, facts, graph, group, inline, item, out
 
 
 @pytest.fixture
@@ -150,149 +152,12 @@ def test_fields_are_followed(store: Store) -> None:
     assert error.hint == "did you mean `mug`?"
 
 
-def test_a_failure_stops_the_build_and_names_what_waits(store: Store) -> None:
-    plan = graph(
-        call("a", "fail"),
-        call("b", a=out("a")),
-        call("c", b=out("b")),
-        call("d"),
-        call("end", c=out("c"), d=out("d")),
-    )
-    result, record = run(plan, store, keep_going=True)
-    assert not result.ok
-    assert {name: node.status for name, node in result.nodes.items()} == {
-        "a": "failed",
-        "b": "waits",
-        "c": "waits",
-        "d": "ran",
-        "end": "waits",
-    }
-    assert result.nodes["end"].blocked_by == ("a",)
-    error = result.nodes["a"].error
-    assert isinstance(error, RuleError)
-    assert error.hint == "try again"
-    told = {event.node: event for event in record.of(NodeFinished)}
-    assert told["c"].blocked_by == ["a"]
-    assert told["a"].error["code"] == "DXB-B202"
-    assert record.of(RunFinished)[0].counts == {"failed": 1, "waits": 3, "ran": 1}
-
-
-def test_without_keep_going_the_rest_is_cancelled(store: Store) -> None:
-    plan = graph(call("a", "fail"), call("b", a=out("a")), call("c"), default=("a", "b", "c"))
-    result, _ = run(plan, store)
-    status = {name: node.status for name, node in result.nodes.items()}
-    assert status["a"] == "failed"
-    assert status["b"] == "waits"
-    assert status["c"] in ("ran", "cancelled")
-
-
-def test_what_a_rule_lets_escape_is_one_line(store: Store) -> None:
-    result, record = run(graph(call("a", "crash", "luck")), store)
-    error = result.nodes["a"].error
-    assert error is not None
-    assert (error.message, error.code) == ("ValueError: bad luck", "DXB-B302")
-    log = result.nodes["a"].log
-    assert log is not None
-    assert b"Traceback" in store.blobs.get(log)
-    assert record.of(NodeFinished)[0].log == log
-
-
-def test_two_failures_are_both_named(store: Store) -> None:
-    plan = graph(call("a", "fail"), call("b", "crash"), call("c", a=out("a"), b=out("b")))
-    result, _ = run(plan, store, keep_going=True)
-    assert set(result.nodes["c"].blocked_by) == {"a", "b"}
-
-
 def test_force_runs_what_is_cached(store: Store) -> None:
     run(scene(), store)
     one, _ = run(scene(), store, force=frozenset({"body[mug].mesh"}))
     assert [name for name, node in one.nodes.items() if node.status == "ran"] == ["body[mug].mesh"]
     both, _ = run(scene(), store, force=frozenset({"body.mesh"}))
     assert sorted(n for n, node in both.nodes.items() if node.status == "ran") == ["body[box].mesh", "body[mug].mesh"]
-
-
-def test_only_keeps_others_from_running(store: Store) -> None:
-    run(scene(), store)
-    fine, _ = run(scene(), store, only=frozenset())
-    assert fine.ok
-    stale, _ = run(scene(mesh=1), store, only=frozenset({"body[mug].mesh"}), keep_going=True)
-    assert stale.nodes["body[mug].mesh"].status == "ran"
-    error = stale.nodes["body[box].mesh"].error
-    assert isinstance(error, StaleError)
-    assert error.message == "`body[box].mesh` is stale and may not run now"
-    assert error.hint == "dxb why 'tiny/graph:body[box].mesh'"
-
-
-def test_a_missing_file_is_said_before_anything_runs(store: Store, tmp_path: Path) -> None:
-    plan = graph(call("slow"), call("b", s=out("slow"), photo=leaf(tmp_path / "nowhere" / "photo.png")))
-    record = Record()
-    with pytest.raises(RecipeError, match=r"there is no file or folder `.*photo\.png`") as caught:
-        build(plan, [("b",)], store=store, executor=inline(), listen=record)
-    assert caught.value.code == "DXB-R301"
-    assert str(caught.value.where) == "recipe.yaml:1:1"
-    assert caught.value.facts["nearest"] == str(tmp_path)
-    assert record.events == []
-
-
-def test_a_file_that_changes_while_it_is_used_is_not_cached(store: Store, tmp_path: Path) -> None:
-    photo = tmp_path / "photo"
-    photo.write_text("before")
-    plan = graph(call("a", "edit", str(photo), photo=leaf(photo)), call("b", a=out("a")))
-    result, _ = run(plan, store)
-    error = result.nodes["a"].error
-    assert error is not None
-    assert error.message == f"`{photo}` changed while `a` ran"
-    assert error.code == "DXB-B304"
-    assert result.nodes["b"].status == "waits"
-    photo.write_text("edited")  # as the action leaves it, so that the next build is at rest
-    again, _ = run(plan, store)
-    assert {name: node.status for name, node in again.nodes.items()} == {"a": "ran", "b": "ran"}
-
-
-def test_an_unknown_target_lists_what_there_is(store: Store) -> None:
-    with pytest.raises(UsageError, match="`scne` names no node of `tiny/graph`") as caught:
-        run(scene(), store, Address(("scne",)))
-    assert caught.value.hint == "did you mean `scene`?"
-    assert caught.value.facts["nodes"] == "body.mesh, body.pose, scene, seg"
-
-
-def test_an_unknown_copy_lists_the_copies(store: Store) -> None:
-    result, _ = run(scene(), store, Address(("body", "mesh"), ("mgu",)))
-    assert not result.ok
-    error = result.errors["body[mgu].mesh"]
-    assert error.message == "`body[mgu].mesh`: there is no `mgu` in `body`"
-    assert error.facts["copies"] == "box, mug"
-    assert error.hint == "did you mean `mug`?"
-
-
-def test_a_group_over_what_cannot_be_opened_fails(store: Store) -> None:
-    plan = graph(
-        call("one"), group("body", out("one"), call("mesh", i=item("body"))), call("end", m=every("body.mesh"))
-    )
-    result, record = run(plan, store)
-    assert result.errors["body"].message == "a Text cannot be opened by `each`"
-    assert result.nodes["end"].blocked_by == ("body",)
-    told = {event.node: event for event in record.of(NodeFinished)}
-    assert (told["body"].status, told["body"].rule) == ("failed", "each")
-
-
-@pytest.mark.parametrize("label", ["", "a/b", "a[1]", "a\nb"])
-def test_labels_that_cannot_stand_in_an_address_are_refused(store: Store, label: str) -> None:
-    plan = scene(items={label: "x"})
-    result, _ = run(plan, store)
-    assert result.errors["body"].code == "DXB-B306"
-
-
-def test_a_metric_that_is_not_finite_fails_the_node(store: Store) -> None:
-    from dextera_build.engine.executors.inline import InlineExecutor
-
-    executor = InlineExecutor(
-        lambda task, emit: {"output": store.blobs.put(b"{}"), "metrics": {"error": (float("nan"), "m")}}
-    )
-    result = build(graph(call("a")), [("a",)], store=store, executor=executor, listen=Record())
-    error = result.nodes["a"].error
-    assert error is not None
-    assert error.message == "metric `error` is nan, not a finite number"
 
 
 def test_events_tell_progress_and_log(store: Store) -> None:
@@ -326,20 +191,20 @@ def test_a_long_chain_does_not_recurse(store: Store) -> None:
     assert record.with_status("ran") == ["n0", "n1"]
 
 
-@pytest.mark.slow
-def test_ten_thousand_links_fail_together(store: Store) -> None:
-    links = [call("n0", "fail"), *(call(f"n{n}", x=out(f"n{n - 1}")) for n in range(1, 10_000))]
-    result, _ = run(graph(*links), store)
-    assert result.nodes["n9999"].blocked_by == ("n0",)
-
-
-def test_a_circle_is_a_fault_with_names(store: Store) -> None:
-    plan = graph(call("a", x=out("b")), call("b", x=out("a")))
-    with pytest.raises(AssertionError, match="wait for one another: a, b"):
-        run(plan, store)
-
-
 def test_the_rule_version_enters_the_key(store: Store) -> None:
     run(graph(call("a")), store)
     result, _ = run(graph(call("a", rule=facts(2))), store)
     assert result.nodes["a"].status == "ran"
+
+
+def test_a_key_that_is_being_built_elsewhere_is_waited_for(store: Store) -> None:
+    key = key_of(call("a"), {})
+    other = Store(store.root)
+    assert other.locks.take(key)
+    thread = threading.Timer(0.1, other.locks.release, [key])
+    thread.start()
+    result, record = run(graph(call("a"), call("b"), default=("a", "b")), store)
+    thread.join()
+    assert [event.text for event in record.of(NodeLog)] == [f"process {os.getpid()} builds the same key"]
+    assert record.with_status("ran") == ["b", "a"]
+    assert result.ok

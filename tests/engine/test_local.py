@@ -15,6 +15,7 @@ from dextera_build.engine.execute import RunResult, build
 from dextera_build.engine.executors.local import LocalExecutor
 from dextera_build.engine.graph import Call, Graph
 from dextera_build.engine.tasks import Task
+from dextera_build.errors import MachineError
 from dextera_build.store.store import Store
 from tests.engine.tiny import RUNNER, Record, call, every, facts, graph, group, item, out
 
@@ -175,6 +176,16 @@ def test_a_runner_that_cannot_be_imported_says_so(store: Store) -> None:
     assert error is not None
     assert error.code == "DXB-E201"
     assert error.message == "a worker cannot start: ModuleNotFoundError: No module named 'tests.engine.nowhere'"
+
+
+def test_a_worker_that_cannot_be_started_says_so(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*arguments: object, **more: object) -> None:
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr("subprocess.Popen", refuse)
+    with LocalExecutor(RUNNER, 1) as pool, pytest.raises(MachineError, match="cannot be started") as caught:
+        run(graph(call("a")), store, pool)
+    assert (caught.value.code, caught.value.hint) == ("DXB-E202", "build with `--jobs 1`")
 
 
 def test_close_leaves_no_process(store: Store) -> None:

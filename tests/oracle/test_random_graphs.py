@@ -10,9 +10,10 @@ import pytest
 from dextera_build.engine.dryrun import plan
 from dextera_build.engine.events import NodeStarted
 from dextera_build.engine.execute import RunResult, build
+from dextera_build.engine.executors.local import LocalExecutor
 from dextera_build.engine.graph import Address, Graph
 from dextera_build.store.store import Store
-from tests.engine.tiny import Record, inline
+from tests.engine.tiny import RUNNER, Record, inline
 from tests.oracle.graphs import RandomGraph
 from tests.oracle.reference import Reference
 
@@ -88,3 +89,21 @@ def test_the_first_failure_stops_what_has_not_begun(seed: int, tmp_path: Path) -
             assert expected.outputs[name] is None
     started = [event.node for event in record.of(NodeStarted)]
     assert sorted(started) == sorted([*record.with_status("ran"), *failed])
+
+
+def test_a_pool_runs_exactly_the_stale_nodes_too(tmp_path: Path) -> None:
+    with LocalExecutor(RUNNER, 3, cpus=3) as pool:
+        for seed in range(100, 112):
+            folder = tmp_path / str(seed)
+            folder.mkdir()
+            random_graph, store = RandomGraph(seed, folder), Store(folder / "store")
+            cache: dict[str, str] = {}
+            for _ in range(3):
+                graph, targets = random_graph.graph(), random_graph.targets()
+                expected, record = Reference(graph, cache), Record()
+                expected.build(targets)
+                result = build(graph, targets, store=store, executor=pool, listen=record)
+                assert result.ok
+                assert {name: node.output for name, node in result.nodes.items()} == expected.outputs
+                assert Counter(expected.keys[name] for name in record.with_status("ran")) == Counter(expected.ran)
+                random_graph.edit()

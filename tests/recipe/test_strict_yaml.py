@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -37,14 +38,17 @@ def test_scalars_follow_the_core_schema(text, value):
 
 plain_data = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(max_size=12),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(min_size=1, max_size=6), inner, max_size=4),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(st.text(min_size=1, max_size=6).filter(lambda key: key != "<<"), inner, max_size=4)
+    ),
     max_leaves=12,
 )
 
 
 @given(plain_data)
-def test_what_is_dumped_comes_back(value):
-    assert parse(yaml.safe_dump({"x": value}), "f").plain() == {"x": value}
+def test_json_is_yaml(value):
+    assert parse(json.dumps({"x": value}), "f").plain() == {"x": value}
 
 
 def test_every_value_knows_its_place():

@@ -12,13 +12,16 @@ from typing import Self
 
 from dextera_build.engine.executors.process import Process
 from dextera_build.engine.tasks import Ended, Report, Said, Task
-from dextera_build.errors import from_json
+from dextera_build.errors import MachineError, from_json
 
 _GRACE_S = 1.0
 
 
 class LocalExecutor:
     """Workers that are started when needed and kept; use it as a context manager.
+
+    Workers end with the thread that started them (that is how Linux tells them that their parent died), so build from
+    a thread that outlives the build.
 
     Args:
         runner: `module:function` that carries out a task in a worker.
@@ -122,7 +125,15 @@ class LocalExecutor:
         return None
 
     def _start(self) -> Process:
-        process = Process(self._runner, self._environment, [entry for entry in sys.path if entry])
+        try:
+            process = Process(self._runner, self._environment, [entry for entry in sys.path if entry])
+        except OSError as error:
+            raise MachineError(
+                "a worker process cannot be started",
+                code="DXB-E202",
+                facts={"system says": error.strerror, "workers": len(self._busy)},
+                hint="build with `--jobs 1`",
+            ) from None
         for descriptor in process.descriptors():
             self._selector.register(descriptor, selectors.EVENT_READ, process)
         return process

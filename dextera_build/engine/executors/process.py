@@ -56,6 +56,10 @@ class Process:
                 start_new_session=True,
                 env={**os.environ, **environment, "PYTHONPATH": _search_path()},
             )
+        except OSError:
+            os.close(self._sending)
+            os.close(self._hearing)
+            raise
         finally:
             os.close(reading)
             os.close(writing)

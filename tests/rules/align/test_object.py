@@ -67,6 +67,15 @@ def test_an_occluder_does_not_pull_the_box_to_the_part_that_is_seen(runner):
     assert worst(BOX, placed) < 0.006
 
 
+def test_a_poor_guess_that_nothing_beats_clearly_is_kept(runner):
+    seen = object_views.view(BRACKET, TRUTH)
+    poor = factories.pose(0.045, 0.03, 0.0, 0.6)
+    placed = align(runner, object_views.body(BRACKET, poor), seen, search_gain=2.0, guess_iou=0.9)
+    assert (placed.world_from_object == poor).all()
+    assert placed.method.startswith("guess kept (IoU 0.")
+    assert placed.method.endswith("gained too little)")
+
+
 @pytest.mark.parametrize(
     ("scale", "turn"), [(0.1, (0.0, 0.0, 0.0)), (10.0, (1.5708, 0.0, 0.0)), (3.0, (0.5, 1.1, -0.7))]
 )

@@ -36,9 +36,7 @@ class Eye:
         return np.array([[self.focal, 0, width / 2 - 3.0], [0, self.focal, height / 2 + 2.0], [0, 0, 1.0]])
 
 
-def view(
-    body: Solid, eye: Eye, seed: int = 0, noise_m: float = 0.0015, hidden: tuple[Solid, ...] = ()
-) -> ObjectView:
+def view(body: Solid, eye: Eye, seed: int = 0, noise_m: float = 0.0015, hidden: tuple[Solid, ...] = ()) -> ObjectView:
     """What a depth camera sees of a body (world frame) on a table.
 
     Args:

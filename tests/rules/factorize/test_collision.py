@@ -72,17 +72,25 @@ def test_pieces_cover_the_solid_and_little_else(runner):
     assert covered.volume() < 1.3 * solid.volume()
 
 
+def walled(*walls: Hull) -> Body:
+    """A cup with these walls."""
+    cup = Link(mesh=object_views.mesh(object_views.cup()), walls=walls)
+    return Body(links={"base": cup}, world_from_object=np.eye(4), hollow=True)
+
+
 def test_walls_are_taken_as_they_are(runner):
-    walls = tuple(object_views.hull(solids.box((0.1, 0.1, 0.01), (0.0, 0.0, z))) for z in (0.005, 0.095))
-    body = Body(
-        links={"base": Link(mesh=object_views.mesh(object_views.cup()), walls=walls)},
-        world_from_object=np.eye(4),
-        hollow=True,
-    )
-    made = pieces(runner, body)
+    walls = tuple(object_views.hull(solids.box((0.01, 0.08, 0.09), (x, 0.0, 0.045))) for x in (-0.041, 0.041))
+    made = pieces(runner, walled(*walls))
     assert made.method == "walls"
     assert [hull.vertices.tolist() for hull in made.hulls] == [hull.vertices.tolist() for hull in walls]
+    assert made.cavity_fill == pytest.approx(0.0, abs=1e-6)
+
+
+def test_walls_that_fill_the_cavity_give_way_to_wedges(runner):
+    made = pieces(runner, walled(object_views.hull(solids.box((0.08, 0.08, 0.06), (0.0, 0.0, 0.03)))))
+    assert made.method == "wedges"
     assert made.cavity_fill is not None
+    assert made.cavity_fill < 0.05
 
 
 def test_a_convex_body_is_one_hull_of_few_corners(runner):

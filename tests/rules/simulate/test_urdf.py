@@ -12,9 +12,9 @@ import pytest
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.object import Asset
-from dextera_build.geometry import kinematics, transforms
+from dextera_build.geometry import kinematics, metrics, transforms
 from dextera_build.testing import RuleRunner
-from tests import factories
+from tests import factories, object_views
 
 
 @pytest.fixture
@@ -74,6 +74,30 @@ def geom_vertices(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.n
     mesh = model.geom_dataid[geom]
     start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     return model.mesh_vert[start : start + count] @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+
+
+def test_a_photographed_laptop_comes_back_as_it_stood(runner, tmp_path):
+    whole, _ = object_views.laptop(1.885)
+    mesh, pose = object_views.mesh(whole), factories.pose(0.02, 0.01, 0.0, 0.3)
+    seen = object_views.view(mesh, pose, category="laptop", body_type="articulated", material="electronics")
+    shape = object_views.shape(mesh).model_copy(update={"world_from_object": pose})
+    body = runner.run("factorize.articulate", shape=shape, seen=seen)
+    parts = {
+        "physics": runner.run("factorize.physics", body=body, seen=seen),
+        "collision": runner.run("factorize.collision", body=body),
+        "placement": runner.run("align.object", body=body, seen=seen),
+    }
+    asset = runner.run("simulate.asset", body=body, seen=seen, **parts)
+    _, model = compiled(runner, asset, tmp_path)
+    data = mujoco.MjData(model)
+    data.joint("hinge").qpos = asset.body.joints[0].position
+    mujoco.mj_forward(model, data)
+    visual = [geom for geom in range(model.ngeom) if model.geom_contype[geom] == 0]
+    found = np.concatenate([geom_vertices(model, data, geom) for geom in visual])
+    assert metrics.nearest(found, mesh.vertices.astype(np.float64)).max() < 3e-4
+    assert metrics.nearest(mesh.vertices.astype(np.float64), found).max() < 3e-4
+    assert asset.world_from_object == pytest.approx(pose)
+    assert model.body_subtreemass[0] == pytest.approx(1300.0 * whole.volume, rel=0.01)
 
 
 def test_every_collision_piece_is_there(runner, tmp_path):

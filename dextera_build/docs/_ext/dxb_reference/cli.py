@@ -6,7 +6,7 @@ import argparse
 
 from dextera_build.cli import main
 
-from .markdown import code, join, table
+from .markdown import code, escaped, join, table
 
 
 def page() -> str:
@@ -60,4 +60,4 @@ def _row(action: argparse.Action) -> list[str]:
         name = ", ".join(code(option + takes) for option in action.option_strings)
     chosen = f": {', '.join(code(choice) for choice in action.choices)}" if action.choices else ""
     default = "" if action.default in (None, False, [], argparse.SUPPRESS) else code(action.default)
-    return [name, f"{action.help or ''}{chosen}", default]
+    return [name, escaped(action.help or "") + chosen, default]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import dextera_build
 from dextera_build import errors
 from dextera_build.loader import bundled
 
-from .markdown import code, join, table
+from .markdown import code, escaped, join, table
 
 PACKAGE = Path(dextera_build.__file__).parent
 
@@ -26,22 +27,35 @@ def page() -> str:
     return join(*(_family(letter, found[letter]) for letter in sorted(found)))
 
 
-def raised(tree: ast.AST) -> Iterator[tuple[str, str]]:
-    """(code, message) of every call that names a code; what is filled in stands as an ellipsis."""
-    constants = {
-        target.id: node.value
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Assign)
-        for target in node.targets
-        if isinstance(target, ast.Name)
-    }
-    for node in ast.walk(tree):
+def raised(tree: ast.Module) -> Iterator[tuple[str, str]]:
+    """(code, message) of every call that names a code.
+
+    What is filled in stands as an ellipsis; where that is all, what the function says of itself stands instead.
+    """
+    constants = _constants(tree)
+    stack: list[tuple[ast.AST, str]] = [(tree, ast.get_docstring(tree) or "")]
+    while stack:
+        node, about = stack.pop()
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            about = (ast.get_docstring(node) or about).partition("\n")[0]
+        stack += [(child, about) for child in ast.iter_child_nodes(node)]
         if isinstance(node, ast.Call) and node.args:
-            for value in (word.value for word in node.keywords if word.arg == "code"):
-                # `code=CODE` and `code=self.CODE` stand for a constant of the same file.
-                value = constants.get(getattr(value, "id", getattr(value, "attr", "")), value)
-                if isinstance(value, ast.Constant) and str(value.value).startswith("DXB-"):
-                    yield str(value.value), _text(node.args[0])
+            text = _text(node.args[0])
+            shown = text if re.search(r"\w", text) else about
+            yield from ((name, shown) for name in _codes(node, constants))
+
+
+def _constants(tree: ast.Module) -> dict[str, ast.expr]:
+    assigned = [node for node in ast.walk(tree) if isinstance(node, ast.Assign)]
+    return {name.id: node.value for node in assigned for name in node.targets if isinstance(name, ast.Name)}
+
+
+def _codes(call: ast.Call, constants: dict[str, ast.expr]) -> Iterator[str]:
+    for value in (word.value for word in call.keywords if word.arg == "code"):
+        # `code=CODE` and `code=self.CODE` stand for a constant of the same file.
+        found = constants.get(getattr(value, "id", getattr(value, "attr", "")), value)
+        if isinstance(found, ast.Constant) and str(found.value).startswith("DXB-"):
+            yield str(found.value)
 
 
 def _text(node: ast.expr) -> str:
@@ -56,8 +70,7 @@ def _text(node: ast.expr) -> str:
 
 def _family(letter: str, found: dict[str, set[str]]) -> str:
     known = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, errors.DxbError)]
-    kinds = {kind.family: kind for kind in known}
-    kind = kinds[letter]
-    about = (kind.__doc__ or "").split("\n")[0]
-    rows = [[code(name), " / ".join(sorted(texts))] for name, texts in sorted(found.items())]
-    return join(f"## {kind.__name__}", f"{about}", f"Exit code {kind.exit_code}.", table(["code", "message"], rows))
+    kind = next(kind for kind in known if kind.family == letter)
+    rows = [[code(name), " / ".join(escaped(text) for text in sorted(texts))] for name, texts in sorted(found.items())]
+    about = (kind.__doc__ or "").partition("\n")[0]
+    return join(f"## {kind.__name__}", about, table(["code", "message"], rows))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 
 
@@ -19,6 +20,13 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def cell(text: str) -> str:
     """Text as one table cell: one line, bars escaped."""
     return " ".join(text.split()).replace("|", "\\|")
+
+
+def escaped(text: str) -> str:
+    """Text that is not Markdown, as Markdown; what stands in backticks stays a literal."""
+    parts = text.split("`")
+    parts[::2] = [re.sub(r"([_*<>\[\]$])", r"\\\1", part) for part in parts[::2]]
+    return "`".join(parts)
 
 
 def code(text: object) -> str:

@@ -1,0 +1,69 @@
+"""Addresses are read as they are written."""
+
+from __future__ import annotations
+
+import pytest
+
+from dextera_build.engine.graph import Address, node_address, parse_address
+from dextera_build.engine.reach import reach
+from dextera_build.errors import UsageError
+from tests.engine.tiny import call, every, graph, group, item, out
+
+
+@pytest.mark.parametrize(
+    ("text", "address"),
+    [
+        ("scene", Address(("scene",))),
+        ("body.mesh", Address(("body", "mesh"))),
+        ("body[mug].mesh", Address(("body", "mesh"), ("mug",))),
+        ("body[blue mug.2].mesh", Address(("body", "mesh"), ("blue mug.2",))),
+        ("body[mug].part.mesh", Address(("body", "part", "mesh"), ("mug",))),
+        ("body[mug].part[lid].mesh", Address(("body", "part", "mesh"), ("mug", "lid"))),
+    ],
+)
+def test_an_address_is_read_as_it_is_written(text: str, address: Address) -> None:
+    assert parse_address(text) == address
+    assert str(address) == text
+
+
+@pytest.mark.parametrize(
+    "text", ["", ".", "a.", ".a", "a..b", "a[x]", "a[].b", "a[x", "a]x[.b", "a[x]b", "a.b[x].c", "a[x][y].b"]
+)
+def test_what_is_not_an_address_is_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="is not the address of a node") as caught:
+        parse_address(text)
+    assert "body[mug].mesh" in caught.value.facts["form"]
+
+
+def test_an_address_names_copies() -> None:
+    labels = ("mug", "lid")
+    assert Address(("b", "p", "m")).matches(labels)
+    assert Address(("b", "p", "m"), ("mug",)).matches(labels)
+    assert Address(("b", "p", "m"), labels).matches(labels)
+    assert not Address(("b", "p", "m"), ("box",)).matches(labels)
+    assert str(Address(("b", "p", "m"), labels)) == node_address(("b", "p", "m"), labels)
+
+
+def test_reach_is_what_the_graph_alone_tells() -> None:
+    plan = graph(
+        call("a"),
+        call("b"),
+        call("seg", x=out("a")),
+        group(
+            "body",
+            out("seg"),
+            call("mesh", i=item("body")),
+            call("pose", m=out("body.mesh")),
+            mug=call("mesh", i=item("body"), b=out("b")),
+        ),
+        call("scene", all=every("body.pose")),
+    )
+    assert set(reach(plan, [Address(("scene",))])) == {
+        ("scene",),
+        ("body", "pose"),
+        ("body", "mesh"),
+        ("seg",),
+        ("a",),
+        ("b",),
+    }
+    assert set(reach(plan, [Address(("seg",))])) == {("seg",), ("a",)}

@@ -1,0 +1,288 @@
+"""What is remembered: dry runs, history, event logs and snapshots."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from dextera_build.engine import eventlog
+from dextera_build.engine.dryrun import Planned, plan
+from dextera_build.engine.eventlog import EventLog
+from dextera_build.engine.events import Event, NodeFinished, RunStarted, fan_out
+from dextera_build.engine.execute import RunInfo, build
+from dextera_build.engine.graph import Address, Graph
+from dextera_build.engine.history import Entry, History
+from dextera_build.engine.snapshot import load_if_fresh, save
+from dextera_build.errors import RecipeError, UsageError
+from dextera_build.store.signature import Watch
+from dextera_build.store.store import Store
+from tests.engine.tiny import Record, call, every, graph, group, inline, item, leaf, out
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path / "store")
+
+
+def scene(seg: int = 0, mesh: int = 0) -> Graph:
+    return graph(
+        call("cam", value=seg),
+        call("seg", "items", {"box": "b", "mug": "m"}, x=out("cam")),
+        group("body", out("seg"), call("mesh", value=mesh, i=item("body"))),
+        call("scene", all=every("body.mesh")),
+        call("unasked"),
+    )
+
+
+def run(what: Graph, store: Store, run: str = "0001") -> None:
+    build(what, [("scene",)], store=store, executor=inline(), listen=Record(), info=RunInfo(run=run))
+
+
+def statuses(found: list[Planned]) -> dict[str, str]:
+    return {node.address: node.status for node in found}
+
+
+def test_a_plan_of_nothing_built_names_open_groups(store: Store) -> None:
+    found = statuses(plan(scene(), [("scene",)], store))
+    assert found == {"cam": "stale", "seg": "unknown", "body.mesh": "unknown", "scene": "unknown"}
+    assert list(found) == ["cam", "seg", "body.mesh", "scene"]
+
+
+def test_a_plan_knows_what_is_cached(store: Store) -> None:
+    run(scene(), store)
+    found = plan(scene(mesh=1), [("scene",)], store, history=History(store, "tiny/graph"))
+    assert statuses(found) == {
+        "cam": "cached",
+        "seg": "cached",
+        "body[box].mesh": "stale",
+        "body[mug].mesh": "stale",
+        "scene": "unknown",
+    }
+    for node in found:
+        assert node.seconds_last is not None
+        assert (node.key is None) == (node.status == "unknown")
+        assert bool(node.key_document) == (node.status != "unknown")
+        assert (node.output is None) == (node.status != "cached")
+    assert set(statuses(plan(scene(), [("scene",)], store)).values()) == {"cached"}
+
+
+def test_a_plan_of_an_open_group_remembers_its_copies(store: Store) -> None:
+    run(scene(), store)
+    found = plan(scene(seg=1), [("scene",)], store, history=History(store, "tiny/graph"))
+    (mesh,) = [node for node in found if node.address == "body.mesh"]
+    assert mesh.seconds_last is not None
+    assert mesh.seconds_last > 0
+
+
+def test_a_plan_refuses_what_a_build_refuses(store: Store, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="names no node"):
+        plan(scene(), [("nope",)], store)
+    run(scene(), store)
+    with pytest.raises(UsageError, match="there is no `mgu` in `body`"):
+        plan(scene(), [Address(("body", "mesh"), ("mgu",))], store)
+    with pytest.raises(RecipeError, match="there is no file"):
+        plan(graph(call("a", f=leaf(tmp_path / "nope"))), [("a",)], store)
+
+
+def test_history_is_kept_by_recipe_and_project(store: Store) -> None:
+    history = History(store, "twin/laptop", "/home/a")
+    entry = Entry("k" * 64, "d" * 64, "0007", 1.5, 123.0)
+    history.note("body[mug].mesh", entry)
+    history.save()
+    assert History(store, "twin/laptop", "/home/a").all() == {"body[mug].mesh": entry}
+    assert History(store, "twin/laptop", "/home/b").all() == {}
+    assert History(store, "twin/other", "/home/a").get("body[mug].mesh") is None
+
+
+def test_history_names_the_run_that_gave_the_key(store: Store) -> None:
+    history = History(store, "a")
+    history.note("n", Entry("k1", "d1", "0001", 1.0, 1.0))
+    history.note("n", Entry("k1", "d1", "0002", 1.0, 2.0))
+    assert history.all()["n"].run == "0001"
+    history.note("n", Entry("k2", "d2", "0003", 1.0, 3.0))
+    assert history.all()["n"].run == "0003"
+
+
+@pytest.mark.parametrize("junk", [b"", b"{", b'{"form": 1, "nodes": {"a": [1]}}', b'{"form": 2, "nodes": {}}'])
+def test_a_broken_history_is_forgotten(store: Store, junk: bytes) -> None:
+    history = History(store, "a")
+    history.note("n", Entry("k1", "d1", "0001", 1.0, 1.0))
+    history.save()
+    (path,) = (store.local / "history").glob("*.json")
+    path.write_bytes(junk)
+    assert History(store, "a").all() == {}
+
+
+def started(recipe: str, run: str = "") -> RunStarted:
+    return RunStarted(1.0, run, recipe, ["scene"], "cpu", "0.1", 3, 1)
+
+
+def test_a_log_gives_back_what_was_told(store: Store) -> None:
+    record = Record()
+    with EventLog(store) as log:
+        build(scene(), [("scene",)], store=store, executor=inline(), listen=fan_out(log, record))
+        assert log.run == "0001"
+    events = eventlog.read(store, "0001")
+    assert [event["event"] for event in events] == [event.kind for event in record.events]
+    last = [event for event in events if event["event"] == "node_finished"][-1]
+    assert last == {**record.of(NodeFinished)[-1].__dict__, "event": "node_finished"}
+
+
+def test_run_ids_count_up_and_are_never_shared(store: Store) -> None:
+    logs: list[EventLog] = []
+
+    def several() -> None:
+        logs.extend(EventLog(store) for _ in range(10))
+
+    threads = [threading.Thread(target=several) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(log.run for log in logs) == [f"{n:04d}" for n in range(1, 41)]
+    for log in logs:
+        log.close()
+
+
+def test_the_latest_run_of_a_recipe(store: Store) -> None:
+    for recipe in ("twin/a", "twin/b", "twin/a"):
+        with EventLog(store) as log:
+            log(started(recipe))
+    with EventLog(store):
+        pass  # killed before it began
+    assert eventlog.runs(store) == ["0001", "0002", "0003", "0004"]
+    assert eventlog.latest(store, "twin/a") == "0003"
+    assert eventlog.latest(store, "twin/b") == "0002"
+    assert eventlog.latest(store) == "0003"
+    assert eventlog.latest(store, "twin/c") is None
+    (store.root / "runs" / "9999").mkdir()
+    with EventLog(store) as log:
+        assert log.run == "10000"
+    assert eventlog.runs(store)[-1] == "10000"
+
+
+def test_a_torn_last_line_is_left_out(store: Store) -> None:
+    with EventLog(store) as log:
+        log(started("twin/a"))
+        log(Event(2.0))
+    path = store.root / "runs" / "0001" / "events.jsonl"
+    path.write_bytes(path.read_bytes()[:-4])
+    assert [event["time"] for event in eventlog.read(store, "0001")] == [1.0]
+
+
+@pytest.mark.parametrize("name", ["0009", "", "nope"])
+def test_an_unknown_run_lists_what_there_is(store: Store, name: str) -> None:
+    with EventLog(store):
+        pass
+    with pytest.raises(UsageError, match=f"there is no run `{name}`") as caught:
+        eventlog.read(store, name)
+    assert caught.value.facts["runs"] == "0001"
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    folder = tmp_path / "project"
+    folder.mkdir()
+    for number in range(5):
+        (folder / f"{number}.py").write_text(str(number))
+        os.utime(folder / f"{number}.py", ns=(1_600_000_000_000_000_001,) * 2)
+    (folder / "blob").write_text("1234")
+    time.sleep(0.05)
+    return folder
+
+
+def watch(folder: Path) -> Watch:
+    found = Watch()
+    for number in range(5):
+        found.file(folder / f"{number}.py")
+    found.file(folder / "absent.toml")
+    found.folder(folder)
+    found.blobs([folder / "blob"])
+    return found
+
+
+REQUEST = {"targets": ["scene"], "profile": "cpu", "flags": (1, 2)}
+
+
+def test_a_snapshot_holds_as_long_as_nothing_changes(files: Path, tmp_path: Path) -> None:
+    path = tmp_path / "local" / "snapshot.json"
+    assert load_if_fresh(path, REQUEST) is None
+    assert save(path, REQUEST, watch(files), ["scene\tout/scene.xml"])
+    found = load_if_fresh(path, REQUEST)
+    assert found is not None
+    assert found.lines == ("scene\tout/scene.xml",)
+    assert load_if_fresh(path, {**REQUEST, "profile": "stub"}) is None
+    (files / "__pycache__").mkdir()  # not content
+    assert load_if_fresh(path, REQUEST) is not None
+
+
+@pytest.mark.parametrize("change", ["edit", "touch", "delete", "add", "appear", "replace", "lose a blob"])
+def test_any_change_ends_it(files: Path, tmp_path: Path, change: str) -> None:
+    path = tmp_path / "snapshot.json"
+    assert save(path, REQUEST, watch(files), [])
+    target = files / "3.py"
+    if change == "edit":
+        before = target.stat()
+        target.write_text("4")
+        os.utime(target, ns=(before.st_atime_ns, before.st_mtime_ns))
+    elif change == "touch":
+        target.touch()
+    elif change == "delete":
+        target.unlink()
+    elif change == "add":
+        (files / "new.py").write_text("")
+    elif change == "appear":
+        (files / "absent.toml").write_text("")
+    elif change == "replace":
+        (tmp_path / "other").write_text("3")
+        os.replace(tmp_path / "other", target)
+    else:
+        (files / "blob").unlink()
+    assert load_if_fresh(path, REQUEST) is None
+
+
+def test_what_is_not_at_rest_is_not_trusted(files: Path, tmp_path: Path) -> None:
+    path = tmp_path / "snapshot.json"
+    assert save(path, REQUEST, watch(files), [])
+    (files / "1.py").write_text("just now")
+    assert not save(path, REQUEST, watch(files), [])
+    assert not path.exists()  # nor is the one before
+    time.sleep(0.05)
+    seen = watch(files)
+    (files / "2.py").write_text("while building")
+    assert not save(path, REQUEST, seen, [])
+
+
+def test_a_broken_snapshot_is_none(files: Path, tmp_path: Path) -> None:
+    path = tmp_path / "snapshot.json"
+    save(path, REQUEST, watch(files), [])
+    whole = json.loads(path.read_text())
+    for junk in ("", "{", "[]", json.dumps({**whole, "form": 0}), json.dumps({**whole, "files": 3})):
+        path.chmod(0o644)
+        path.write_text(junk)
+        assert load_if_fresh(path, REQUEST) is None
+
+
+def test_a_snapshot_of_five_hundred_files_takes_milliseconds(tmp_path: Path) -> None:
+    seen = Watch()
+    for number in range(500):
+        file = tmp_path / f"{number}"
+        file.write_text("")
+        os.utime(file, ns=(1_600_000_000_000_000_001,) * 2)
+        seen.file(file)
+    seen.folder(tmp_path)
+    time.sleep(0.05)
+    seen.started_ns = time.time_ns()
+    path = tmp_path.parent / "snapshot.json"
+    assert save(path, REQUEST, seen, [])
+    times = []
+    for _ in range(5):
+        began = time.perf_counter()
+        assert load_if_fresh(path, REQUEST) is not None
+        times.append(time.perf_counter() - began)
+    assert min(times) < 0.02

@@ -1,0 +1,148 @@
+"""Headers read without types agree with what the artifact types write and read."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+import pytest
+
+from dextera_build import digest
+from dextera_build.artifacts.base import Array, Artifact, Collection, File, Folder, Value
+from dextera_build.errors import RuleError
+from dextera_build.store import header
+
+
+class Size(Value):
+    """Inline."""
+
+    width: int
+    names: tuple[str, ...]
+
+
+class Inner(Artifact):
+    """One array."""
+
+    points: Annotated[np.ndarray, Array("N 3", "float32")]
+
+
+class Outer(Artifact):
+    """Everything that a header can hold."""
+
+    first: Inner
+    items: dict[str, Inner]
+    pair: tuple[Inner, Inner]
+    absent: Inner | None
+    raw: bytes
+    size: Size
+    scale: float
+    notes: dict[str, str]
+
+
+class Memory(dict[str, bytes]):
+    """Digest -> bytes."""
+
+    def put(self, data: bytes) -> str:
+        key = digest.of_bytes(data)
+        self[key] = data
+        return key
+
+
+def inner(value: float) -> Inner:
+    return Inner(points=np.full((2, 3), value, np.float32))
+
+
+@pytest.fixture
+def memory() -> Memory:
+    return Memory()
+
+
+@pytest.fixture
+def outer(memory: Memory) -> str:
+    return Outer(
+        first=inner(1),
+        items={"mug": inner(2), "box": inner(3)},
+        pair=(inner(4), inner(5)),
+        absent=None,
+        raw=b"raw",
+        size=Size(width=1, names=("a", "b")),
+        scale=1.5,
+        notes={"$ref": "not a reference"},
+    ).encode(memory.put)
+
+
+def test_the_closure_is_all_that_was_put(memory: Memory, outer: str) -> None:
+    refs, blobs = header.closure(memory[outer])
+    assert len(refs) == 5
+    assert digest.of_bytes(b"raw") in blobs
+    assert len(blobs) == 1
+    reached = {outer, *refs, *blobs}
+    for ref in refs:
+        more, data = header.closure(memory[ref])
+        assert more == []
+        reached.update(data)
+    assert reached == set(memory)
+
+
+def test_fields_and_keys_of_maps_are_followed(memory: Memory, outer: str) -> None:
+    read = memory.__getitem__
+    assert header.project(read, outer, ()) == outer
+    first = header.project(read, outer, ("first",))
+    assert Inner.decode(first, read).points[0, 0] == 1
+    mug = header.project(read, outer, ("items", "mug"))
+    assert Inner.decode(mug, read).points[0, 0] == 2
+
+
+@pytest.mark.parametrize(
+    ("fields", "message", "hint"),
+    [
+        (("frist",), "`frist` is not a field of Outer", "did you mean `first`?"),
+        (("items", "mgu"), "`mgu` is not in `items` of Outer", "did you mean `mug`?"),
+        (("first", "colour"), "`colour` is not a field of Inner", None),
+        (("scale",), "`scale`, a field of Outer, is not an artifact", None),
+        (("items",), "`items`, a field of Outer, is not an artifact", None),
+        (("absent",), "`absent`, a field of Outer, is not set", None),
+        (("first", "points"), "`points`, a field of Inner, is not an artifact", None),
+    ],
+)
+def test_a_wrong_step_says_what_there_is(
+    memory: Memory, outer: str, fields: tuple[str, ...], message: str, hint: str | None
+) -> None:
+    with pytest.raises(RuleError) as caught:
+        header.project(memory.__getitem__, outer, fields)
+    assert caught.value.message == message
+    assert caught.value.hint == hint
+    assert caught.value.facts
+
+
+def test_items_are_what_each_opens(memory: Memory, outer: str) -> None:
+    found = header.items(memory.__getitem__, outer)
+    assert sorted(found) == ["box", "mug"]
+    assert found["mug"] == header.project(memory.__getitem__, outer, ("items", "mug"))
+
+
+def test_what_has_no_items_cannot_be_opened(memory: Memory) -> None:
+    key = inner(1).encode(memory.put)
+    with pytest.raises(RuleError, match="`each` cannot open Inner: it has no field `items`") as caught:
+        header.items(memory.__getitem__, key)
+    assert caught.value.facts["fields"] == "points"
+
+
+def test_a_file_header_is_what_the_type_writes(memory: Memory) -> None:
+    key = File(data=b"content").encode(memory.put)
+    assert header.file_header(digest.of_bytes(b"content"), 7) == memory[key]
+
+
+def test_a_folder_header_is_what_the_type_writes(memory: Memory) -> None:
+    files = {"b.txt": b"two", "a/ü.bin": b"\0", "empty": b""}
+    key = Folder(files=files).encode(memory.put)
+    tree = {name: (digest.of_bytes(data), len(data)) for name, data in reversed(files.items())}
+    assert header.folder_header(tree) == memory[key]
+
+
+def test_a_collection_header_is_what_the_type_writes(memory: Memory) -> None:
+    parts = {"mug": inner(1), "box": inner(2)}
+    key = Collection[Inner](items=parts).encode(memory.put)
+    digests = {label: part.encode(memory.put) for label, part in reversed(parts.items())}
+    assert header.collection_header(digests) == memory[key]
+    assert header.items(memory.__getitem__, key) == digests
