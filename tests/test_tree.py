@@ -170,7 +170,7 @@ def test_a_rule_file_imports_light_packages_only(path):
 
 
 TEXTS = [p for p in FILES if p.suffix in {".py", ".md", ".yaml", ".yml", ".toml", ".lock", ".sh", ".css", ".js", ""}]
-MACHINE = re.compile(r"(?<![\w.])/(?:work|root|home|opt|Users)/\w")
+MACHINE = re.compile(r"(?<![\w.])/(?:work|root|opt)/\w")
 SCRATCH = re.compile(r"(?<![\w.])/tmp/\w")
 # Written so that this line does not find itself.
 REGISTRY = re.compile(r"pypi\.org|python" r"hosted\.org|deb\.debian\.org|npm" r"js\.org|\bfile:///|extra-index" r"-url")

@@ -24,7 +24,6 @@ from dextera_build.geometry import convex, quaternions
 from dextera_build.geometry.cameras import GL_FROM_CV
 from dextera_build.sim import mjcf_contact, names
 
-SKY = "0.86 0.88 0.90"
 PIXEL_M = 1e-6
 """Sensor pitch that is written for the camera; only its ratio to the image matters [m]."""
 
@@ -67,7 +66,7 @@ class _Writer:
 
     def folder(self, background: Background, camera: Camera, pose: np.ndarray) -> Folder:
         self._head(camera)
-        self._view(camera, pose)
+        self._view(camera, pose, background)
         self._background(background)
         for label in sorted(self.assets):
             self._object(label)
@@ -101,9 +100,11 @@ class _Writer:
         solid = _add(defaults, "default", {"class": "collision"})
         _add(solid, "geom", group="3", condim="4", solref=numbers(mjcf_contact.solref(0.0)), rgba="0.3 0.6 0.9 0.4")
 
-    def _view(self, camera: Camera, pose: np.ndarray) -> None:
+    def _view(self, camera: Camera, pose: np.ndarray, background: Background) -> None:
+        # The picture's mean colour, so that the border of the static surface does not glow.
+        sky = numbers((background.image.pixels.mean(axis=(0, 1)) / 255).round(3))
         _add(
-            self.asset, "texture", name="sky", type="skybox", builtin="flat", rgb1=SKY, rgb2=SKY, width="8", height="48"
+            self.asset, "texture", name="sky", type="skybox", builtin="flat", rgb1=sky, rgb2=sky, width="8", height="48"
         )
         _add(
             self.world,

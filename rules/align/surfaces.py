@@ -148,16 +148,13 @@ def _between(pixels: np.ndarray) -> np.ndarray:
 
 
 def _bridged(filled: np.ndarray) -> np.ndarray:
-    """Dilation by two cells."""
-    wide = filled.copy()
-    for _ in range(2):
-        grown = wide.copy()
-        grown[1:] |= wide[:-1]
-        grown[:-1] |= wide[1:]
-        grown[:, 1:] |= wide[:, :-1]
-        grown[:, :-1] |= wide[:, 1:]
-        wide = grown
-    return wide
+    """Dilation by one cell: what lies two cells away is another surface."""
+    grown = filled.copy()
+    grown[1:] |= filled[:-1]
+    grown[:-1] |= filled[1:]
+    grown[:, 1:] |= grown[:, :-1].copy()
+    grown[:, :-1] |= grown[:, 1:].copy()
+    return grown
 
 
 def _refined(surface: Surface, points: np.ndarray, sigma: np.ndarray, valid: np.ndarray) -> Surface:

@@ -45,7 +45,8 @@ def clean(capture: Capture, support: Support, segmentation: Segmentation, option
     image = capture.rgb.pixels.astype(np.float32)
     if (hole & layers.behind).any():
         image = _fill_support(image, layers, capture, support, options)
-    pixels = _inpaint(np.clip(np.round(image), 0, 255).astype(np.uint8), hole & ~layers.behind)
+    pixels = np.clip(np.round(image), 0, 255).astype(np.uint8)
+    pixels = _inpaint(pixels, hole & ~layers.behind, layers.behind)
     depth = _depth(capture.depth.depth, layers, support, options)
     mesh = grid_mesh(
         pixels,
@@ -128,13 +129,34 @@ def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, reach: float) -
     return np.asarray(gain ** (weight * np.where(gap, 1.0, inner))[..., None], np.float32)
 
 
-def _inpaint(pixels: np.ndarray, hole: np.ndarray) -> np.ndarray:
-    """Fill what is not the support: the mean of Telea's and the Navier-Stokes inpainting."""
-    if not hole.any():
-        return pixels
-    mask = hole.astype(np.uint8)
-    both = [cv2.inpaint(pixels, mask, 5, how).astype(np.float32) for how in (cv2.INPAINT_TELEA, cv2.INPAINT_NS)]
-    return np.asarray(np.round((both[0] + both[1]) / 2), np.uint8)
+def _inpaint(pixels: np.ndarray, hole: np.ndarray, behind: np.ndarray) -> np.ndarray:
+    """Fill what is not the support from what is not the support: the mean of Telea's and Navier-Stokes inpainting.
+
+    Every hole is filled at half resolution in its own crop; the support counts as hidden there.
+    """
+    filled = pixels.copy()
+    count, labels, facts, _ = cv2.connectedComponentsWithStats(hole.astype(np.uint8))
+    for number in range(1, count):
+        left, top, width, height = facts[number, :4].tolist()
+        rim = 24
+        area = np.s_[max(0, top - rim) : top + height + rim, max(0, left - rim) : left + width + rim]
+        unknown = (hole | behind)[area]
+        source = pixels if not unknown.all() else filled
+        unknown = unknown if not unknown.all() else hole[area]
+        here = labels[area] == number
+        filled[area] = np.where(here[..., None], _both_ways(source[area], unknown), filled[area])
+    return filled
+
+
+def _both_ways(pixels: np.ndarray, hole: np.ndarray) -> np.ndarray:
+    size = (pixels.shape[1], pixels.shape[0])
+    half = (max(1, size[0] // 2), max(1, size[1] // 2))
+    small = cv2.resize(pixels, half, interpolation=cv2.INTER_AREA)
+    mask = cv2.resize(
+        cv2.dilate(hole.astype(np.uint8), np.ones((3, 3), np.uint8)), half, interpolation=cv2.INTER_NEAREST
+    )
+    telea, flow = (cv2.inpaint(small, mask, 4, how).astype(np.float32) for how in (cv2.INPAINT_TELEA, cv2.INPAINT_NS))
+    return np.asarray(np.round(cv2.resize((telea + flow) / 2, size, interpolation=cv2.INTER_LINEAR)), np.uint8)
 
 
 def _depth(depth: np.ndarray, layers: Layers, support: Support, options: StaticOptions) -> np.ndarray:

@@ -17,6 +17,8 @@ SHRINK = 4
 """The coarse search runs on a picture this many times smaller."""
 CONTRAST = 0.5
 """How much a difference in contrast counts against a patch, beside its correlation."""
+COLOUR = 0.02
+"""How much a grey level of difference in the smooth colour counts: another colour is another material."""
 
 
 def membrane(values: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -65,11 +67,12 @@ def fill_texture(
         return image
     smooth = smooth_part(image, source, sigma)
     detail = np.where(source[..., None], image - smooth, 0.0).astype(np.float32)
-    quilted = _quilt(detail, hole, source & ~hole, blur)
+    quilted = _quilt(detail, hole, source & ~hole, np.concatenate([smooth, blur[..., None]], axis=-1))
     return np.where(hole[..., None], smooth + quilted, image).astype(np.float32)
 
 
-def _quilt(detail: np.ndarray, hole: np.ndarray, good: np.ndarray, blur: np.ndarray) -> np.ndarray:
+def _quilt(detail: np.ndarray, hole: np.ndarray, good: np.ndarray, traits: np.ndarray) -> np.ndarray:
+    """Detail for the hole; `traits` (H, W, 4) are the smooth colour and the coarseness of each place."""
     tile = 2 * SHRINK * max(3, round(float(np.sqrt(hole.sum() / MOST_TILES)) / 2 / SHRINK))
     reach = tile // 2
     window = tile + 2 * reach
@@ -77,15 +80,15 @@ def _quilt(detail: np.ndarray, hole: np.ndarray, good: np.ndarray, blur: np.ndar
     rim = tuple((window, window + -n % SHRINK) for n in detail.shape[:2])
     work = np.pad(detail, (*rim, (0, 0)))
     open_, known = np.pad(hole, rim), np.pad(good, rim)
-    blur = np.pad(blur, rim, mode="edge")
-    search = _Search(work, known, blur, window)
+    traits = np.pad(traits, (*rim, (0, 0)), mode="edge")
+    search = _Search(work, known, traits, window)
     fixed = known.copy()
     waiting = _tiles(open_, tile)
     while waiting and search.possible:
         fractions = [known[_box(t, reach, window)].mean() for t in waiting]
         corner = waiting.pop(int(np.argmax(fractions)))
         area = _box(corner, reach, window)
-        patch = search.best(work[area], known[area], float(np.median(blur[area])))
+        patch = search.best(work[area], known[area], np.median(traits[area], axis=(0, 1)))
         fresh = open_[area] & ~fixed[area]
         blend = _feather(known[area], reach)[..., None]
         work[area] = np.where(fresh[..., None], work[area] * (1 - blend) + patch * blend, work[area])
@@ -96,7 +99,7 @@ def _quilt(detail: np.ndarray, hole: np.ndarray, good: np.ndarray, blur: np.ndar
 class _Search:
     """Finds windows of known texture: a coarse search everywhere, a fine one around its best place."""
 
-    def __init__(self, texture: np.ndarray, known: np.ndarray, blur: np.ndarray, window: int) -> None:
+    def __init__(self, texture: np.ndarray, known: np.ndarray, traits: np.ndarray, window: int) -> None:
         self._texture = texture.copy()
         self._window = window
         self._grey = texture.mean(axis=-1)
@@ -109,18 +112,20 @@ class _Search:
         side = window // SHRINK
         rows, columns = (n - side + 1 for n in self._small.shape)
         self._coarse = _thinned(self._free)[:rows, :columns]
-        self._blur = _thinned(blur[window // 2 :, window // 2 :])[:rows, :columns]
+        middle = _thinned(traits[window // 2 :, window // 2 :])[:rows, :columns]
+        self._colour, self._blur = middle[..., :3], middle[..., 3]
         square, mean = (
             cv2.boxFilter(p, -1, (side, side), anchor=(0, 0))[:rows, :columns] for p in (self._small**2, self._small)
         )
         self._spread = np.sqrt(np.maximum(square - mean**2, 0.0))
         self.possible = bool(self._coarse.any())
 
-    def best(self, target: np.ndarray, context: np.ndarray, blur: float) -> np.ndarray:
-        """The window that agrees best with `target` where `context` holds."""
+    def best(self, target: np.ndarray, context: np.ndarray, traits: np.ndarray) -> np.ndarray:
+        """The window that agrees best with `target` where `context` holds, from a place with like `traits` (4,)."""
         grey = target.mean(axis=-1)
         cost = self._cost(_shrunk(grey), _thinned(context))
-        most = COARSER * max(blur, float(self._blur[self._coarse].min()))
+        cost = cost + COLOUR * np.abs(self._colour - traits[:3]).mean(axis=-1)
+        most = COARSER * max(float(traits[3]), float(self._blur[self._coarse].min()))
         cost = np.where(self._coarse & (self._blur <= most), cost, np.inf)
         row, column = (SHRINK * int(n) for n in np.unravel_index(int(np.argmin(cost)), cost.shape))
         row, column = self._refined(row, column, grey, context)

@@ -11,8 +11,6 @@ from dextera_build.rule import Backend
 from dextera_build.sim import model as models
 from dextera_build.sim import rendering
 
-from .panels import spread
-
 BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu", "gpu"), packages=("mujoco",), extra="twin")
 
 
@@ -27,17 +25,15 @@ def render(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     owner = np.full(geoms.shape, -1, np.int32)
     for number, name in enumerate(scene.bodies):
         owner[roots == model.body(name).id] = number
-    # The rim of a surface is mixed with the sky.
-    bare = spread(geoms < 0) & (owner < 0)
-    return _backed(pixels, bare, scene), owner
+    return _backed(pixels, owner < 0, scene), owner
 
 
-def _backed(pixels: np.ndarray, nothing: np.ndarray, scene: Scene) -> np.ndarray:
-    """`pixels` over the cleaned photograph, which the background's texture is, where the twin has no surface."""
+def _backed(pixels: np.ndarray, empty: np.ndarray, scene: Scene) -> np.ndarray:
+    """Objects over the cleaned photograph, which is the texture of the static surface seen from this very camera."""
     from PIL import Image
 
     data = scene.model.files.get("assets/background.png")
     if data is None:
         return pixels
     behind = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
-    return np.where(nothing[..., None], behind, pixels) if behind.shape == pixels.shape else pixels
+    return np.where(empty[..., None], behind, pixels) if behind.shape == pixels.shape else pixels

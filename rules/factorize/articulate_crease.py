@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,7 +43,7 @@ def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts |
     if halves is None:
         return None
     base, lid = halves
-    hinge, sunk = _seated(base, lid, hinge, options)
+    hinge, lift = _seated(base, lid, hinge, options)
     base_solid, lid_solid = manifolds.solid(base), manifolds.solid(lid)
     area = _plan_area(lid, hinge)
 
@@ -54,15 +55,15 @@ def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts |
     upper = _upper(overlap, hinge, options)
     closed = hinge.turn(-hinge.angle)
     mine, theirs = _walls(shape, hinge)
-    seen_angle = _seen_angle(shape, seen, hinge)
+    metrics = [("lifted", lift * 1000.0, "mm")]
+    if (angle := _seen_angle(shape, seen, hinge)) is not None:
+        metrics.append(("seen_minus_mesh", float(np.degrees(angle - hinge.angle)), "deg"))
     return Parts(
         Link(mesh=base, walls=mine),
         Link(mesh=_moved(lid, closed), walls=tuple(Hull(vertices=_apply(closed, hull.vertices)) for hull in theirs)),
         _joint(hinge, upper),
         closing,
-        (("lifted", sunk * 1000.0, "mm"), ("seen_minus_mesh", np.degrees(seen_angle - hinge.angle), "deg"))
-        if seen_angle is not None
-        else (("lifted", sunk * 1000.0, "mm"),),
+        tuple(metrics),
     )
 
 
@@ -117,9 +118,8 @@ def _plan_area(lid: Mesh, hinge: Hinge) -> float:
     return float((areas * np.maximum(cosine, 0.0)).sum())
 
 
-def _upper(overlap: object, hinge: Hinge, options: ArticulateOptions) -> float:
+def _upper(overlap: Callable[[float], float], hinge: Hinge, options: ArticulateOptions) -> float:
     """The widest opening up to which nothing is in the way; never less than what was observed and a margin."""
-    assert callable(overlap)
     least = hinge.angle + options.margin_rad
     free = least
     for position in np.linspace(least, max(options.upper_rad, least), _STEPS):

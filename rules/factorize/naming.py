@@ -22,6 +22,8 @@ HUES = (
 )
 """Upper end of the hue angle in the a*b* plane [deg] and its word."""
 MATERIALS = {"box": "cardboard", "bowl": "ceramic", "mug": "ceramic", "laptop": "electronics"}
+INWARD = 0.12
+"""Part of the seen surface that faces a thing's own middle: above 0.2 for bowls and mugs, below 0.04 for solids."""
 SHAPES = ("box", "cylinder", "bowl", "mug", "laptop", "object")
 
 
@@ -44,11 +46,10 @@ def shape_class(proposal: Proposal, relief: Relief) -> str:
     """`box`, `cylinder`, `bowl`, `mug`, `laptop` or `object`, from how the surface bends."""
     total = sum(p.area_m2 for p in proposal.patches)
     flat = [p for p in proposal.patches if p.flatness_m < 0.004 and abs(p.bend) < 0.12 and p.area_m2 > 0.05 * total]
-    cavity = sum(p.area_m2 for p in proposal.patches if p.bend < -0.06 and p.flatness_m > 0.004)
     round_ = sum(p.area_m2 for p in proposal.patches if p.bend > 0.08 and p.flatness_m > 0.002)
     if proposal.hinged:
         return "laptop"
-    if cavity > 0.1 * total:
+    if proposal.inward > INWARD:
         points = relief.points[proposal.mask & relief.valid]
         width = float(np.median(np.quantile(points[:, :2], 0.98, axis=0) - np.quantile(points[:, :2], 0.02, axis=0)))
         return "mug" if proposal.top_m > 0.75 * width else "bowl"

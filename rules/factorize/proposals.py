@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.object import Support
 
-from . import grouping, heights, patches
+from . import grouping, heights, patches, relations
 from .relations import Group
 from .standing import standing
 
@@ -35,6 +35,8 @@ class Proposal:
     """Height above the support [m]."""
     patches: tuple[Group, ...]
     """Smooth pieces of its surface, largest first."""
+    inward: float
+    """Part of its seen surface that faces its own middle, as only the inside of a hollow thing does."""
     hinged: bool
     """Two plates that meet in a crease, like a laptop."""
     static: str
@@ -103,5 +105,13 @@ def _is_cut(relief: heights.Relief, mask: np.ndarray) -> bool:
 def _proposal(parts: grouping.Grouping, number: int, mask: np.ndarray, handled: bool) -> Proposal:
     part = parts.groups[number]
     pieces = tuple(sorted((parts.patches[n] for n in parts.members[number]), key=lambda p: -p.area_m2))
-    hinged = number in parts.hinged
-    return Proposal(mask, box_of(mask), part.area_m2, part.top_m, pieces, hinged, "" if handled else "robot")
+    return Proposal(
+        mask=mask,
+        box=box_of(mask),
+        area_m2=part.area_m2,
+        top_m=part.top_m,
+        patches=pieces,
+        inward=relations.inward(parts.surfaces, part),
+        hinged=number in parts.hinged,
+        static="" if handled else "robot",
+    )

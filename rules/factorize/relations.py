@@ -161,6 +161,18 @@ def gap(s: Surfaces, small: Group, large: Group) -> float:
     return float(np.quantile(near, 0.05))
 
 
+def inward(s: Surfaces, group: Group) -> float:
+    """Part of a group's pixels whose surface faces the vertical line through the group's middle."""
+    points, normal = s.points.reshape(-1, 3)[group.pixels], s.normal.reshape(-1, 3)[group.pixels]
+    low, high = np.quantile(points[:, :2], (0.02, 0.98), axis=0)
+    from_middle = points[:, :2] - (low + high) / 2
+    distance = np.linalg.norm(from_middle, axis=1)
+    wall = (np.abs(normal[:, 2]) < 0.85) & (np.linalg.norm(normal, axis=1) > 0)
+    wall &= distance > 0.2 * float(np.min(high - low))
+    faces = (normal[:, :2] * from_middle).sum(axis=1) < -0.4 * distance
+    return float((wall & faces).mean())
+
+
 def hinged(s: Surfaces, base: Group, lid: Group) -> bool:
     """Whether two flat groups are the base and the open lid of one thing: equally wide along a crease at their edge.
 

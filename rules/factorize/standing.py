@@ -63,7 +63,7 @@ def _below(parts: Grouping, number: int) -> tuple[np.ndarray, np.ndarray, np.nda
 def _on_floor(s: Surfaces, parts: Grouping, number: int) -> bool:
     rows, columns, below = _below(parts, number)
     # The lower border of a round bowl is where sight lines touch it, well above its foot.
-    limit = np.clip(0.6 * parts.groups[number].top_m, FOOT_M, 2.4 * FOOT_M)
+    limit = np.clip(0.8 * parts.groups[number].top_m, FOOT_M, 2.4 * FOOT_M)
     low = s.height[np.maximum(rows - 1, 0), columns] < limit
     return bool((low & (parts.labels[below, columns] == 0)).mean() > FEW)
 

@@ -214,6 +214,33 @@ def test_a_hole_as_large_as_the_picture_still_gives_a_surface(tmp_path: Path) ->
     assert len(result.mesh.faces)
 
 
+def test_beyond_the_supports_edge_the_wall_is_filled_with_wall(tmp_path: Path) -> None:
+    empty, table = striped_table()
+    points = transforms.apply(table.world_from_camera, cameras.backproject(empty.depth.depth, LENS.matrix()))
+    rays = cameras.rays(LENS.height, LENS.width, LENS.matrix()) @ table.world_from_camera[:3, :3].T
+    wall = (points[..., 1] > 0.45) | (empty.depth.depth == 0)
+    depth = np.where(wall, (0.45 - table.world_from_camera[1, 3]) / rays[..., 1], empty.depth.depth).astype(np.float32)
+    pixels = np.where(wall[..., None], np.array([60, 80, 200], np.uint8), empty.rgb.pixels)
+    room = Capture(rgb=Image(pixels=pixels), depth=DepthImage(depth=depth), camera=LENS)
+    edge = int(np.flatnonzero(~wall[:, 160]).min())
+    mask = np.zeros_like(wall)
+    mask[edge - 40 : edge + 40, 130:190] = True
+    result = build(room, table, mask, tmp_path, static_planes)
+    blue = result.image.pixels[..., 2].astype(int) - result.image.pixels[..., 0]
+    assert (blue[edge - 40 : edge - 4, 135:185] > 60).mean() > 0.97
+    assert (blue[edge + 4 : edge + 40, 135:185] < 0).mean() > 0.97
+
+
+def test_the_robot_is_taken_out_too(tmp_path: Path) -> None:
+    empty, table = striped_table()
+    capture, mask = with_box(empty, table, shadow=False)
+    nothing = LabelImage(labels=np.zeros(mask.shape, np.int32))
+    robot = Segmentation(items={}, names=(), labels=nothing, fixed=mask)
+    context = Context(backend=static_planes, scratch=tmp_path)
+    result = static(context, capture, table, robot, options=StaticOptions())
+    assert np.abs(result.image.pixels[mask].astype(float).mean(axis=0) - empty.rgb.pixels[mask].mean(axis=0)).max() < 8
+
+
 def test_a_segmentation_of_another_size_is_refused(tmp_path: Path) -> None:
     empty, table = striped_table()
     with pytest.raises(RuleError, match="of another picture"):

@@ -10,7 +10,7 @@ import pytest
 
 from dextera_build.artifacts.object import ObjectView, Shape
 from dextera_build.errors import RuleError
-from dextera_build.geometry import solids, transforms
+from dextera_build.geometry import raycast, solids, transforms
 from dextera_build.geometry.solids import Solid
 from dextera_build.rule import Context
 from rules.factorize import evidence, handle, hypotheses, mesh_primitives, mesh_stub, paint, revolution, scoring
@@ -37,6 +37,23 @@ def components(faces: np.ndarray) -> int:
     rows, columns = faces[:, [0, 1, 2]].ravel(), faces[:, [1, 2, 0]].ravel()
     size = int(faces.max()) + 1
     return int(connected_components(coo_array((np.ones(len(rows)), (rows, columns)), shape=(size, size)))[0])
+
+
+def within(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    from scipy.spatial import ConvexHull
+
+    planes = ConvexHull(corners).equations
+    return np.asarray((points @ planes[:, :3].T + planes[:, 3] <= 1e-6).all(axis=1))
+
+
+def inside_and_in_cavity(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Random points in the cavity, with nothing above and a floor below, and in the material."""
+    low, high = shape.mesh.vertices.min(axis=0), shape.mesh.vertices.max(axis=0)
+    points = np.random.default_rng(0).uniform(low, high, (20000, 3))
+    body = raycast.Surface(shape.mesh.vertices, shape.mesh.faces)
+    up = raycast.cast([body], np.c_[points, np.tile([0.0, 0, 1], (len(points), 1))])
+    down = raycast.cast([body], np.c_[points, np.tile([0.0, 0, -1], (len(points), 1))])
+    return points[(up.index < 0) & (down.index >= 0)], points[(up.index >= 0) & (up.normal[:, 2] > 0)]
 
 
 @pytest.mark.parametrize(
@@ -92,12 +109,11 @@ def test_a_vessel_is_hollow_and_its_walls_leave_the_cavity_free(tmp_path, body, 
     assert found.mesh.extent == pytest.approx(size, abs=0.004)
     volume = Solid(found.mesh.vertices.astype(float), found.mesh.faces.astype(np.int64)).volume
     assert volume == pytest.approx(body.volume, rel=0.45)
-    middle = np.array([0.0, 0.0, 0.6 * size[2]])
-    for wall in found.walls:
-        from scipy.spatial import ConvexHull
-
-        planes = ConvexHull(wall.vertices).equations
-        assert (planes[:, :3] @ middle + planes[:, 3]).max() > 0.5 * size[0] / 2
+    cavity, material = inside_and_in_cavity(found)
+    walls = np.any([within(wall.vertices, cavity) for wall in found.walls], axis=0)
+    assert walls.mean() < 0.04
+    walls = np.any([within(wall.vertices, material) for wall in found.walls], axis=0)
+    assert walls.mean() > 0.97
 
 
 def test_a_handle_makes_a_loop(tmp_path):
