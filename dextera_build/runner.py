@@ -50,7 +50,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     if not any(base.__name__ == wanted.__name__ for base in type(result).__mro__):
         raise RuleError(
             f"{found.path} returned {type(result).__name__}, but {wanted.__name__} is declared",
-            code="DXB-B203",
+            code="DXB-B209",
             where=found.place,
         )
     return {

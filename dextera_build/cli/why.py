@@ -66,7 +66,8 @@ def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: s
     entry = session.history.get(node)
     when = f"run {entry.run} ({_ago(entry.time)})" if entry else ""
     if state.status == "cached":
-        return f"up to date: key {(state.key or '')[:12]}, built by {when or 'another recipe'}", []
+        builder = when if entry and entry.key == state.key else "an earlier run or another recipe"
+        return f"up to date: key {(state.key or '')[:12]}, built by {builder}", []
     if entry is None:
         return "never built", _upstream(states, node)
     if not state.key_document:

@@ -4,8 +4,8 @@
 the speed times e = exp(-z (pi - 2 asin z) / sqrt(1 - z^2)), for z > 1 times exp(-z / r ln((z + r) / (z - r))) with
 r = sqrt(z^2 - 1) (Schwager and Poeschel 2007); z = 1 gives e^-2. `solref` takes (time constant, z); the natural
 frequency is 1 / (time constant * z), and it is kept at `CONTACT_RATE` whatever e is, so that bouncy things are no
-stiffer than others. Beyond `MOST_DAMPED` (e = 0.04) MuJoCo would clip the time constant at a 2 ms step. A body that
-starts in slight penetration is pushed out slowly and not thrown.
+stiffer than others. Contacts are never damped more than `MOST_DAMPED` (e = 0.11), because beyond 1.6 resting bodies
+chatter at a 2 ms step. A body that starts in slight penetration is pushed out slowly and not thrown.
 
 **Friction.** Sliding friction is the body's own. Object geoms have priority 1, the static scene 0, so the object's
 parameters win over the table's; between two objects MuJoCo takes the larger friction. Torsion and rolling are lengths
@@ -28,7 +28,7 @@ GRAVITY = 9.81
 """[m/s^2]."""
 CONTACT_RATE = 100.0
 """Natural frequency of contacts [rad/s]; with a 2 ms step this is far from instability."""
-MOST_DAMPED = 2.5
+MOST_DAMPED = 1.2
 """Largest damping ratio that is written."""
 TORSION_M = 0.003
 """Torsional friction: 2/3 of the radius of a contact patch of 4.5 mm [m]."""

@@ -11,6 +11,10 @@ from dextera_build.geometry import cameras, transforms
 
 REACH_PX = 12.0
 """How far to each side of the silhouette the fit looks [px]."""
+CONTACT_M = 0.018
+"""What is seen this much nearer, just below an object, may hide it instead of carrying it [m]."""
+LIFTED_M = 0.02
+"""An object whose lowest seen border is not higher stands on the support [m]."""
 STEP_PX = 0.75
 """Distance of the rays across the silhouette [px]."""
 
@@ -26,8 +30,9 @@ class Silhouette:
 
 @dataclass(frozen=True)
 class Evidence:
-    """One object as one camera saw it. Points and rays are in the world frame, z = 0 is the support."""
+    """One object as one camera saw it. Points and rays are in the world frame, but z = 0 is what the object stands on."""
 
+    base: float  # height over the support of what the object stands on [m]; 0 for the support itself
     k: np.ndarray  # (3, 3) intrinsics of the crop [px]
     world_from_camera: np.ndarray  # (4, 4)
     mask: np.ndarray  # (H, W) bool
@@ -74,13 +79,16 @@ def gather(seen: ObjectView, samples: int = 1500, outline_samples: int = 220) ->
     sigma = noise(depth)
     known = ~_grown(seen.occluder, 2)
     core = trusted(mask, depth, sigma) & known
-    smooth, normals = _normals(np.where(core, depth, 0.0), k)
-    del smooth
+    normals = _normals(np.where(core, depth, 0.0), k)
+    base = standing_height(mask, depth, k, pose)
+    pose = pose.copy()
+    pose[2, 3] -= base
     points = transforms.apply(pose, cameras.backproject(depth, k)[core])
     bearings = _bearings(depth.shape, k, pose)
     chosen = np.flatnonzero(core.ravel())
     chosen = chosen[:: max(1, len(chosen) // samples)]
     return Evidence(
+        base=base,
         k=k,
         world_from_camera=pose,
         mask=mask,
@@ -106,6 +114,32 @@ def without_pinholes(mask: np.ndarray) -> np.ndarray:
     small = sizes < max(12.0, 0.002 * np.count_nonzero(mask))
     small[0] = False
     return np.asarray(mask | small[holes]) if number else mask
+
+
+def standing_height(mask: np.ndarray, depth: np.ndarray, k: np.ndarray, pose: np.ndarray) -> float:
+    """Height over the support of what the object stands on [m], 0 where nothing speaks against the support itself.
+
+    Along the lower border of the mask, an object that stands on another one touches what is seen below it; one that
+    is hidden by another is behind it.
+    """
+    columns = np.flatnonzero((mask & (depth > 0)).any(axis=0))
+    if len(columns) < 8:
+        return 0.0
+    lowest = len(mask) - 1 - np.argmax(mask[::-1, columns], axis=0)
+    height, touching, told = np.full(len(columns), np.nan), 0, 0
+    points = transforms.apply(pose, cameras.backproject(depth, k))
+    for i, (column, row) in enumerate(zip(columns, lowest, strict=True)):
+        above, below = depth[max(row - 6, 0) : row - 1, column], depth[row + 3 : row + 7, column]
+        if (above > 0).any() and (below > 0).any():
+            told += 1
+            near = np.median(above[above > 0]) - np.median(below[below > 0])
+            if near < CONTACT_M:
+                touching += 1
+                height[i] = np.median(points[max(row - 6, 0) : row - 1, column, 2][above > 0])
+    if told < 8 or touching < 0.6 * told:
+        return 0.0
+    base = float(np.nanquantile(height, 0.1))
+    return base if base > LIFTED_M else 0.0
 
 
 def noise(depth: np.ndarray) -> np.ndarray:
@@ -135,8 +169,8 @@ def _bearings(shape: tuple[int, ...], k: np.ndarray, pose: np.ndarray) -> np.nda
     return np.concatenate([np.broadcast_to(pose[:3, 3], directions.shape), directions], axis=-1)
 
 
-def _normals(depth: np.ndarray, k: np.ndarray, window: int = 7) -> tuple[np.ndarray, np.ndarray]:
-    """Smoothed points and unit normals (H, W, 3) in the camera frame, facing the camera; 0 where nothing is known."""
+def _normals(depth: np.ndarray, k: np.ndarray, window: int = 7) -> np.ndarray:
+    """Unit normals (H, W, 3) in the camera frame, smoothed, facing the camera; 0 where nothing is known."""
     from scipy import ndimage
 
     points = cameras.backproject(depth, k)
@@ -162,7 +196,7 @@ def _normals(depth: np.ndarray, k: np.ndarray, window: int = 7) -> tuple[np.ndar
     along_v = np.stack([middle[..., 0] / z * slopes[1], z / k[1, 1] + middle[..., 1] / z * slopes[1], slopes[1]], -1)
     normal = np.cross(along_v, along_u)
     normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
-    return middle, normal
+    return np.asarray(normal)
 
 
 def _silhouette(mask: np.ndarray, known: np.ndarray, k: np.ndarray, pose: np.ndarray, samples: int) -> Silhouette:

@@ -21,7 +21,7 @@ CAVITY_RAD = -0.06
 """Surfaces that bend less than this are the inside of something [rad]."""
 FEWEST = 12
 """Contacts of fewer pixel pairs say nothing."""
-ATTACHED_M = 0.015
+ATTACHED_M = 0.02
 """Parts of one thing show no wider gap than this [m]."""
 
 

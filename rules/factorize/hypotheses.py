@@ -10,13 +10,22 @@ import numpy as np
 from dextera_build.geometry import solids
 from dextera_build.geometry.solids import Solid
 
-from . import hypothesis_box, hypothesis_extruded, hypothesis_lofted, hypothesis_panels, revolution, wall_pieces
+from . import (
+    hypothesis_box,
+    hypothesis_extruded,
+    hypothesis_lofted,
+    hypothesis_panels,
+    hypothesis_tilted,
+    revolution,
+    wall_pieces,
+)
 from .evidence import Evidence
 from .profile import FACETS, Layout, Profile
 from .refine import Model
 
 HYPOTHESES = (
     "box",
+    "tilted_box",
     "cylinder",
     "lying_cylinder",
     "revolved",
@@ -60,6 +69,7 @@ def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float) -> list
     """Candidates of the allowed families that the view gives any reason for."""
     makers: dict[str, Callable[[], Candidate | None]] = {
         "box": lambda: _box(evidence),
+        "tilted_box": lambda: _tilted(evidence),
         "cylinder": lambda: _cylinder(evidence),
         "lying_cylinder": lambda: _lying(evidence),
         "revolved": lambda: _revolved(evidence, hollow=False, wall_m=wall_m),
@@ -78,6 +88,19 @@ def _box(evidence: Evidence) -> Candidate:
         return Finished(body, hypothesis_box.upright(p[0], p[1], p[2]), (body.vertices,))
 
     return Candidate(hypothesis_box.box(evidence), finish, {3: "x", 4: "y"}, settled=hypothesis_box.standing)
+
+
+def _tilted(evidence: Evidence) -> Candidate | None:
+    made = hypothesis_tilted.tilted(evidence)
+    if made is None:
+        return None
+    frames, model = made
+
+    def finish(p: np.ndarray) -> Finished:
+        body = hypothesis_tilted.tilted_body(p)
+        return Finished(body, hypothesis_tilted.tilted_pose(frames, p), (body.vertices,))
+
+    return Candidate(model, finish, {7: "x", 8: "y", 9: "z"})
 
 
 def _cylinder(evidence: Evidence) -> Candidate:
@@ -112,7 +135,7 @@ def _lofted(layout: Layout, model: Model, wall_m: float) -> Candidate:
 
 
 def _finish_profile(layout: Layout, p: np.ndarray) -> Finished:
-    profile = layout.profile(p).finer(int(np.clip(2 * layout.knots, 16, 22 if layout.hollow else 36)))
+    profile = layout.profile(p).finer(int(np.clip(2 * layout.knots, 16, 18 if layout.hollow else 36)))
     body = profile.solid(FACETS)
     if profile.wall is None:
         return Finished(body, layout.pose(p))

@@ -9,13 +9,17 @@ from dextera_build.geometry.solids import Solid
 
 from .evidence import Evidence
 from .hypothesis_box import LARGEST_M, upright
+from .planes import largest_plane
 from .refine import Model
 
 THIN_M = 0.006
 """Thickness of a slab whose edge is not seen [m]."""
 THINNEST_M = 0.003
-TRIES = 300
-"""Random plane triples."""
+"""No slab is thinner [m]."""
+BASE_M = 0.015
+"""Thickness of a base that is not seen [m]."""
+OVERHANG = -0.06
+"""Upward part of the unit normal of a face that overhangs."""
 
 
 def panels(evidence: Evidence) -> Model | None:
@@ -25,6 +29,8 @@ def panels(evidence: Evidence) -> Model | None:
     its +y end; at angle pi the lid lies flat.
     """
     start = _start(evidence)
+    if start is None:
+        start = _from_behind(evidence)
     if start is None:
         return None
     inf = np.inf
@@ -57,6 +63,29 @@ def slabs(p: np.ndarray) -> list[Solid]:
     pose = transforms.rigid(np.stack([[1.0, 0.0, 0.0], outward, along], axis=-1), np.array([0.0, depth / 2, thick]))
     slab = solids.box((width, lid, length), (0.0, lid / 2, length / 2))
     return [base, slab.moved(pose)]
+
+
+def _from_behind(evidence: Evidence) -> np.ndarray | None:
+    """A start where the camera sees one plane that overhangs: nothing stands so alone, it is a lid seen from behind."""
+    points = evidence.points[:: max(1, len(evidence.points) // 4000)]
+    plane = largest_plane(points)
+    if plane is None:
+        return None
+    normal, offset = plane if plane[0] @ evidence.eye > plane[1] else (-plane[0], -plane[1])
+    lid = points[np.abs(points @ normal - offset) < 0.006]
+    level = float(np.linalg.norm(normal[:2]))
+    if len(lid) < 0.6 * len(points) or not -0.8 < normal[2] < OVERHANG or level < 1e-6:
+        return None
+    across = normal[:2] / level
+    crease = np.array([across[1], -across[0]])
+    left, right = np.quantile(lid[:, :2] @ crease, [0.005, 0.995])
+    length = (float(np.quantile(lid[:, 2], 0.995)) - BASE_M) / level
+    edge = (offset - BASE_M * normal[2]) / level - THIN_M / level
+    if length < 0.03 or right - left < 0.03:
+        return None
+    centre = crease * (left + right) / 2 + across * (edge - length / 2)
+    yaw, angle = float(np.arctan2(crease[1], crease[0])), float(np.arctan2(level, normal[2]))
+    return np.array([*centre, yaw, right - left, length, BASE_M, length, THIN_M, angle])
 
 
 def _start(evidence: Evidence) -> np.ndarray | None:
@@ -103,7 +132,7 @@ def _two_planes(evidence: Evidence) -> tuple[tuple[np.ndarray, np.ndarray], tupl
     rest = ~level & (points[:, 2] > height + 0.008)
     if rest.sum() < 100 or base.sum() < 100:
         return None
-    plane = _plane(points[rest])
+    plane = largest_plane(points[rest])
     if plane is None:
         return None
     normal, offset = plane
@@ -112,23 +141,3 @@ def _two_planes(evidence: Evidence) -> tuple[tuple[np.ndarray, np.ndarray], tupl
     if lid.sum() < 0.1 * len(points) or (lid | base).mean() < 0.6:
         return None
     return (np.array([0.0, 0.0, 1.0]), points[base]), (normal, points[lid])
-
-
-def _plane(points: np.ndarray) -> tuple[np.ndarray, float] | None:
-    """Unit normal and offset of the plane with the most points within 4 mm, refined on them; seeded."""
-    random = np.random.default_rng(0)
-    best, most = None, 0
-    for _ in range(TRIES):
-        a, b, c = points[random.choice(len(points), 3, replace=False)]
-        normal = np.cross(b - a, c - a)
-        size = float(np.linalg.norm(normal))
-        if size < 1e-8:
-            continue
-        near = np.abs((points - a) @ (normal / size)) < 0.004
-        if near.sum() > most:
-            best, most = near, int(near.sum())
-    if best is None or most < 50:
-        return None
-    middle = points[best].mean(axis=0)
-    normal = np.linalg.eigh(np.cov((points[best] - middle).T))[1][:, 0]
-    return normal, float(normal @ middle)

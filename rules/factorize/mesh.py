@@ -13,6 +13,7 @@ class MeshOptions(Options):
 
     hypotheses: tuple[str, ...] = (
         "box",
+        "tilted_box",
         "cylinder",
         "lying_cylinder",
         "revolved",

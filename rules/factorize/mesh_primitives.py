@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,7 +32,7 @@ BACKEND = Backend(
 
 HANDLED = ("revolved", "revolved_hollow", "cylinder")
 """Families that may have a handle."""
-HALF_TURN_SYMMETRIC = ("box", "lying_cylinder", "oval")
+HALF_TURN_SYMMETRIC = ("box", "tilted_box", "lying_cylinder", "oval")
 
 
 @dataclass(frozen=True)
@@ -103,8 +103,15 @@ def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tupl
         if handled is not None:
             again = judge(handled.solid.moved(handled.pose), evidence, cost)
             if again.score > mark.score:
-                return handled, again, named
-    return body, mark, named
+                body, mark = handled, again
+    return _lifted(body, evidence.base), mark, named
+
+
+def _lifted(body: Finished, base: float) -> Finished:
+    """The body in the world of the support, from one whose zero is the height that it stands on."""
+    pose = body.pose.copy()
+    pose[2, 3] += base
+    return replace(body, pose=pose)
 
 
 def _shape(

@@ -36,7 +36,7 @@ def colour_word(lab: np.ndarray) -> str:
     words[(words == "orange") & (light < 50)] = "brown"
     words[(words == "red") & (light > 65)] = "pink"
     words[(words == "pink") & (light < 50)] = "red"
-    plain = chroma < np.where(light > 70, 18.0, 10.0)
+    plain = chroma < np.where(light > 70, 22.0, 10.0)
     words[plain] = np.where(light[plain] > 68, "white", np.where(light[plain] < 25, "black", "gray"))
     names, counts = np.unique(words, return_counts=True)
     return str(names[int(np.argmax(counts))])
@@ -45,15 +45,15 @@ def colour_word(lab: np.ndarray) -> str:
 def shape_class(proposal: Proposal, relief: Relief) -> str:
     """`box`, `cylinder`, `bowl`, `mug`, `laptop` or `object`, from how the surface bends."""
     total = sum(p.area_m2 for p in proposal.patches)
-    flat = [p for p in proposal.patches if p.flatness_m < 0.004 and abs(p.bend) < 0.12 and p.area_m2 > 0.05 * total]
-    round_ = sum(p.area_m2 for p in proposal.patches if p.bend > 0.08 and p.flatness_m > 0.002)
+    flat = [p for p in proposal.patches if p.flatness_m < 0.004 and abs(p.bend) < 0.12 and p.area_m2 > 0.12 * total]
+    round_ = sum(p.area_m2 for p in proposal.patches if p.bend > 0.08 and p.flatness_m > 0.004)
     if proposal.hinged:
         return "laptop"
     if proposal.inward > INWARD:
         points = relief.points[proposal.mask & relief.valid]
         width = float(np.median(np.quantile(points[:, :2], 0.98, axis=0) - np.quantile(points[:, :2], 0.02, axis=0)))
         return "mug" if proposal.top_m > 0.75 * width else "bowl"
-    if round_ > 0.35 * total:
+    if round_ > 0.15 * total:
         return "cylinder"
     if flat and sum(p.area_m2 for p in flat) > 0.7 * total and _square(flat):
         return "box"

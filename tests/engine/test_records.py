@@ -90,13 +90,13 @@ def test_a_plan_refuses_what_a_build_refuses(store: Store, tmp_path: Path) -> No
 
 
 def test_history_is_kept_by_recipe_and_project(store: Store) -> None:
-    history = History(store, "twin/laptop", "/home/a")
+    history = History(store, "twin/laptop", "/projects/a")
     entry = Entry("k" * 64, "d" * 64, "0007", 1.5, 123.0)
     history.note("body[mug].mesh", entry)
     history.save()
-    assert History(store, "twin/laptop", "/home/a").all() == {"body[mug].mesh": entry}
-    assert History(store, "twin/laptop", "/home/b").all() == {}
-    assert History(store, "twin/other", "/home/a").get("body[mug].mesh") is None
+    assert History(store, "twin/laptop", "/projects/a").all() == {"body[mug].mesh": entry}
+    assert History(store, "twin/laptop", "/projects/b").all() == {}
+    assert History(store, "twin/other", "/projects/a").get("body[mug].mesh") is None
 
 
 def test_history_names_the_run_that_gave_the_key(store: Store) -> None:

@@ -38,6 +38,19 @@ def test_things_that_stand_stay_where_they_are() -> None:
         assert motion.speed_m_s < 1e-3
 
 
+@pytest.mark.parametrize("restitution", [0.0, 0.05, 0.2, 0.5])
+@pytest.mark.parametrize("height", [0.0, 0.0003])
+def test_resting_bodies_do_not_chatter(restitution: float, height: float) -> None:
+    bowl, box = factories.bowl_asset(factories.pose(-0.2, z=height)), factories.box_asset(factories.pose(0.2, z=height))
+    dull = {
+        name: asset.model_copy(update={"physics": asset.physics.model_copy(update={"restitution": restitution})})
+        for name, asset in (("bowl", bowl), ("box", box))
+    }
+    for motion in run(dull, seconds=3.0).values():
+        assert motion.speed_m_s < 1e-3
+        assert motion.turn_rad_s < 1e-2
+
+
 @pytest.mark.parametrize("opening", [0.3, 1.2, 2.0])
 def test_a_lid_holds_its_angle(opening: float) -> None:
     motion = run({"laptop": factories.laptop_asset(opening=opening)}, seconds=3.0)["laptop"]

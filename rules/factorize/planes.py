@@ -1,0 +1,32 @@
+"""The plane that most of some points lie on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+TRIES = 300
+"""Random triples."""
+NEAR_M = 0.004
+"""Distance up to which a point lies on a plane [m]."""
+LEAST = 50
+"""Points that make a plane."""
+
+
+def largest_plane(points: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """Unit normal (3,) and offset [m] of the plane with the most of the points (N, 3), refined on them; seeded."""
+    random = np.random.default_rng(0)
+    best, most = None, 0
+    for _ in range(TRIES if len(points) >= LEAST else 0):
+        a, b, c = points[random.choice(len(points), 3, replace=False)]
+        normal = np.cross(b - a, c - a)
+        size = float(np.linalg.norm(normal))
+        if size < 1e-8:
+            continue
+        near = np.abs((points - a) @ (normal / size)) < NEAR_M
+        if near.sum() > most:
+            best, most = near, int(near.sum())
+    if best is None or most < LEAST:
+        return None
+    middle = points[best].mean(axis=0)
+    normal = np.linalg.eigh(np.cov((points[best] - middle).T))[1][:, 0]
+    return normal, float(normal @ middle)
