@@ -42,7 +42,7 @@ def facing(plane: Plane) -> Plane:
 def ransac(
     points: np.ndarray, sigma: np.ndarray, rng: np.random.Generator, *, trials: int = 300, gate: float = 3.0
 ) -> Plane:
-    """The plane with the most points within `gate` standard deviations, refined by least squares.
+    """The plane with the most points within `gate` standard deviations, near ones counting more (MSAC), refined.
 
     Args:
         points: (N, 3), at least three.
@@ -58,7 +58,8 @@ def ransac(
     normals = normals[lengths > 1e-9] / lengths[lengths > 1e-9, None]
     offsets = -(normals * a[lengths > 1e-9]).sum(axis=1)
     limit = gate * sigma
-    votes = [int((np.abs(points @ n + d) < limit).sum()) for n, d in zip(normals, offsets, strict=True)]
+    squares = (np.square((points @ n + d) / limit) for n, d in zip(normals, offsets, strict=True))
+    votes = [float(np.maximum(1.0 - square, 0.0).sum()) for square in squares]
     best = int(np.argmax(votes))
     return refine((normals[best], float(offsets[best])), points, sigma, gate=gate)
 

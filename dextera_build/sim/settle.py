@@ -14,7 +14,7 @@ from dextera_build.sim import model as models
 SAMPLE_S = 0.01
 """Time between two energy samples [s]."""
 LAST_S = 0.25
-"""A body is at rest when it stayed slow this long at the end [s]."""
+"""Speeds are judged over this time at the end [s], so that contacts that tremble by micrometres do not count."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Motion:
     tilt_rad: float  # angle between start and end
     joints: float  # largest change of a joint position of its tree [rad or m]
     penetration_m: float  # deepest contact at the start
-    speed_m_s: float  # largest linear speed in the last `LAST_S`
-    turn_rad_s: float  # largest angular speed in the last `LAST_S`
+    speed_m_s: float  # farthest that the origin was from its end in the last `LAST_S`, over that time
+    turn_rad_s: float  # largest angle to the end in the last `LAST_S`, over that time
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,8 @@ def let_go(scene: Folder, bodies: tuple[str, ...], seconds: float) -> Run:
     start = _poses(data, ids)
     joints = data.qpos.copy()
     depths = penetrations(model, data)
-    energy, speeds = _run(model, data, ids, seconds)
-    late = speeds[-max(1, round(LAST_S / SAMPLE_S)) :].max(axis=0)
+    energy, poses = _run(model, data, ids, seconds)
+    late = _late_speeds(poses[-1 - round(LAST_S / SAMPLE_S) :])
     diverged = not np.isfinite(data.qpos).all() or any(
         data.warning[int(kind)].number
         for kind in (
@@ -102,24 +102,32 @@ def penetrations(model: Any, data: Any) -> dict[int, float]:
 
 
 def _run(model: Any, data: Any, ids: list[int], seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """Kinetic energy (T,) [J] and speeds (T, B, 2) [m/s, rad/s], both every `SAMPLE_S`."""
+    """Kinetic energy (T,) [J] and poses (T, B, 4, 4), both every `SAMPLE_S`."""
     import mujoco
 
     every = max(1, round(SAMPLE_S / model.opt.timestep))
     samples = max(1, round(seconds / (every * model.opt.timestep)))
     energy = np.zeros(samples)
-    speeds = np.zeros((samples, len(ids), 2))
-    starts = [model.jnt_dofadr[model.body_jntadr[body]] for body in ids]
+    poses = np.tile(np.eye(4), (samples, len(ids), 1, 1))
     for sample in range(samples):
         mujoco.mj_step(model, data, every)
         if not np.isfinite(data.qvel).all():
             break
         mujoco.mj_energyVel(model, data)
         energy[sample] = data.energy[1]
-        for row, at in enumerate(starts):
-            speeds[sample, row] = np.linalg.norm(data.qvel[at : at + 3]), np.linalg.norm(data.qvel[at + 3 : at + 6])
+        poses[sample] = np.reshape(_poses(data, ids), (-1, 4, 4))
     mujoco.mj_forward(model, data)
-    return energy, speeds
+    return energy, poses
+
+
+def _late_speeds(poses: np.ndarray) -> np.ndarray:
+    """Speeds (B, 2) [m/s, rad/s] of poses (T, B, 4, 4) that span `LAST_S`."""
+    end = poses[-1]
+    far = np.linalg.norm(poses[..., :3, 3] - end[:, :3, 3], axis=-1).max(axis=0)
+    turns = [
+        max(transforms.angle(pose[row, :3, :3] @ end[row, :3, :3].T) for pose in poses) for row in range(poses.shape[1])
+    ]
+    return np.stack([far, np.array(turns)], axis=1) / LAST_S
 
 
 def _poses(data: Any, ids: list[int]) -> list[np.ndarray]:

@@ -26,7 +26,7 @@ class Surface:
     outline: np.ndarray
     """(P, 2) convex outline in the plane's own x, y axes (see `axes`), about the camera's foot point [m]."""
     below: float
-    """Part of the pixels over or under the outline that lie below the plane: nothing shows below a true support."""
+    """Part of the lines of sight through the outline that go on below the plane: none does through a true support."""
 
     @property
     def axes(self) -> np.ndarray:
@@ -118,7 +118,8 @@ def _connected(plane: planes.Plane, points: np.ndarray, near: np.ndarray) -> Sur
     if len(xy) < 100:
         return None
     cells = np.floor(xy / CELL_M).astype(np.int64)
-    cells -= cells.min(axis=0)
+    origin = cells.min(axis=0)
+    cells -= origin
     shape = np.minimum(cells.max(axis=0) + 1, 2000)
     cells = np.minimum(cells, shape - 1)
     counts = np.zeros(tuple(shape + 4), np.int64)
@@ -128,7 +129,9 @@ def _connected(plane: planes.Plane, points: np.ndarray, near: np.ndarray) -> Sur
     np.add.at(sums, (cells[:, 0] + 2, cells[:, 1] + 2), distance)
     # Noise averages out within a cell; a neighbouring surface a little lower does not.
     level = (counts > 2) & (np.abs(sums) < LEVEL_M * np.maximum(counts, 1))
-    region = regions.largest(_bridged(level), counts) & level
+    covered = np.zeros(counts.shape, bool)
+    covered[tuple((_cells_above(plane, points, axes, origin, counts.shape)).T)] = True
+    region = regions.largest(_bridged(level) | covered, counts * level) & level
     inside = region[cells[:, 0] + 2, cells[:, 1] + 2]
     if inside.sum() < 100:
         return None
@@ -136,6 +139,19 @@ def _connected(plane: planes.Plane, points: np.ndarray, near: np.ndarray) -> Sur
     pixels[near] = inside
     border = pixels & ~_between(pixels)
     return Surface(plane, pixels, regions.convex_hull(points[border] @ axes[:2].T), below=0.0)
+
+
+def _cells_above(
+    plane: planes.Plane, points: np.ndarray, axes: np.ndarray, origin: np.ndarray, shape: tuple[int, ...]
+) -> np.ndarray:
+    """Cells (N, 2) of the plane that things in front of it hide: a surface may go on behind them."""
+    coarse = points[::2, ::2].reshape(-1, 3)
+    coarse = coarse[(coarse[:, 2] > 0) & (planes.distance(plane, coarse) > 0.01)]
+    along = coarse @ plane[0]
+    coarse, along = coarse[along < 0], along[along < 0]
+    meets = coarse * (-plane[1] / along)[:, None]
+    cells = np.floor(meets @ axes[:2].T / CELL_M).astype(np.int64) - origin + 2
+    return cells[((cells >= 0) & (cells < np.array(shape))).all(axis=1)]
 
 
 def _between(pixels: np.ndarray) -> np.ndarray:
@@ -162,7 +178,11 @@ def _refined(surface: Surface, points: np.ndarray, sigma: np.ndarray, valid: np.
     plane = planes.facing(planes.refine(surface.plane, points[surface.region], sigma[surface.region], gate=GATE))
     near = valid & (np.abs(planes.distance(plane, points)) < GATE * sigma)
     surface = _connected(plane, points, near) or surface
-    coarse = points[::2, ::2]
-    within = valid[::2, ::2] & regions.inside_convex(coarse @ surface.axes[:2].T, surface.outline)
+    coarse, seen = points[::2, ::2], valid[::2, ::2]
+    along = coarse @ surface.plane[0]
+    # Where each line of sight meets the plane; a true support ends it there or before.
+    ahead = seen & (along < 0)
+    meets = coarse * np.where(ahead, -surface.plane[1] / np.where(ahead, along, -1.0), 0.0)[..., None]
+    within = ahead & regions.inside_convex(meets @ surface.axes[:2].T, surface.outline)
     low = within & (planes.distance(surface.plane, coarse) < -2.0 * GATE * sigma[::2, ::2])
     return replace(surface, below=float(low.sum() / max(1, within.sum())))

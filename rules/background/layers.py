@@ -12,9 +12,12 @@ from dextera_build.artifacts.object import Support
 from dextera_build.geometry import cameras, regions, transforms
 
 from .surface import plane_depth
+from .synthesis import smooth_part
 
 RIM_M = 0.01
 """So near to the outline of the support nothing is taken for a neighbour [m]."""
+SAME_COLOUR = 30.0
+"""Unmeasured pixels this near to the smooth colour of the support are support, of 255."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +37,8 @@ def split(capture: Capture, support: Support, hole: np.ndarray, tolerance: float
 
     Inside the outline of all that was measured in the support's plane, everything hidden is support. Beyond it, as
     far out as half its extent, a hidden pixel goes with the nearest one there that is not hidden: with something else
-    where something else was measured (the support ends here), with the support where nothing was (only its
-    measurement ended).
+    where something else was measured, or where the colour is another one (the support ends here), with the
+    support otherwise (only its measurement ended).
 
     Args:
         capture: Photograph and depth.
@@ -58,7 +61,8 @@ def split(capture: Capture, support: Support, hole: np.ndarray, tolerance: float
     outline = regions.convex_hull(np.concatenate([support.polygon, seen[:: max(1, len(seen) // 20_000)]]))
     inside = finite & regions.inside_convex(floor, outline)
     outside = ~hole & ~regions.inside_convex(floor, outline, RIM_M)
-    goes_on = around & _nearer(_wide(outside & ~elsewhere), elsewhere & outside)
+    alike = outside & ~elsewhere & _coloured_like(capture.rgb.pixels, level & around)
+    goes_on = around & _nearer(_wide(alike), outside & ~alike)
     return Layers(hole, plane, floor, level, elsewhere, np.asarray(~elsewhere & (inside | goes_on)))
 
 
@@ -66,6 +70,17 @@ def _wide(mask: np.ndarray) -> np.ndarray:
     """The mask without strips that are narrow in the picture: depth is missing along every edge."""
     side = max(3, mask.shape[1] // 40)
     return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8)) > 0)
+
+
+def _coloured_like(pixels: np.ndarray, level: np.ndarray) -> np.ndarray:
+    """Pixels that have about the colour that the support around them lets expect."""
+    size = (max(1, level.shape[1] // 4), max(1, level.shape[0] // 4))
+    small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    known = cv2.resize(level.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    if known.sum() < 100:
+        return np.ones_like(level)
+    step = np.abs(cv2.blur(small, (3, 3)) - smooth_part(small, known, 8.0)).max(axis=-1)
+    return np.asarray(cv2.resize(step, level.shape[::-1], interpolation=cv2.INTER_LINEAR) < SAME_COLOUR)
 
 
 def _nearer(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from dextera_build.geometry import regions
 from dextera_build.rule import Backend
 
 from .boxes import support_box
-from .layers import Layers, split
+from .layers import SAME_COLOUR, Layers, split
 from .rectified import top_view
 from .surface import grid_mesh, snap
 from .synthesis import fill_texture, membrane, smooth_part
@@ -33,8 +33,6 @@ BACKEND = Backend(
 
 MOST_GAIN = 1.6
 """Shadows and reflections are evened out by at most this factor."""
-SAME_COLOUR = 30.0
-"""Unmeasured pixels this near to the smooth colour of the support are support, of 255."""
 
 
 def clean(capture: Capture, support: Support, segmentation: Segmentation, options: StaticOptions) -> Background:

@@ -12,7 +12,7 @@ from dextera_build.geometry import cameras, transforms
 REACH_PX = 12.0
 """How far to each side of the silhouette the fit looks [px]."""
 CONTACT_M = 0.018
-"""What is seen this much nearer, just below an object, may hide it instead of carrying it [m]."""
+"""What is seen just below an object carries it only if it is no further in front or behind [m]."""
 LIFTED_M = 0.02
 """An object whose lowest seen border is not higher stands on the support [m]."""
 STEP_PX = 0.75
@@ -30,7 +30,7 @@ class Silhouette:
 
 @dataclass(frozen=True)
 class Evidence:
-    """One object as one camera saw it. Points and rays are in the world frame, but z = 0 is what the object stands on."""
+    """One object as one camera saw it. Points and rays are in the world frame; z = 0 is what it stands on."""
 
     base: float  # height over the support of what the object stands on [m]; 0 for the support itself
     k: np.ndarray  # (3, 3) intrinsics of the crop [px]
@@ -127,19 +127,25 @@ def standing_height(mask: np.ndarray, depth: np.ndarray, k: np.ndarray, pose: np
         return 0.0
     lowest = len(mask) - 1 - np.argmax(mask[::-1, columns], axis=0)
     height, touching, told = np.full(len(columns), np.nan), 0, 0
-    points = transforms.apply(pose, cameras.backproject(depth, k))
+    heights = transforms.apply(pose, cameras.backproject(depth, k))[..., 2]
     for i, (column, row) in enumerate(zip(columns, lowest, strict=True)):
-        above, below = depth[max(row - 6, 0) : row - 1, column], depth[row + 3 : row + 7, column]
-        if (above > 0).any() and (below > 0).any():
-            told += 1
-            near = np.median(above[above > 0]) - np.median(below[below > 0])
-            if near < CONTACT_M:
-                touching += 1
-                height[i] = np.median(points[max(row - 6, 0) : row - 1, column, 2][above > 0])
+        above, below = np.s_[max(row - 6, 0) : row - 1, column], np.s_[row + 3 : row + 7, column]
+        if not ((depth[above] > 0).any() and (depth[below] > 0).any()):
+            continue
+        told += 1
+        (top, seen_top), (under, seen_under) = (_middle(depth[at], heights[at]) for at in (above, below))
+        if abs(top - under) < CONTACT_M and seen_under > 0.6 * LIFTED_M:
+            touching += 1
+            height[i] = seen_top
     if told < 8 or touching < 0.6 * told:
         return 0.0
     base = float(np.nanquantile(height, 0.1))
     return base if base > LIFTED_M else 0.0
+
+
+def _middle(depth: np.ndarray, heights: np.ndarray) -> tuple[float, float]:
+    """Median depth and height of the pixels that have a depth."""
+    return float(np.median(depth[depth > 0])), float(np.median(heights[depth > 0]))
 
 
 def noise(depth: np.ndarray) -> np.ndarray:

@@ -43,6 +43,15 @@ class _Plane:
         out = points[:, 0] * np.cos(self.azimuth) + points[:, 1] * np.sin(self.azimuth)
         return np.stack([out, points[:, 2]], axis=-1), depth
 
+    def slide(self, pixels: np.ndarray, k: np.ndarray) -> np.ndarray:
+        """Mean motion (2,) on the plane of what rays (N, 2) show, for a metre that it stands off the plane."""
+        bearing = np.concatenate([(pixels - [k[0, 2], k[1, 2]]) / [k[0, 0], k[1, 1]], np.ones((len(pixels), 1))], 1)
+        bearing = bearing @ self.object_from_camera[:3, :3].T
+        normal = np.array([-np.sin(self.azimuth), np.cos(self.azimuth), 0.0])
+        off = normal - bearing / (bearing @ normal)[:, None]
+        out = off[:, 0] * np.cos(self.azimuth) + off[:, 1] * np.sin(self.azimuth)
+        return np.array([out.mean(), off[:, 2].mean()])
+
 
 def with_handle(body: Finished, evidence: Evidence) -> Finished | None:
     """The body with the handle that the mask shows, or None where it shows none."""
@@ -56,8 +65,7 @@ def with_handle(body: Finished, evidence: Evidence) -> Finished | None:
     outlines = _outlines(beside, shown, plane, evidence, outer)
     if outlines is None:
         return None
-    section, width = outlines
-    thickness = float(np.clip(1.2 * width, 0.005, 0.02))
+    section, width, thickness = outlines
     loop = _thickened(section, width, thickness, plane.azimuth)
     whole = solids.largest(solids.union([body.solid, loop]))
     if whole.volume < 1.005 * body.solid.volume:
@@ -118,8 +126,8 @@ def _plane(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> _Plane |
 
 def _outlines(
     beside: np.ndarray, covered: np.ndarray, plane: _Plane, evidence: Evidence, outer: Solid
-) -> tuple[Any, float] | None:
-    """Cross-section of the handle in (distance from the axis, height) with its roots in the wall, and its width [m]."""
+) -> tuple[Any, float, float] | None:
+    """Cross-section (distance from the axis, height) with roots in the wall, strap width and sideways thickness [m]."""
     import cv2
     import manifold3d as m3
     from scipy import ndimage
@@ -136,6 +144,7 @@ def _outlines(
     scale = abs(section.area()) / max(np.count_nonzero(beside), 1)
     inside = ndimage.distance_transform_edt(beside)
     width = 2.0 * float(np.quantile(inside[inside > 0], 0.9)) * float(np.sqrt(scale))
+    section, thickness = _without_side(section, width, plane, beside, evidence)
     radius_at = _radii(outer)
     touching = beside & ndimage.binary_dilation(covered, iterations=4)
     labels, number = ndimage.label(touching, structure=np.ones((3, 3)))
@@ -153,7 +162,20 @@ def _outlines(
         if min(wall) < end:
             section = section + m3.CrossSection([np.array([[wall[0], low], [end, low], [end, high], [wall[1], high]])])
     section = section.offset(0.0008, m3.JoinType.Round).offset(-0.0008, m3.JoinType.Round).simplify(0.0003)
-    return section, width
+    return section, width, thickness
+
+
+def _without_side(
+    section: Any, width: float, plane: _Plane, beside: np.ndarray, evidence: Evidence
+) -> tuple[Any, float]:
+    """The section less what only the strap's side adds to its silhouette, and a likely thickness of the side [m]."""
+    rows, columns = np.nonzero(beside)
+    middle = np.array([[columns.mean(), rows.mean()]])
+    shift = plane.slide(middle, evidence.k)
+    thickness = float(np.clip(1.2 * width / (1.0 + 0.8 * np.linalg.norm(shift)), 0.005, 0.02))
+    half = shift * thickness / 2
+    lean = section ^ section.translate(tuple(half)) ^ section.translate(tuple(-half))
+    return (lean, thickness) if lean.area() > 0.35 * section.area() else (section, thickness)
 
 
 def _other_end(section: Any, root: tuple[float, float, float], width: float) -> tuple[float, float, float]:

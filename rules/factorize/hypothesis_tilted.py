@@ -52,7 +52,7 @@ def tilted_body(p: np.ndarray) -> Solid:
 
 def tilted_pose(frames: list[np.ndarray], p: np.ndarray) -> np.ndarray:
     """T_world_object (4, 4); the parameters hold the middle of the box, the object's origin is that of its base."""
-    rotation = turned_by(p[1:4]) @ frames[int(round(p[0]))]
+    rotation = turned_by(p[1:4]) @ frames[round(float(p[0]))]
     return transforms.rigid(rotation, p[4:7] - rotation[:, 2] * p[9] / 2)
 
 

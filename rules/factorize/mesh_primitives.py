@@ -16,7 +16,7 @@ from dextera_build.rule import Backend, Context
 from . import evidence as evidence_of
 from .handle import with_handle
 from .hypotheses import HYPOTHESES, Candidate, Finished, propose
-from .paint import HALF_TURN, facing_mirror, paint
+from .paint import HALF_TURN, paint
 from .refine import descend, fit, undetermined
 from .scoring import Judgement, judge
 
@@ -118,9 +118,7 @@ def _shape(
     name: str, body: Finished, judged: Judgement, scores: dict[str, float], seen: ObjectView, options: MeshOptions
 ) -> Shape:
     symmetry = HALF_TURN if name in HALF_TURN_SYMMETRIC else None
-    if name in HANDLED:
-        symmetry = facing_mirror(body.pose, seen)
-    painted = paint(body.solid, body.pose, seen, options.texture_px, symmetry)
+    painted = paint(body.solid, body.pose, seen, options.texture_px, symmetry, revolved=name in HANDLED)
     mesh = Mesh(
         vertices=body.solid.vertices.astype(np.float32),
         faces=body.solid.faces.astype(np.int32),

@@ -33,7 +33,15 @@ class Painted:
     seen_fraction: float  # part of the surface that the camera saw
 
 
-def paint(body: Solid, pose: np.ndarray, seen: ObjectView, most_px: int, symmetry: np.ndarray | None) -> Painted:
+def paint(
+    body: Solid,
+    pose: np.ndarray,
+    seen: ObjectView,
+    most_px: int,
+    symmetry: np.ndarray | None = None,
+    *,
+    revolved: bool = False,
+) -> Painted:
     """Texture of a body in its own frame.
 
     Args:
@@ -42,13 +50,16 @@ def paint(body: Solid, pose: np.ndarray, seen: ObjectView, most_px: int, symmetr
         seen: The view whose photograph is used.
         most_px: Largest width and height of the texture [px].
         symmetry: (3, 3) motion of the body's frame that maps the body to itself, or None.
+        revolved: Whether the body looks the same from all around its z axis; `symmetry` is then left out.
     """
     distance = float(np.linalg.norm(pose[:3, 3] - seen.world_from_camera[:3, 3]))
     atlas = texture.unwrap(body.vertices, body.faces, 0.75 * distance / seen.camera.fx, most_px)
     texels = texture.texels(body.vertices, body.faces, atlas)
     photograph = _Photograph(body, pose, seen)
     read, trust = photograph.read(texels.points, texels.normals)
-    colours = _guessed(texels, read, trust, seen)
+    colours = _guessed(texels, read, trust, seen, revolved=revolved)
+    if revolved:
+        symmetry = _facing_mirror(pose, seen)
     if symmetry is not None:
         twin, likely = photograph.read(texels.points @ symmetry.T, texels.normals @ symmetry.T)
         colours = _mixed(texels, atlas, colours, twin, likely)
@@ -58,7 +69,7 @@ def paint(body: Solid, pose: np.ndarray, seen: ObjectView, most_px: int, symmetr
     return Painted(atlas.uv.astype(np.float32), pixels, photograph.seen_fraction())
 
 
-def facing_mirror(pose: np.ndarray, seen: ObjectView) -> np.ndarray:
+def _facing_mirror(pose: np.ndarray, seen: ObjectView) -> np.ndarray:
     """The mirror (3, 3) in the body's vertical axis that swaps its front, as the camera sees it, and its back."""
     towards = pose[:3, :3].T @ (seen.world_from_camera[:3, 3] - pose[:3, 3])
     towards[2] = 0.0
@@ -148,8 +159,10 @@ class _Photograph:
         return total / float(area.sum())
 
 
-def _guessed(texels: texture.Texels, read: np.ndarray, trust: np.ndarray, seen: ObjectView) -> np.ndarray:
-    """Colours (N, 3): the mean of the nearest trusted ones with a like normal."""
+def _guessed(
+    texels: texture.Texels, read: np.ndarray, trust: np.ndarray, seen: ObjectView, *, revolved: bool
+) -> np.ndarray:
+    """Colours (N, 3): the mean of the nearest trusted ones with a like normal; around the axis where `revolved`."""
     from scipy.spatial import cKDTree
 
     source = np.flatnonzero(trust > min(0.6, 0.9 * float(trust.max(initial=0.0))))
@@ -158,7 +171,9 @@ def _guessed(texels: texture.Texels, read: np.ndarray, trust: np.ndarray, seen: 
         return np.broadcast_to(np.median(seen.rgb.pixels[mask], axis=0), read.shape).astype(np.float64)
     source = source[:: max(1, len(source) // GUESS_SOURCES)]
     size = float(np.ptp(texels.points, axis=0).max())
-    keys = np.concatenate([texels.points, 0.3 * size * texels.normals], axis=1)
+    keys = (
+        _ring_keys(texels, size) if revolved else np.concatenate([texels.points, 0.3 * size * texels.normals], axis=1)
+    )
     missing = np.flatnonzero(trust < 1.0)
     # A guess varies slowly: one for each small block of texels that look to the same side is enough.
     side = np.abs(texels.normals[missing]).argmax(axis=1)
@@ -170,3 +185,11 @@ def _guessed(texels: texture.Texels, read: np.ndarray, trust: np.ndarray, seen: 
     colours = read.copy()
     colours[missing] = read[source][nearest].mean(axis=1)[block.ravel()]
     return colours
+
+
+def _ring_keys(texels: texture.Texels, size: float) -> np.ndarray:
+    """Keys (N, 6) by which texels of one height of a revolved body are near each other, wherever around its axis."""
+    radius = np.linalg.norm(texels.points[:, :2], axis=1)
+    out = (texels.points[:, :2] * texels.normals[:, :2]).sum(axis=1) / np.maximum(radius, 1e-9)
+    facing = 0.3 * size * np.stack([out, texels.normals[:, 2]], axis=1)
+    return np.concatenate([0.1 * texels.points[:, :2], np.stack([radius, texels.points[:, 2]], axis=1), facing], axis=1)

@@ -90,3 +90,7 @@ def test_energy_rises_in_a_fall_and_dies_at_rest() -> None:
     assert len(energy) == 200
     assert energy.max() == pytest.approx(0.4 * 9.81 * 0.05, rel=0.15)
     assert energy[-1] < 1e-6
+
+
+def test_an_empty_scene_settles() -> None:
+    assert run({}, seconds=0.5) == {}

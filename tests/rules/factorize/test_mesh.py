@@ -152,6 +152,40 @@ def test_panels_of_an_open_laptop(tmp_path):
     assert np.rad2deg(np.arctan2(edge[2], -edge[1])) == pytest.approx(110, abs=3)
 
 
+def test_panels_from_behind(tmp_path):
+    body = synthetic.placed(synthetic.laptop(0.3, 0.21, 0.016, 0.2, 0.006, 110), 0, 0, 160)
+    found = shape_of(synthetic.view(body, synthetic.Eye(distance=1.0)), tmp_path)
+    assert found.hypothesis == "panels"
+    assert found.mesh.extent == pytest.approx([0.3, 0.284, 0.204], abs=0.008)
+
+
+def test_a_box_that_leans(tmp_path):
+    turn = np.deg2rad(25)
+    lean = np.array([[1.0, 0, 0], [0, np.cos(turn), -np.sin(turn)], [0, np.sin(turn), np.cos(turn)]])
+    pose = transforms.rigid(lean, np.array([0.0, 0.0, 0.08 * np.sin(turn) / 2]))
+    seen = synthetic.view(synthetic.placed(box(0.12, 0.08, 0.16).moved(pose), 0, 0, 30), synthetic.Eye())
+    found = shape_of(seen, tmp_path)
+    assert found.hypothesis == "tilted_box"
+    assert np.sort(found.mesh.extent) == pytest.approx([0.08, 0.12, 0.16], abs=0.004)
+    assert np.arccos(found.world_from_object[2, 2]) == pytest.approx(turn, abs=0.05)
+
+
+def test_a_can_on_a_box_stands_on_the_box(tmp_path):
+    carrier = box(0.2, 0.16, 0.06)
+    body = can(0.033, 0.1).moved(transforms.rigid(np.eye(3), np.array([0.0, 0.0, 0.06])))
+    seen = synthetic.view(body, synthetic.Eye(), hidden=(carrier,))
+    seen = seen.model_copy(update={"occluder": np.zeros_like(seen.occluder)})
+    found = shape_of(seen, tmp_path)
+    assert found.hypothesis == "cylinder"
+    assert found.world_from_object[2, 3] == pytest.approx(0.06, abs=0.006)
+    assert found.mesh.extent == pytest.approx([0.066, 0.066, 0.1], abs=0.006)
+
+
+def test_a_bowl_that_overhangs_stands_on_the_support(tmp_path):
+    seen = synthetic.view(synthetic.bowl(0.08, 0.035, 0.055, 0.004), synthetic.Eye(pitch_deg=42))
+    assert evidence.gather(seen).base == 0.0
+
+
 def test_the_same_view_gives_the_same_bytes(tmp_path):
     seen = synthetic.view(synthetic.placed(box(0.1, 0.07, 0.05), 0, 0, 20), synthetic.Eye())
     first, second = (shape_of(seen, tmp_path, hypotheses=("box", "cylinder")) for _ in range(2))
@@ -264,6 +298,6 @@ def test_no_handle_is_invented():
 
 def test_the_facing_mirror_swaps_front_and_back():
     seen = synthetic.view(can(0.03, 0.1), synthetic.Eye())
-    mirror = paint.facing_mirror(np.eye(4), seen)
+    mirror = paint._facing_mirror(np.eye(4), seen)
     assert mirror @ [0, -1.0, 0.3] == pytest.approx([0, 1.0, 0.3], abs=1e-9)
     assert mirror @ [1.0, 0, 0] == pytest.approx([1.0, 0, 0], abs=1e-9)

@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from dextera_build.geometry import regions
+
+SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.floats(0.2, 0.8))
+def test_labels_agree_with_scipy(seed, density):
+    mask = np.random.default_rng(seed).random((17, 23)) < density
+    labels, count = regions.label(mask)
+    wanted, number = ndimage.label(mask)
+    assert count == number
+    assert np.array_equal(labels > 0, mask)
+    pairs = {(int(a), int(b)) for a, b in zip(labels[mask], wanted[mask], strict=True)}
+    assert len(pairs) == number
+
+
+def test_an_empty_mask_has_no_region():
+    labels, count = regions.label(np.zeros((4, 5), bool))
+    assert count == 0
+    assert not labels.any()
+    assert not regions.largest(np.zeros((4, 5), bool)).any()
+
+
+def test_the_largest_region_counts_pixels_or_weight():
+    mask = np.array([[1, 1, 1, 0, 1], [0, 0, 0, 0, 1]], bool)
+    assert regions.largest(mask).sum() == 3
+    weight = np.array([[1, 1, 1, 0, 5], [0, 0, 0, 0, 5]])
+    assert regions.largest(mask, weight).sum() == 2
+
+
+def test_a_hull_runs_counter_clockwise_and_drops_inner_points():
+    rng = np.random.default_rng(0)
+    inner = rng.uniform(0.1, 0.9, (40, 2)) * [2, 1]
+    hull = regions.convex_hull(np.concatenate([inner, SQUARE]))
+    assert {tuple(p) for p in hull} == {tuple(p) for p in SQUARE}
+    assert regions.area(hull) == pytest.approx(2.0)
+    assert regions.centroid(hull) == pytest.approx([1.0, 0.5])
+
+
+def test_inside_knows_the_margin():
+    points = np.array([[1.0, 0.5], [2.05, 0.5], [-1.0, 0.5]])
+    assert regions.inside_convex(points, SQUARE).tolist() == [True, False, False]
+    assert regions.inside_convex(points, SQUARE, margin=0.1).tolist() == [True, True, False]
