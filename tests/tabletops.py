@@ -12,7 +12,7 @@ from dextera_build.artifacts.image import DepthImage, Image, LabelImage
 from dextera_build.geometry import planes, raycast, transforms
 from tests import factories
 
-LENS = Camera(width=320, height=240, fx=300.0, fy=300.0, cx=158.0, cy=121.0)
+LENS = Camera(width=640, height=480, fx=580.0, fy=582.0, cx=316.0, cy=243.0)
 EYE = factories.look_at((0.0, -0.65, 0.55))
 
 
@@ -78,9 +78,7 @@ def revolved(profile: list[tuple[float, float]], colour: tuple[float, float, flo
             j = (i + 1) % sides
             a, b, c, d = (ring * sides + i, ring * sides + j, ring * sides + sides + i, ring * sides + sides + j)
             faces += [(a, b, d), (a, d, c)]
-    return Mesh(
-        vertices=np.concatenate(rings).astype(np.float32), faces=np.array(faces, np.int32), colour=colour
-    )
+    return Mesh(vertices=np.concatenate(rings).astype(np.float32), faces=np.array(faces, np.int32), colour=colour)
 
 
 def bowl(colour: tuple[float, float, float] = (0.9, 0.9, 0.9)) -> Mesh:

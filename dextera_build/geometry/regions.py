@@ -39,7 +39,7 @@ def largest(mask: np.ndarray, weight: np.ndarray | None = None) -> np.ndarray:
 
 def convex_hull(points: np.ndarray) -> np.ndarray:
     """Corners (P, 2) of the convex hull of (N, 2) points, counter-clockwise (Andrew's monotone chain)."""
-    unique = np.unique(points, axis=0)
+    unique = np.unique(_outer(points) if len(points) > 200 else points, axis=0)
     if len(unique) < 3:
         return unique
     lower, upper = _chain(unique), _chain(unique[::-1])
@@ -66,6 +66,18 @@ def inside_convex(points: np.ndarray, polygon: np.ndarray, margin: float = 0.0) 
         edge = (b - a) / max(float(np.linalg.norm(b - a)), 1e-12)
         inside &= edge[0] * (points[..., 1] - a[1]) - edge[1] * (points[..., 0] - a[0]) >= -margin
     return inside
+
+
+def _outer(points: np.ndarray) -> np.ndarray:
+    """The points that do not lie inside the polygon of the extreme ones (Akl and Toussaint 1978)."""
+    angle = np.arange(32) * np.pi / 16
+    extremes = np.argmax(points @ np.stack([np.cos(angle), np.sin(angle)]), axis=0)
+    polygon = points[extremes]
+    polygon = polygon[np.any(polygon != np.roll(polygon, 1, axis=0), axis=1)]
+    inner = np.ones(len(points), bool)
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        inner &= (b[0] - a[0]) * (points[:, 1] - a[1]) - (b[1] - a[1]) * (points[:, 0] - a[0]) > 0
+    return points[~inner] if len(polygon) > 2 else points
 
 
 def _chain(points: np.ndarray) -> list[np.ndarray]:

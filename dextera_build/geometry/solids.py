@@ -109,11 +109,6 @@ def largest(body: Solid) -> Solid:
     return max(parts, key=lambda part: part.volume)
 
 
-def simplified(body: Solid, tolerance_m: float) -> Solid:
-    """The same body with fewer faces; no point of the surface moves further than about `tolerance_m`."""
-    return _from_manifold(_to_manifold(body).simplify(tolerance_m))
-
-
 def _to_manifold(solid: Solid) -> Any:
     import manifold3d as m3
 

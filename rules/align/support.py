@@ -54,9 +54,8 @@ def support(ctx: Context, capture: Capture, *, options: SupportOptions) -> Suppo
     result = _support(best, points, valid)
     area = regions.area(result.polygon)
     ctx.check(result.residual_m < 0.02, "the support is not flat", residual=f"{result.residual_m * 1000:.1f} mm")
-    ctx.say(
-        f"{area:.2f} m² at {result.world_from_camera[2, 3]:.2f} m below the camera, {result.residual_m * 1000:.1f} mm rms"
-    )
+    below, rms = result.world_from_camera[2, 3], 1000 * result.residual_m
+    ctx.say(f"{area:.2f} m² at {below:.2f} m below the camera, {rms:.1f} mm rms")
     ctx.metric("support residual", result.residual_m * 1000, "mm")
     ctx.metric("support inliers", result.inlier_fraction)
     ctx.preview(_painted(capture.rgb.pixels, best.region), "support")

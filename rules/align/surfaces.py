@@ -51,7 +51,7 @@ class Surface:
 
 
 def plane_axes(plane: planes.Plane) -> np.ndarray:
-    """World axes as rows in the camera frame, (3, 3): x the camera's right in the plane, z the normal, y = z cross x."""
+    """World axes as rows (3, 3) in the camera frame: x the camera's right in the plane, y = z cross x, z the normal."""
     z = plane[0]
     x = np.array([1.0, 0.0, 0.0]) - z[0] * z
     x /= np.linalg.norm(x)
@@ -92,13 +92,10 @@ def choose(found: list[Surface], smallest_m2: float) -> Surface | None:
     if not fit:
         return None
     best = max(fit, key=_score)
-    for other in fit:
-        parallel = abs(float(best.plane[0] @ other.plane[0])) > np.cos(np.radians(10))
-        # Camera height over a table is smaller than over the floor that shows beside it.
-        is_table = best.plane[1] - other.plane[1] > 0.3 and _score(other) > 0.2 * _score(best)
-        if parallel and is_table:
-            best = other
-    return best
+    # Camera height over a table is smaller than over the floor that shows beside it.
+    tables = [s for s in fit if best.plane[1] - s.plane[1] > 0.3 and _score(s) > 0.2 * _score(best)]
+    parallel = [s for s in tables if abs(float(best.plane[0] @ s.plane[0])) > np.cos(np.radians(10))]
+    return max(parallel, key=_score, default=best)
 
 
 def _upness(surface: Surface) -> float:
@@ -151,7 +148,7 @@ def _cells_above(
     coarse, along = coarse[along < 0], along[along < 0]
     meets = coarse * (-plane[1] / along)[:, None]
     cells = np.floor(meets @ axes[:2].T / CELL_M).astype(np.int64) - origin + 2
-    return cells[((cells >= 0) & (cells < np.array(shape))).all(axis=1)]
+    return np.asarray(cells[((cells >= 0) & (cells < np.array(shape))).all(axis=1)])
 
 
 def _between(pixels: np.ndarray) -> np.ndarray:

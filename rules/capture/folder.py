@@ -56,23 +56,22 @@ def folder(ctx: Context, folder: Folder, *, options: FolderOptions) -> Capture:
         )
     _check_depth(ctx, depth, name, options)
     valid = depth > 0
-    ctx.say(
-        f"{camera.width} x {camera.height} px, depth on {valid.mean():.0%} of them, median {np.median(depth[valid]):.2f} m"
-    )
+    share, middle = valid.mean(), np.median(depth[valid])
+    ctx.say(f"{camera.width} x {camera.height} px, depth on {share:.0%} of them, median {middle:.2f} m")
     ctx.preview(rgb, "photograph")
     return Capture(rgb=Image(pixels=rgb), depth=DepthImage(depth=depth), camera=camera)
 
 
 def _one_of(ctx: Context, folder: Folder, names: tuple[str, ...]) -> str:
-    for name in names:
-        if name in folder.files:
-            return name
-    ctx.fail(
-        f"`{names[0]}` is missing in the capture",
-        wanted=" or ".join(f"`{name}`" for name in names),
-        here=listing(folder.files),
-        hint=f"put `{names[0]}` into the capture's folder",
-    )
+    present = [name for name in names if name in folder.files]
+    if not present:
+        ctx.fail(
+            f"`{names[0]}` is missing in the capture",
+            wanted=" or ".join(f"`{name}`" for name in names),
+            here=listing(folder.files),
+            hint=f"put `{names[0]}` into the capture's folder",
+        )
+    return present[0]
 
 
 def _facts(ctx: Context, folder: Folder) -> Mapping[str, Any]:

@@ -17,7 +17,7 @@ class ListOptions(Options):
 
 
 @rule(version=1)
-def list(ctx: Context, folder: Folder, *, options: ListOptions) -> Collection[Folder]:  # noqa: A001
+def list(ctx: Context, folder: Folder, *, options: ListOptions) -> Collection[Folder]:
     """Return one folder per direct sub-folder that holds a `capture.json` and matches the pattern."""
     trees: dict[str, dict[str, bytes]] = {}
     for path in sorted(folder.files):

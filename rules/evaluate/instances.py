@@ -36,7 +36,11 @@ def instances(ctx: Context, segmentation: Segmentation, truth: LabelImage, *, op
         ctx.fail("the true labels hold no instance", hint="0 is background; instances are 1 and up")
     matrix = overlaps(truth.labels, numbers, found, len(segmentation.names))
     pairs = assign(matrix)
-    rows = [_row(i, numbers, truth.labels, matrix, pairs, segmentation, options) for i in range(len(numbers))]
+    rows = []
+    for i, number in enumerate(numbers):
+        partner = pairs.get(i)
+        iou = 0.0 if partner is None else float(matrix[i, partner])
+        rows.append(_row(number, truth.labels, segmentation, iou, partner, options.found_iou))
     extra = [j for j in range(len(segmentation.names)) if j not in pairs.values()]
     rows += [("-", segmentation.names[j], 0, int((found == j + 1).sum()), None, "spurious") for j in extra]
     values = [float(row[4]) for row in rows[: len(numbers)] if isinstance(row[4], float)]
@@ -88,18 +92,10 @@ def assign(matrix: np.ndarray) -> dict[int, int]:
 
 
 def _row(
-    i: int,
-    numbers: list[int],
-    truth: np.ndarray,
-    matrix: np.ndarray,
-    pairs: dict[int, int],
-    segmentation: Segmentation,
-    options: InstancesOptions,
+    number: int, truth: np.ndarray, segmentation: Segmentation, iou: float, partner: int | None, found_iou: float
 ) -> tuple[Cell, ...]:
-    area = int((truth == numbers[i]).sum())
-    if i not in pairs:
-        return str(numbers[i]), "-", area, 0, 0.0, "missed"
-    j = pairs[i]
-    iou = float(matrix[i, j])
-    seen = int((segmentation.labels.labels == j + 1).sum())
-    return str(numbers[i]), segmentation.names[j], area, seen, iou, "found" if iou >= options.found_iou else "missed"
+    area = int((truth == number).sum())
+    if partner is None:
+        return str(number), "-", area, 0, 0.0, "missed"
+    seen = int((segmentation.labels.labels == partner + 1).sum())
+    return str(number), segmentation.names[partner], area, seen, iou, "found" if iou >= found_iou else "missed"

@@ -40,8 +40,9 @@ def summary(ctx: Context, tables: Collection[Table], *, options: SummaryOptions)
     total = _row("all", pooled, measures, kinds, options)
     counted = ", ".join(f"{total[len(total) - len(kinds) + k]} {kind}" for k, kind in enumerate(kinds))
     if measures:
-        ctx.say(f"mean {first.columns[measures[0]].name} {total[2]:.3f} over {total[1]} rows, {counted}".rstrip(", "))
-        ctx.metric(f"mean {first.columns[measures[0]].name}", float(total[2] or 0.0))
+        name, mean = first.columns[measures[0]].name, total[2] if isinstance(total[2], float) else 0.0
+        ctx.say(f"mean {name} {mean:.3f} over {total[1]} rows, {counted}".rstrip(", "))
+        ctx.metric(f"mean {name}", mean)
     else:
         ctx.say(f"{len(pooled)} rows, {counted}")
     return Table(
@@ -76,7 +77,7 @@ def _row(
 ) -> tuple[Cell, ...]:
     cells: list[Cell] = [label]
     for i in measures:
-        values = np.array([float(row[i]) for row in rows if isinstance(row[i], int | float)])
+        values = np.array([cell for cell in (row[i] for row in rows) if isinstance(cell, int | float)], np.float64)
         if not len(values):
             cells += [0, None, None, None, None]
             continue
@@ -108,5 +109,5 @@ def _notes(options: SummaryOptions) -> tuple[str, ...]:
     return (
         "all: every row of every table, each with the same weight",
         "deviation: sample standard deviation (n - 1); no number for a single row",
-        f"low, high: {options.confidence:.0%} percentile bootstrap interval of the mean over rows, {options.draws} draws",
+        f"low, high: {options.confidence:.0%} percentile bootstrap interval of the mean, {options.draws} draws of rows",
     )

@@ -71,7 +71,7 @@ def model(layout: Layout, name: str, starts: list[np.ndarray], wall_m: float) ->
     if layout.hollow:
         thick = max(4 * wall_m, 0.3 * float(layout.split(starts[0])[1].max()))
         steps, low = steps + [0.0015] * knots + [0.003], low + [THINNEST_M] * (knots + 1)
-        high, spread = high + [thick] * knots + [0.9 * layout.height(starts[0])], spread + [0.002] * knots + [0.02]
+        high, spread = high + [thick] * knots + [0.9 * layout.height(starts[0])], spread + [0.004] * knots + [0.02]
     return Model(
         name=name,
         build=layout.build,

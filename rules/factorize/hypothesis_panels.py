@@ -44,7 +44,6 @@ def panels(evidence: Evidence) -> Model | None:
         expected=start,
         spread=np.array([inf, inf, inf, 0.1, 0.1, 0.005, 0.1, 0.002, 0.5]),
         cost=0.01,
-        iterations=16,
     )
 
 

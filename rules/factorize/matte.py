@@ -38,15 +38,15 @@ def complete(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.nd
     """
     from scipy import ndimage
 
-    smooth = ndimage.binary_closing(np.pad(mask, 4), np.ones((3, 3)))[4:-4, 4:-4] & ~others
+    smooth = ndimage.binary_closing(np.pad(mask, 4), np.ones((3, 3), bool))[4:-4, 4:-4] & ~others
     filled = fill(mask | (smooth & ~relief.valid), others, relief)
     settled = border(filled, others, relief, pixels)
-    closed = ndimage.binary_closing(np.pad(settled, 4), np.ones((3, 3)), iterations=2)[4:-4, 4:-4]
+    closed = ndimage.binary_closing(np.pad(settled, 4), np.ones((3, 3), bool), iterations=2)[4:-4, 4:-4]
     return fill(settled | (closed & ~relief.valid & ~others), others, relief)
 
 
 def fill(mask: np.ndarray, others: np.ndarray, relief: Relief) -> np.ndarray:
-    """Holes that lie over the object's footprint, such as the floor of a bowl; what shows through a handle stays out."""
+    """The mask with holes over its footprint, such as the floor of a bowl; what shows through a handle stays out."""
     from scipy import ndimage
 
     holes = ndimage.binary_fill_holes(mask) & ~mask & ~others
@@ -89,7 +89,7 @@ def border(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndar
         surround = (beyond | (own & (belief < 0.1))) & ~foreign
         hint = nearby.evidence((belief > 0.9) & ~foreign, surround)
         belief = agree(prior + hint, lab, fixed, own)
-    won = ndimage.binary_opening(np.pad(belief > 0.5, 2), np.ones((2, 2)))[2:-2, 2:-2] & ~foreign
+    won = ndimage.binary_opening(np.pad(belief > 0.5, 2), np.ones((2, 2), bool))[2:-2, 2:-2] & ~foreign
     labels, count = ndimage.label(won | (own & (inside > DEEP)))
     if not count:
         return mask

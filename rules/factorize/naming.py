@@ -16,8 +16,8 @@ HUES = (
     (108.0, "yellow"),
     (165.0, "green"),
     (200.0, "teal"),
-    (300.0, "blue"),
-    (330.0, "purple"),
+    (312.0, "blue"),
+    (335.0, "purple"),
     (360.0, "pink"),
 )
 """Upper end of the hue angle in the a*b* plane [deg] and its word."""
@@ -44,28 +44,22 @@ def colour_word(lab: np.ndarray) -> str:
 
 def shape_class(proposal: Proposal, relief: Relief) -> str:
     """`box`, `cylinder`, `bowl`, `mug`, `laptop` or `object`, from how the surface bends."""
-    total = sum(p.area_m2 for p in proposal.patches)
-    flat = [p for p in proposal.patches if p.flatness_m < 0.004 and abs(p.bend) < 0.12 and p.area_m2 > 0.12 * total]
-    round_ = sum(p.area_m2 for p in proposal.patches if p.bend > 0.08 and p.flatness_m > 0.004)
     if proposal.hinged:
         return "laptop"
     if proposal.inward > INWARD:
         points = relief.points[proposal.mask & relief.valid]
         width = float(np.median(np.quantile(points[:, :2], 0.98, axis=0) - np.quantile(points[:, :2], 0.02, axis=0)))
         return "mug" if proposal.top_m > 0.75 * width else "bowl"
-    if round_ > 0.15 * total:
-        return "cylinder"
-    if flat and sum(p.area_m2 for p in flat) > 0.7 * total and _square(flat):
+    if sum(share for _, share in proposal.facets) > 0.75 and _square(proposal.facets):
         return "box"
-    return "object"
+    bent = sum(p.area_m2 for p in proposal.patches if p.bend > 0.08 and p.flatness_m > 0.003)
+    return "cylinder" if bent > 0.15 * sum(p.area_m2 for p in proposal.patches) else "object"
 
 
-def _square(flat: list[object]) -> bool:
-    normals = np.array([p.plane[0] for p in flat])  # type: ignore[attr-defined]
-    cosines = np.abs(normals @ normals.T)
-    aside = cosines < np.cos(np.radians(65))
-    same = cosines > np.cos(np.radians(20))
-    return bool((aside | same).all())
+def _square(facets: tuple[tuple[np.ndarray, float], ...]) -> bool:
+    normals = np.array([normal for normal, _ in facets])
+    cosines = np.abs(normals @ normals.T)[np.triu_indices(len(normals), 1)]
+    return bool((cosines < np.cos(np.radians(65))).all())
 
 
 def elements(proposals: tuple[Proposal, ...], relief: Relief, lab: np.ndarray) -> tuple[Element, ...]:

@@ -24,7 +24,7 @@ def occluders(mask: np.ndarray, raised: np.ndarray, depth: np.ndarray, step_m: f
     grown[:-1] |= nearer[1:]
     grown[:, 1:] |= nearer[:, :-1]
     grown[:, :-1] |= nearer[:, 1:]
-    return grown & ~mask
+    return np.asarray(grown & ~mask)
 
 
 def nearest_depth(mask: np.ndarray, depth: np.ndarray) -> np.ndarray:

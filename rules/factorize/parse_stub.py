@@ -8,7 +8,9 @@ from dextera_build.rule import Backend
 
 from .blobs import blobs
 
-BACKEND = Backend(summary="connected pixels above the support, named `object`, `object_2` and so on", profiles=("stub",))
+BACKEND = Backend(
+    summary="connected pixels above the support, named `object`, `object_2` and so on", profiles=("stub",)
+)
 
 
 def propose(capture: Capture, support: Support) -> tuple[Element, ...]:

@@ -59,7 +59,7 @@ def surfaces(
     box = (slice(top, int(rows.max()) + 8 * stride), slice(left, int(columns.max()) + 8 * stride))
     depth = blocks(np.where(raised, capture.depth.depth, 0.0)[box].astype(np.float64), stride)
     near = nearest(depth)
-    mask = near.any(axis=-1)
+    mask = np.asarray(near.any(axis=-1))
     mean = (depth * near).sum(axis=-1) / np.maximum(near.sum(axis=-1), 1)
     inverse = np.where(mask, 1.0 / np.where(mask, mean, 1.0), 0.0)
     tolerance = np.where(mask, planes.depth_sigma(mean) * np.square(inverse), 1.0)

@@ -15,6 +15,10 @@ THINNEST_M = 0.0012
 """No wall is thinner [m]."""
 BEND_RAD = 0.2
 """Standard deviation of the turn of a profile from one piece to the next [rad]."""
+WALL_STEP_M = 0.0008
+"""Standard deviation of the change of a wall's thickness from knot to knot [m]."""
+FLOOR_M = 0.003
+"""Standard deviation of the difference between a floor and the wall above it [m]."""
 FACETS = 60
 """Corners of a finished cross-section; a multiple of `wall_pieces.SECTORS`."""
 
@@ -110,11 +114,18 @@ class Layout:
         return layout, np.concatenate(runs)
 
     def bends(self, height: float) -> np.ndarray:
-        """Second differences (K - 2, P) of the half-axes, in standard deviations, for a body of about this height."""
+        """Rows (R, P): how a body of about this height bends and its wall swells, in standard deviations."""
         first = 5 if self.oval else 3
         count = first + self.knots + self.oval * self.ratios + self.hollow * (self.knots + 1)
         rows = np.zeros((max(self.knots - 2, 0), count))
         for i in range(self.knots - 2):
             rows[i, first + i : first + i + 3] = [1.0, -2.0, 1.0]
+        # A wall that is not seen is as thick as the wall next to it, a floor about as thick as the wall.
+        walls = np.zeros((self.knots - 1 if self.hollow else 0, count))
+        for i in range(len(walls)):
+            walls[i, first + self.knots + i : first + self.knots + i + 2] = [-1.0, 1.0]
+        floor = np.zeros((1 if self.hollow else 0, count))
+        if self.hollow:
+            floor[0, [first + self.knots, -1]] = [-1.0, 1.0]
         # A profile may turn by about a quarter radian from knot to knot before it counts.
-        return rows / (BEND_RAD * height / (self.knots - 1))
+        return np.concatenate([rows / (BEND_RAD * height / (self.knots - 1)), walls / WALL_STEP_M, floor / FLOOR_M])

@@ -35,6 +35,8 @@ class Proposal:
     """Height above the support [m]."""
     patches: tuple[Group, ...]
     """Smooth pieces of its surface, largest first."""
+    facets: tuple[tuple[np.ndarray, float], ...]
+    """Commonest directions of its surface, (3,) world, and the part of its pixels that face each."""
     inward: float
     """Part of its seen surface that faces its own middle, as only the inside of a hollow thing does."""
     hinged: bool
@@ -59,7 +61,7 @@ def scenery(capture: Capture, support: Support) -> Scenery:
     from scipy import ndimage
 
     relief = heights.relief(capture, support)
-    raised = ndimage.binary_opening(relief.raised & relief.over, np.ones((3, 3)))
+    raised = ndimage.binary_opening(relief.raised & relief.over, np.ones((3, 3), bool))
     if not raised.any():
         return Scenery(relief, (), relief.raised)
     lab = colour_lab(capture.rgb.pixels)
@@ -111,6 +113,7 @@ def _proposal(parts: grouping.Grouping, number: int, mask: np.ndarray, handled: 
         area_m2=part.area_m2,
         top_m=part.top_m,
         patches=pieces,
+        facets=relations.facets(parts.surfaces, part),
         inward=relations.inward(parts.surfaces, part),
         hinged=number in parts.hinged,
         static="" if handled else "robot",

@@ -43,7 +43,6 @@ class Model:
     """Combinations (R, P) of parameters that are near 0, in standard deviations: a profile bends slowly."""
     cost: float = 0.0
     """Complexity, subtracted from the score."""
-    iterations: int = 12
 
 
 @dataclass(frozen=True)

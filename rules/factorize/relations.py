@@ -161,6 +161,24 @@ def gap(s: Surfaces, small: Group, large: Group) -> float:
     return float(np.quantile(near, 0.05))
 
 
+def facets(s: Surfaces, group: Group, most: int = 3, smallest: float = 0.05) -> tuple[tuple[np.ndarray, float], ...]:
+    """Commonest directions of a group's surface, (3,) world, each with the part of the pixels within 15 degrees."""
+    normal = s.normal.reshape(-1, 3)[group.pixels]
+    left = normal[np.linalg.norm(normal, axis=1) > 0]
+    count = max(1, len(left))
+    found: list[tuple[np.ndarray, float]] = []
+    while len(found) < most and len(left) > smallest * count:
+        tried = left[np.linspace(0, len(left) - 1, 150).astype(int)]
+        near = left @ tried.T > np.cos(np.radians(15))
+        best = near[:, int(np.argmax(near.sum(axis=0)))]
+        if best.sum() < smallest * count:
+            break
+        direction = left[best].mean(axis=0)
+        found.append((direction / np.linalg.norm(direction), float(best.sum() / count)))
+        left = left[left @ found[-1][0] < np.cos(np.radians(25))]
+    return tuple(found)
+
+
 def inward(s: Surfaces, group: Group) -> float:
     """Part of a group's pixels whose surface faces the vertical line through the group's middle."""
     points, normal = s.points.reshape(-1, 3)[group.pixels], s.normal.reshape(-1, 3)[group.pixels]

@@ -70,7 +70,7 @@ def _on_floor(s: Surfaces, parts: Grouping, number: int) -> bool:
 
 def _rests(parts: Grouping, number: int, found: set[int]) -> bool:
     """Whether a group lies on a standing one, or its lower border is hidden by one."""
-    rows, columns, below = _below(parts, number)
+    _, columns, below = _below(parts, number)
     if np.isin(parts.labels[below, columns], sorted(found)).mean() > FEW:
         return True
     points = parts.surfaces.points.reshape(-1, 3)

@@ -50,7 +50,13 @@ class Space:
 
     def environment(self, **more: str) -> dict[str, str]:
         kept = {name: value for name, value in os.environ.items() if not name.startswith("DXB_")}
-        return {**kept, "NO_COLOR": "1", "XDG_CONFIG_HOME": str(self.root / ".config"), **more}
+        return {
+            **kept,
+            "NO_COLOR": "1",
+            "XDG_CONFIG_HOME": str(self.root / ".config"),
+            "XDG_CACHE_HOME": str(self.root / ".cache"),
+            **more,
+        }
 
     def start(self, *words: str, **options: object) -> subprocess.Popen[str]:
         return subprocess.Popen(

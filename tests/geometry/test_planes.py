@@ -1,3 +1,5 @@
+"""Plane fits: exact data, outliers, clusters, determinism."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -25,7 +27,7 @@ def test_a_fit_through_points_of_a_plane_is_that_plane():
 
 def test_weights_of_zero_leave_points_out():
     points = on_plane(50, np.random.default_rng(0))
-    spoiled = np.concatenate([points, points + [0, 0, 3.0]])
+    spoiled = np.concatenate([points, points + np.array([0, 0, 3.0])])
     weights = np.repeat([1.0, 0.0], 50)
     assert planes.facing(planes.fit(spoiled, weights))[1] == pytest.approx(0.7, abs=1e-9)
 
@@ -40,7 +42,7 @@ def test_facing_turns_the_normal_to_the_camera_and_keeps_the_plane():
 
 def test_ransac_finds_the_plane_among_two_thirds_of_outliers():
     rng = np.random.default_rng(2)
-    points = np.concatenate([on_plane(400, rng, 0.002), rng.uniform(-0.5, 0.5, (800, 3)) + [0, 0, 0.8]])
+    points = np.concatenate([on_plane(400, rng, 0.002), rng.uniform(-0.5, 0.5, (800, 3)) + np.array([0, 0, 0.8])])
     normal, offset = planes.facing(planes.ransac(points, np.full(1200, 0.002), np.random.default_rng(0)))
     assert np.degrees(np.arccos(min(1.0, normal @ NORMAL))) < 0.3
     assert offset == pytest.approx(0.7, abs=0.002)

@@ -1,3 +1,5 @@
+"""Connected regions and outlines, against scipy."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -44,6 +46,18 @@ def test_a_hull_runs_counter_clockwise_and_drops_inner_points():
     assert {tuple(p) for p in hull} == {tuple(p) for p in SQUARE}
     assert regions.area(hull) == pytest.approx(2.0)
     assert regions.centroid(hull) == pytest.approx([1.0, 0.5])
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6))
+def test_a_hull_of_many_points_agrees_with_scipy(seed):
+    from scipy.spatial import ConvexHull
+
+    points = np.random.default_rng(seed).normal(size=(500, 2)).round(2)
+    hull = regions.convex_hull(points)
+    wanted = ConvexHull(points)
+    assert regions.area(hull) == pytest.approx(wanted.volume, rel=1e-9)
+    assert {tuple(p) for p in hull} <= {tuple(p) for p in points}
 
 
 def test_inside_knows_the_margin():

@@ -73,11 +73,3 @@ def test_a_prism_with_a_hole():
     assert closed(body)
     assert body.volume == pytest.approx(3.0 * 1.5)
     assert body.vertices[:, 2].min() == pytest.approx(1.0)
-
-
-def test_simplifying_keeps_a_cylinder_within_tolerance():
-    body = solids.loft(rings([(0.5, z) for z in np.linspace(0, 2, 40)]))
-    small = solids.simplified(body, 1e-4)
-    assert closed(small)
-    assert len(small.faces) < len(body.faces) / 4
-    assert small.volume == pytest.approx(body.volume, rel=1e-3)

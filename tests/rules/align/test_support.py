@@ -1,3 +1,5 @@
+"""The support plane against rendered tables whose pose is known."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""Reading captures: what comes out of good ones, and the error of every bad one."""
+
 from __future__ import annotations
 
 import io

@@ -1,0 +1,167 @@
+"""What is found and named in rendered tabletops, and what a scene file makes of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.base import File
+from dextera_build.errors import RuleError
+from dextera_build.testing import RuleRunner
+from tests import factories, tabletops
+
+RED, BLUE, WHITE = (0.75, 0.1, 0.1), (0.15, 0.2, 0.7), (0.9, 0.9, 0.9)
+
+
+@pytest.fixture
+def runner(tmp_path):
+    return RuleRunner(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def three():
+    """A red box, a white bowl and a blue cylinder, apart."""
+    return tabletops.tabletop(
+        (tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(-0.16, 0.02, yaw=0.5)),
+        (tabletops.bowl(WHITE), factories.pose(0.03, -0.1)),
+        (tabletops.cylinder(0.035, 0.12, BLUE), factories.pose(0.18, 0.06)),
+    )
+
+
+def parsed(runner, scene, text: str | None = None, profile: str = "cpu"):
+    support = runner.run("align.support", capture=scene.capture)
+    described = {} if text is None else {"scene": File(data=text.encode())}
+    return runner.run("factorize.parse", profile=profile, capture=scene.capture, support=support, **described)
+
+
+def interactive(elements) -> dict[str, object]:
+    return {element.name: element for element in elements.elements if element.interactive}
+
+
+def test_things_are_named_by_colour_and_shape(runner, three):
+    found = interactive(parsed(runner, three))
+    assert set(found) == {"red_box", "white_bowl", "blue_cylinder"}
+    assert found["white_bowl"].category == "bowl"
+    assert found["white_bowl"].material == "ceramic"
+    assert found["red_box"].phrase == "red box"
+    assert all(element.body_type == "rigid" for element in found.values())
+
+
+def test_boxes_are_tight(runner, three):
+    found = interactive(parsed(runner, three))
+    for number, name in enumerate(("red_box", "white_bowl", "blue_cylinder"), start=1):
+        rows, columns = np.nonzero(three.labels.labels == number)
+        truth = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
+        assert np.abs(truth - found[name].box).max() <= 4, name
+
+
+def test_equal_things_get_numbers(runner):
+    scene = tabletops.tabletop(
+        *((tabletops.box(0.07, 0.05, 0.1, RED), factories.pose(x, 0.0, yaw=0.3)) for x in (-0.15, 0.0, 0.15))
+    )
+    assert set(interactive(parsed(runner, scene))) == {"red_box", "red_box_2", "red_box_3"}
+
+
+def test_a_laptop_is_one_articulated_thing(runner):
+    links = factories.laptop_asset(opening=1.9).body.links
+    lid = links["lid"].mesh
+    turn = np.array([[1, 0, 0], [0, np.cos(1.9), np.sin(1.9)], [0, -np.sin(1.9), np.cos(1.9)]])
+    hinge = np.array([0.0, 0.11, 0.0165])
+    opened = lid.model_copy(update={"vertices": ((lid.vertices - hinge) @ turn.T + hinge).astype(np.float32)})
+    scene = tabletops.tabletop((links["base"].mesh, factories.pose()), (opened, factories.pose()))
+    found = interactive(parsed(runner, scene))
+    assert [element.category for element in found.values()] == ["laptop"]
+    assert [element.body_type for element in found.values()] == ["articulated"]
+
+
+def test_a_box_on_a_board_is_no_laptop(runner):
+    scene = tabletops.tabletop(
+        (tabletops.box(0.3, 0.25, 0.02, WHITE), factories.pose()),
+        (tabletops.box(0.2, 0.02, 0.2, BLUE), factories.pose(0, 0, 0.02)),
+    )
+    assert {element.category for element in interactive(parsed(runner, scene)).values()} == {"box"}
+
+
+def test_what_reaches_out_of_the_image_is_static(runner, three):
+    arm = factories.box_mesh((-0.03, -0.02, 0.2), (0.03, 0.05, 1.2), colour=(0.3, 0.3, 0.3))
+    scene = tabletops.tabletop(
+        (tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(-0.16, 0.02, yaw=0.5)),
+        (arm, factories.pose(0.1, 0.1)),
+    )
+    found = parsed(runner, scene).elements
+    assert [element.name for element in found if element.interactive] == ["red_box"]
+    assert {element.category for element in found if not element.interactive} == {"robot", "support"}
+
+
+def test_what_hangs_in_the_air_is_static(runner):
+    scene = tabletops.tabletop(
+        (tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(-0.12, 0.0, yaw=0.5)),
+        (tabletops.box(0.06, 0.06, 0.06, BLUE), factories.pose(0.1, 0.0, 0.15)),
+    )
+    assert set(interactive(parsed(runner, scene))) == {"red_box"}
+
+
+def test_what_lies_on_a_box_with_an_overhang_is_handled(runner):
+    scene = tabletops.tabletop(
+        (tabletops.box(0.1, 0.1, 0.1, RED), factories.pose(0.0, 0.05)),
+        (tabletops.box(0.1, 0.2, 0.04, WHITE), factories.pose(0.0, 0.0, 0.1, yaw=0.2)),
+    )
+    assert len(interactive(parsed(runner, scene))) == 2
+
+
+def test_an_empty_table_is_refused(runner):
+    with pytest.raises(RuleError, match="no object stands on the support") as caught:
+        parsed(runner, tabletops.tabletop())
+    assert caught.value.facts["points_above"].endswith("px over the support")
+    assert caught.value.facts["threshold"].endswith("mm at the median depth")
+
+
+def test_the_stub_needs_no_names(runner, three):
+    found = interactive(parsed(runner, three, profile="stub"))
+    assert set(found) == {"object", "object_2", "object_3"}
+    assert all(element.box for element in found.values())
+
+
+def test_the_same_photograph_gives_the_same_bytes(runner, three):
+    assert runner.encode(parsed(runner, three)) == runner.encode(parsed(runner, three))
+
+
+def test_a_scene_file_renames_by_words_and_by_box(runner, three):
+    left, top, right, bottom = interactive(parsed(runner, three))["blue_cylinder"].box
+    text = f"""
+elements:
+  - {{name: salad_bowl, phrase: a white bowl, material: plastic}}
+  - name: can
+    box: [{left - 3}, {top + 2}, {right + 2}, {bottom}]
+    material: metal
+"""
+    elements = parsed(runner, three, text)
+    found = interactive(elements)
+    assert set(found) == {"salad_bowl", "can"}
+    assert found["salad_bowl"].category == "bowl"
+    assert found["salad_bowl"].material == "plastic"
+    assert found["can"].box == (left - 3, top + 2, right + 2, bottom)
+    assert elements.source == "scene.yaml"
+    unnamed = next(element for element in elements.elements if element.name == "red_box")
+    assert not unnamed.interactive
+
+
+def test_a_scene_file_may_call_a_thing_static(runner, three):
+    text = "elements:\n- {name: vase, phrase: blue cylinder}\n- {name: stand, phrase: red box, category: support}\n"
+    elements = parsed(runner, three, text).elements
+    assert [element.name for element in elements if element.interactive] == ["vase"]
+
+
+def test_an_element_that_matches_nothing_lists_the_proposals(runner, three):
+    with pytest.raises(RuleError) as caught:
+        parsed(runner, three, "elements:\n  - name: vase\n    phrase: green vase\n")
+    assert caught.value.message == "`vase` matches nothing that stands out from the support"
+    assert str(caught.value.where) == "scene.yaml:2:5"
+    for name in ("red_box", "white_bowl", "blue_cylinder"):
+        assert name in caught.value.facts["proposals"]
+
+
+def test_two_boxes_for_one_thing_are_refused(runner, three):
+    box = list(interactive(parsed(runner, three))["red_box"].box)
+    with pytest.raises(RuleError, match="`b` matches nothing"):
+        parsed(runner, three, f"elements:\n- {{name: a, box: {box}}}\n- {{name: b, box: {box}}}\n")
