@@ -21,6 +21,8 @@ CAVITY_RAD = -0.06
 """Surfaces that bend less than this are the inside of something [rad]."""
 FEWEST = 12
 """Contacts of fewer pixel pairs say nothing."""
+ALIKE = 0.3
+"""Colour histograms of one surface on both sides of an occluder share more than this."""
 ATTACHED_M = 0.02
 """Parts of one thing show no wider gap than this [m]."""
 
@@ -181,13 +183,21 @@ def join_hinged(parts: Grouping) -> None:
 
 
 def _continues(parts: Grouping, a: int, b: int) -> bool:
+    """Whether two groups share a plane behind an occluder and its colours, or two planes that cross.
+
+    Tops of equal height are common among different things; a second plane in common is not.
+    """
+    shared: list[np.ndarray] = []
+    own = (parts.labels == a) | (parts.labels == b)
     for i in parts.members[a]:
         for j in parts.members[b]:
             p, q = parts.patches[i], parts.patches[j]
             if min(p.area_m2, q.area_m2) < SLIVER_M2 or abs(float(p.plane[0] @ q.plane[0])) < 0.85:
                 continue
-            if relations.one_plane(parts.surfaces, p, q):
-                own = (parts.labels == a) | (parts.labels == b)
-                if relations.hidden_between(parts.surfaces, p, q, own):
+            s = parts.surfaces
+            if relations.one_plane(s, p, q) and relations.hidden_between(s, p, q, own):
+                crossing = any(abs(float(normal @ p.plane[0])) < 0.7 for normal in shared)
+                if crossing or relations.likeness(s, p, q) > ALIKE:
                     return True
+                shared.append(p.plane[0])
     return False

@@ -152,6 +152,21 @@ def hidden_between(s: Surfaces, p: Group, q: Group, own: np.ndarray, samples: in
     return bool(nearer.mean() > 0.6 and s.floor[rows, columns].mean() < 0.15)
 
 
+def likeness(s: Surfaces, p: Group, q: Group) -> float:
+    """Intersection, 0..1, of the colour histograms of two groups."""
+    from scipy import ndimage
+
+    shares = []
+    for group in (p, q):
+        lab = s.lab.reshape(-1, 3)[group.pixels]
+        bins = np.clip((lab - [0.0, -60.0, -60.0]) / [20.0, 15.0, 15.0], 0, [4, 7, 7]).astype(int)
+        counts = np.zeros((5, 8, 8))
+        np.add.at(counts, tuple(bins.T), 1.0)
+        smooth = ndimage.gaussian_filter(counts, 0.7)
+        shares.append(smooth / smooth.sum())
+    return float(np.minimum(*shares).sum())
+
+
 def gap(s: Surfaces, small: Group, large: Group) -> float:
     """Distance (5 % quantile) of the smaller group's points to the nearest points of the larger one [m]."""
     from scipy.spatial import cKDTree

@@ -82,6 +82,18 @@ def test_one_thing_behind_another_stays_one(runner):
     assert min(scores(found, scene.labels.labels)) > 0.85
 
 
+def test_two_things_of_equal_height_behind_another_stay_two(runner):
+    scene = tabletops.tabletop(
+        (tabletops.cylinder(0.03, 0.2, BLUE), factories.pose(0.0, -0.1)),
+        (tabletops.box(0.08, 0.05, 0.1, RED), factories.pose(-0.05, 0.05)),
+        (tabletops.box(0.08, 0.09, 0.1, GREEN), factories.pose(0.05, 0.02)),
+        noise=0.5,
+    )
+    found = segmented(runner, scene.capture)
+    assert len(found.names) == 3
+    assert min(scores(found, scene.labels.labels)) > 0.8
+
+
 def test_the_view_is_a_crop_that_knows_its_camera(runner):
     scene = tabletops.tabletop(
         (tabletops.cylinder(0.03, 0.2, BLUE), factories.pose(0.0, -0.1)),
