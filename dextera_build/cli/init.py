@@ -13,13 +13,9 @@ cache = "cache"
 """
 _IGNORE = "cache/\ndxb.local.toml\n__pycache__/\n"
 _RECIPE = """summary: The twin of what stands on my table.
-inputs:
-  capture:
-    help: A folder with rgb.png, depth.png and capture.json (width, height, fx, fy, cx, cy, depth_scale_m).
-nodes:
-  twin: {recipe: twin/tabletop, capture: $capture}
-targets:
-  default: [twin.scene, twin.usd, twin.settle, twin.overlay]
+extends: twin/tabletop
+# Options of one object's nodes, by the name that the object was found under:
+#   dxb build twin/my_table --input capture=PATH --set 'body[blue_mug].mesh.wall_m=0.004'
 """
 _README = """# A dxb project
 

@@ -73,7 +73,6 @@ class Grouping:
 def group(s: Surfaces, labels: np.ndarray) -> Grouping:
     """Objects of a patch image: a partition whose groups are one object each."""
     parts = Grouping(s, labels.copy())
-    join_flat(parts)
     join_convex(parts)
     join_slivers(parts)
     join_cavities(parts)
@@ -82,18 +81,6 @@ def group(s: Surfaces, labels: np.ndarray) -> Grouping:
     join_occluded(parts)
     join_hinged(parts)
     return parts
-
-
-def join_flat(parts: Grouping) -> None:
-    """Join neighbours that lie on one plane: smooth waves of a depth camera's error are no creases."""
-    for a, b in sorted(parts.contacts, key=lambda pair: (-parts.contacts[pair].meeting, pair)):
-        if a not in parts.groups or b not in parts.groups:
-            continue
-        contact, first, second = parts.contact(a, b), parts.groups[a], parts.groups[b]
-        smooth = contact.meeting > 0.7 * contact.pairs and abs(contact.turn) < 0.4 * contact.meeting
-        large = min(first.area_m2, second.area_m2) > SLIVER_M2
-        if contact.pairs >= FEWEST and smooth and large and relations.one_plane(parts.surfaces, first, second):
-            parts.join(a, b)
 
 
 def join_convex(parts: Grouping) -> None:
@@ -124,7 +111,7 @@ def join_slivers(parts: Grouping) -> None:
 def join_cavities(parts: Grouping) -> None:
     """Give surfaces that bend inwards, seen over a rim, to the body whose rim is as high."""
     for number in sorted(parts.groups, key=lambda n: (parts.groups[n].area_m2, n)):
-        while number in parts.groups and parts.groups[number].bend < CAVITY_RAD:
+        while number in parts.groups and _is_cavity(parts, number):
             cavity = parts.groups[number]
             body = _body_of(parts, number)
             if body is None:
@@ -135,13 +122,19 @@ def join_cavities(parts: Grouping) -> None:
                 break
 
 
+def _is_cavity(parts: Grouping, number: int) -> bool:
+    """Whether a group bends inwards; the bend of a flat one is noise."""
+    surface = parts.groups[number]
+    return surface.bend < CAVITY_RAD and surface.flatness_m > 0.6 * relations.noise(parts.surfaces, surface.pixels)
+
+
 def _body_of(parts: Grouping, number: int) -> int | None:
     cavity = parts.groups[number]
     options = []
     for other in parts.neighbours(number):
         contact, body = parts.contact(number, other), parts.groups[other]
         same_rim = abs(cavity.top_m - body.top_m) < 0.015
-        if contact.pairs >= FEWEST and (same_rim or body.bend < CAVITY_RAD):
+        if contact.pairs >= FEWEST and (same_rim or _is_cavity(parts, other)):
             options.append((contact.pairs, -other))
     return -max(options)[1] if options else None
 
