@@ -13,7 +13,7 @@ from .overlap import box_inside, box_iou
 from .proposals import Proposal, scenery
 
 BACKEND = Backend(
-    summary="surface patches above the support, borders by GrabCut",
+    summary="surface patches above the support, borders settled by colour",
     profiles=("cpu",),
     packages=("numpy", "scipy", "opencv-python-headless"),
     extra="twin",
@@ -31,7 +31,7 @@ def masks(capture: Capture, support: Support, elements: Elements) -> dict[str, n
         parts = [p.mask for p, owner in zip(seen.objects, owners, strict=True) if owner == element.name]
         if parts:
             measured[element.name] = np.logical_or.reduce(parts)
-    everything = np.logical_or.reduce([*measured.values(), seen.other & seen.relief.over])
+    everything = np.logical_or.reduce([proposal.mask for proposal in seen.objects] or [np.zeros_like(seen.other)])
     finished: dict[str, np.ndarray] = {}
     taken = np.zeros_like(everything)
     for element in elements.elements:

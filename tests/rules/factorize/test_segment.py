@@ -190,7 +190,6 @@ def real(runner, name: str):
     return Folder(files={path.name: path.read_bytes() for path in (CAPTURES / name).iterdir()})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "box"),
     [
