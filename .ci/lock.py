@@ -39,7 +39,7 @@ def installed(requirements: list[Requirement]) -> dict[str, str]:
             continue
         done.add((need.name, extra))
         distribution = importlib.metadata.distribution(need.name)
-        if OLDEST not in SpecifierSet(distribution.metadata.get("Requires-Python") or ""):
+        if OLDEST not in SpecifierSet(distribution.metadata["Requires-Python"] or ""):
             sys.exit(f"{need.name} {distribution.version} does not run on Python {OLDEST}: install an older one first")
         # `2.13.0+cpu` is one build of 2.13.0; the machine chooses the build.
         found[canonicalize_name(need.name)] = distribution.version.partition("+")[0]

@@ -8,11 +8,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
-from dextera_build.loader import Library, bundled
-from dextera_build.recipe.schema import Recipe, read
+
+if TYPE_CHECKING:
+    # A build that does nothing reads the settings and no recipe; it need not wait for these.
+    from dextera_build.loader import Library
+    from dextera_build.recipe.schema import Recipe
 
 MARKER = "dxb.toml"
 _DEFAULTS: dict[str, Any] = {"cache": "cache", "profile": "cpu", "jobs": 0, "console": "auto"}
@@ -88,6 +91,8 @@ class Project:
     @cached_property
     def library(self) -> Library:
         """The rules of this project."""
+        from dextera_build.loader import Library
+
         return Library(self.root)
 
     def recipe(self, address: str, extending: tuple[str, ...] = ()) -> Recipe | None:
@@ -107,6 +112,8 @@ class Project:
         return own.over(found)
 
     def _read(self, address: str) -> Recipe | None:
+        from dextera_build.recipe.schema import read
+
         for folder in self._recipe_folders():
             file = folder / f"{address}.yaml"
             if file.is_file() and file.resolve().is_relative_to(folder.resolve()):
@@ -129,6 +136,8 @@ class Project:
         return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
 
     def _recipe_folders(self) -> list[Path]:
+        from dextera_build.loader import bundled
+
         folders = [self.root / "recipes", bundled("recipes")]
         return [folder for number, folder in enumerate(folders) if folder.is_dir() and folder not in folders[:number]]
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from dextera_build import digest
 from dextera_build.engine.snapshot import load_if_fresh
 from dextera_build.engine.snapshot import save as save_snapshot
-from dextera_build.loader import bundled
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
 
@@ -38,6 +37,8 @@ def save(
 
     A file that was changed after `watch` was made keeps the snapshot from being written, so it may be noted here.
     """
+    from dextera_build.loader import bundled
+
     outputs = [Path(line.partition("\t")[2]).absolute() for line in lines]
     configuration = [project.root / name for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml")]
     for file in (*plan.recipes, *project.library.code.files(), *configuration):

@@ -83,3 +83,25 @@ def test_build_times(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
         print(f"\n{platform.machine()}, {len(os.sched_getaffinity(0))} cores, Python {platform.python_version()}")
         for what, took in rows:
             print(f"{what:<42}{took * 1000:>10,.0f} ms")
+
+
+def test_a_twin_that_is_up_to_date(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "dxb.toml").write_text('cache = "cache"\nprofile = "stub"\n')
+    cold = seconds(tmp_path, "build", "twin/laptop_scene", "--console", "none")
+    rows = [
+        ("python -c pass", best(lambda: bare(tmp_path))),
+        ("build twin/laptop_scene, stub profile, all run", cold),
+        ("build twin/laptop_scene, no change", best(lambda: seconds(tmp_path, "build", "twin/laptop_scene"))),
+        ("the same, plan and keys made anew", best(lambda: seconds(tmp_path, "build", "--check", "twin/laptop_scene"))),
+    ]
+    with capsys.disabled():
+        print()
+        for what, took in rows:
+            print(f"{what:<48}{took * 1000:>10,.0f} ms{took / rows[0][1]:>8.1f} x bare Python")
+
+
+def bare(folder: Path) -> float:
+    """Wall time of a Python that does nothing."""
+    began = time.perf_counter()
+    subprocess.run([sys.executable, "-c", "pass"], cwd=folder, check=True)
+    return time.perf_counter() - began
