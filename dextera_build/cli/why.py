@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     graph = session.plan(options.request(args, project.profile)).graph
     found = plan(graph, addresses(graph, wanted.target), session.store, history=session.past_builds)
     states = {node.address: node for node in found}
-    if wanted.target not in states:
+    if wanted.target not in states and wanted.target not in session.history:
         raise UsageError(
             f"`{args.node}` is not known yet: its group is not open",
             code="DXB-U114",
@@ -62,15 +62,15 @@ def run(args: argparse.Namespace) -> int:
 def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: str) -> tuple[str, list[Row]]:
     from dextera_build.engine.key import compare
 
-    state = states[node]
+    state = states.get(node)
     entry = session.history.get(node)
     when = f"run {entry.run} ({_ago(entry.time)})" if entry else ""
-    if state.status == "cached":
+    if state is not None and state.status == "cached":
         builder = when if entry and entry.key == state.key else "an earlier run or another recipe"
         return f"up to date: key {(state.key or '')[:12]}, built by {builder}", []
     if entry is None:
         return "never built", _upstream(states, node)
-    if not state.key_document:
+    if state is None or not state.key_document:
         return f"may be stale: what it depends on is stale since {when}", _upstream(states, node)
     old = session.document(node)
     if state.key == entry.key:

@@ -58,3 +58,13 @@ def test_an_unknown_node_lists_the_known(built):
     assert answer.code == 2
     assert "`say/words` has no node `strat`" in answer.err
     assert "did you mean `start`?" in answer.err
+
+
+def test_a_copy_whose_group_is_not_open_again_may_be_stale(built):
+    built.edit("recipes/say/words.yaml", "text: one two", "text: three")
+    answer = built.dxb("why", "say/words:word[one].loud")
+    assert answer.code == 0
+    assert answer.out.splitlines()[0].startswith("may be stale")
+    never = built.dxb("why", "say/words:word[nine].loud")
+    assert never.code == 2
+    assert "is not known yet: its group is not open" in never.err

@@ -6,44 +6,15 @@ import dataclasses
 import os
 import sys
 import threading
-from pathlib import Path
-from typing import Any
-
-import pytest
 
 from dextera_build.engine.events import GroupOpened, NodeLog, NodeProgress, NodeStarted
-from dextera_build.engine.execute import RunInfo, RunResult, build
-from dextera_build.engine.graph import Address, Graph, Group
+from dextera_build.engine.execute import RunInfo
+from dextera_build.engine.graph import Address, Group
 from dextera_build.engine.history import History
 from dextera_build.engine.key import key_of
 from dextera_build.store import header
 from dextera_build.store.store import Store
-from tests.engine.tiny import Record, call, every, facts, graph, group, inline, item, out
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Store:
-    return Store(tmp_path / "store")
-
-
-def run(plan: Graph, store: Store, *targets: Address, **flags: Any) -> tuple[RunResult, Record]:
-    record = Record()
-    asked = targets or plan.targets["default"]
-    return build(plan, asked, store=store, executor=inline(), listen=record, **flags), record
-
-
-def scene(mesh: Any = 0, items: Any = None) -> Graph:
-    """Two objects with a chain each, gathered."""
-    return graph(
-        call("seg", "items", items or {"box": "b", "mug": "m"}),
-        group(
-            "body",
-            out("seg"),
-            call("mesh", value=mesh, seen=item("body")),
-            call("pose", "pick", mesh=out("body.mesh")),
-        ),
-        call("scene", all=every("body.pose")),
-    )
+from tests.engine.tiny import call, every, facts, graph, group, item, out, run, scene
 
 
 def test_a_second_build_runs_nothing(store: Store) -> None:

@@ -3,41 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from dextera_build.engine.events import NodeFinished, RunFinished
-from dextera_build.engine.execute import RunResult, build
-from dextera_build.engine.graph import Address, Graph
+from dextera_build.engine.execute import build
+from dextera_build.engine.graph import Address
 from dextera_build.errors import RecipeError, RuleError, StaleError, UsageError
 from dextera_build.store.store import Store
-from tests.engine.tiny import Record, call, every, graph, group, inline, item, leaf, out
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Store:
-    return Store(tmp_path / "store")
-
-
-def run(plan: Graph, store: Store, *targets: Address, **flags: Any) -> tuple[RunResult, Record]:
-    record = Record()
-    asked = targets or plan.targets["default"]
-    return build(plan, asked, store=store, executor=inline(), listen=record, **flags), record
-
-
-def scene(mesh: Any = 0, items: Any = None) -> Graph:
-    """Two objects with a chain each, gathered."""
-    return graph(
-        call("seg", "items", items or {"box": "b", "mug": "m"}),
-        group(
-            "body",
-            out("seg"),
-            call("mesh", value=mesh, seen=item("body")),
-            call("pose", "pick", mesh=out("body.mesh")),
-        ),
-        call("scene", all=every("body.pose")),
-    )
+from tests.engine.tiny import Record, call, every, graph, group, inline, item, leaf, out, run, scene
 
 
 def test_two_copies_of_one_joined_label_are_refused(store: Store) -> None:

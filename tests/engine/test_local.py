@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,11 +17,6 @@ from dextera_build.engine.tasks import Task
 from dextera_build.errors import MachineError
 from dextera_build.store.store import Store
 from tests.engine.tiny import RUNNER, Record, call, every, facts, graph, group, item, out
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Store:
-    return Store(tmp_path / "store")
 
 
 @pytest.fixture

@@ -24,11 +24,6 @@ from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, every, graph, group, inline, item, leaf, out
 
 
-@pytest.fixture
-def store(tmp_path: Path) -> Store:
-    return Store(tmp_path / "store")
-
-
 def scene(seg: int = 0, mesh: int = 0) -> Graph:
     return graph(
         call("cam", value=seg),

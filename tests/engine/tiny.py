@@ -16,8 +16,9 @@ from typing import Any
 
 from dextera_build import digest
 from dextera_build.engine.events import Event, NodeFinished
+from dextera_build.engine.execute import RunResult, build
 from dextera_build.engine.executors.inline import Emit, InlineExecutor
-from dextera_build.engine.graph import Call, Gather, Graph, Group, Input, Item, Leaf, Output, RuleFacts
+from dextera_build.engine.graph import Address, Call, Gather, Graph, Group, Input, Item, Leaf, Output, RuleFacts
 from dextera_build.errors import Place, RuleError
 from dextera_build.store.store import Store
 
@@ -189,3 +190,23 @@ class Record:
 def inline() -> InlineExecutor:
     """This process as the executor."""
     return InlineExecutor(run_task)
+
+
+def run(plan: Graph, store: Store, *targets: Address, **flags: Any) -> tuple[RunResult, Record]:
+    record = Record()
+    asked = targets or plan.targets["default"]
+    return build(plan, asked, store=store, executor=inline(), listen=record, **flags), record
+
+
+def scene(mesh: Any = 0, items: Any = None) -> Graph:
+    """Two objects with a chain each, gathered."""
+    return graph(
+        call("seg", "items", items or {"box": "b", "mug": "m"}),
+        group(
+            "body",
+            out("seg"),
+            call("mesh", value=mesh, seen=item("body")),
+            call("pose", "pick", mesh=out("body.mesh")),
+        ),
+        call("scene", all=every("body.pose")),
+    )

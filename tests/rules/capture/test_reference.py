@@ -14,18 +14,10 @@ from dextera_build.artifacts.world import World
 from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast
 from dextera_build.testing import RuleRunner
+from tests.rules.capture.cameras import CAMERA
 
 WORLD: dict[str, Any] = {
-    "camera": {
-        "width_px": 320,
-        "height_px": 180,
-        "fx_px": 228.0,
-        "fy_px": 226.0,
-        "cx_px": 150.0,
-        "cy_px": 95.0,
-        "eye_m": (0.0, -0.8, 0.7),
-        "target_m": (0.0, 0.0, 0.05),
-    },
+    "camera": CAMERA,
     "objects": {
         "mug": {"kind": "mug", "at_m": (0.12, -0.1)},
         "carton": {"kind": "carton", "at_m": (-0.2, 0.1), "yaw_deg": 20.0},
