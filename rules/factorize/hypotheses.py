@@ -14,6 +14,7 @@ from . import (
     hypothesis_box,
     hypothesis_extruded,
     hypothesis_lofted,
+    hypothesis_mirrored,
     hypothesis_panels,
     hypothesis_tilted,
     revolution,
@@ -33,6 +34,7 @@ HYPOTHESES = (
     "oval",
     "extruded",
     "panels",
+    "mirrored",
 )
 """Every family, in the order in which they are tried."""
 
@@ -77,6 +79,7 @@ def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float) -> list
         "oval": lambda: _lofted(*hypothesis_lofted.oval(evidence), wall_m),
         "extruded": lambda: _extruded(evidence),
         "panels": lambda: _panels(evidence),
+        "mirrored": lambda: _mirrored(evidence),
     }
     made = [makers[name]() for name in HYPOTHESES if name in allowed]
     return [candidate for candidate in made if candidate is not None]
@@ -167,3 +170,11 @@ def _panels(evidence: Evidence) -> Candidate | None:
         return Finished(solids.join([base, lid]), pose, (base.vertices, lid.vertices))
 
     return Candidate(model, finish)
+
+
+def _mirrored(evidence: Evidence) -> Candidate | None:
+    made = hypothesis_mirrored.mirrored(evidence)
+    if made is None:
+        return None
+    front, model = made
+    return Candidate(model, lambda p: Finished(*hypothesis_mirrored.finished(front, p)))

@@ -21,6 +21,7 @@ class MeshOptions(Options):
         "oval",
         "extruded",
         "panels",
+        "mirrored",
     )
     """Families of bodies that may explain the view."""
     wall_m: float = 0.003

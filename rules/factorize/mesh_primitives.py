@@ -16,7 +16,7 @@ from dextera_build.rule import Backend, Context
 from . import evidence as evidence_of
 from .handle import with_handle
 from .hypotheses import HYPOTHESES, Candidate, Finished, propose
-from .paint import HALF_TURN, paint
+from .paint import HALF_TURN, MIRROR, paint
 from .refine import descend, fit, undetermined
 from .scoring import Judgement, judge
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .mesh import MeshOptions
 
 BACKEND = Backend(
-    summary="boxes, cylinders, revolved, oval, extruded bodies and hinged panels, fitted to depth and silhouette",
+    summary="boxes, cylinders, revolved, oval, extruded, hinged and mirrored bodies, fitted to depth and silhouette",
     profiles=("cpu",),
     packages=("manifold3d", "open3d", "opencv-python-headless", "scipy"),
     extra="twin",
@@ -117,7 +117,7 @@ def _lifted(body: Finished, base: float) -> Finished:
 def _shape(
     name: str, body: Finished, judged: Judgement, scores: dict[str, float], seen: ObjectView, options: MeshOptions
 ) -> Shape:
-    symmetry = HALF_TURN if name in HALF_TURN_SYMMETRIC else None
+    symmetry = HALF_TURN if name in HALF_TURN_SYMMETRIC else MIRROR if name == "mirrored" else None
     painted = paint(body.solid, body.pose, seen, options.texture_px, symmetry, revolved=name in HANDLED)
     mesh = Mesh(
         vertices=body.solid.vertices.astype(np.float32),

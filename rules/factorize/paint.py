@@ -22,6 +22,8 @@ FEATHER_PX = 6.0
 """Texels over which a colour that is read fades into one that is guessed [px]."""
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 """Half a turn about the body's vertical axis: a symmetry of boxes, cylinders and oval bodies."""
+MIRROR = np.diag([1.0, -1.0, 1.0])
+"""The mirror in the body's x-z plane: the symmetry of a mirrored body."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def paint(
         pose: T_world_object (4, 4).
         seen: The view whose photograph is used.
         most_px: Largest width and height of the texture [px].
-        symmetry: (3, 3) motion of the body's frame that maps the body to itself, or None.
+        symmetry: (3, 3) motion or mirror of the body's frame that maps the body to itself, or None.
         revolved: Whether the body looks the same from all around its z axis; `symmetry` is then left out.
     """
     distance = float(np.linalg.norm(pose[:3, 3] - seen.world_from_camera[:3, 3]))
