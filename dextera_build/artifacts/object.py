@@ -116,6 +116,8 @@ class Shape(Artifact):
     """Hypothesis -> render score, higher is better."""
     unobserved: tuple[str, ...] = ()
     """Sizes that the view does not determine and that were guessed: `x`, `y` or `z` of the mesh."""
+    source: Literal["rgb", "rgbd"] = "rgbd"
+    """What the geometry was made from: the photograph alone, as in the paper, or with the help of its depth."""
 
 
 class Joint(Value):
@@ -161,6 +163,8 @@ class Body(Artifact):
     """First guess of the pose of the object frame."""
     hollow: bool = False
     """See `Shape.hollow`."""
+    source: Literal["rgb", "rgbd"] = "rgbd"
+    """See `Shape.source`."""
 
 
 class Inertial(Value):

@@ -71,6 +71,7 @@ def articulate(ctx: Context, shape: Shape, seen: ObjectView, *, options: Articul
         joints=(joint,),
         world_from_object=shape.world_from_object,
         hollow=shape.hollow,
+        source=shape.source,
     )
     pixels = ctx.backend.picture(body, seen)
     if pixels is not None:
@@ -86,4 +87,6 @@ def articulate(ctx: Context, shape: Shape, seen: ObjectView, *, options: Articul
 
 def _rigid(shape: Shape) -> Body:
     base = Link(mesh=shape.mesh, walls=shape.walls)
-    return Body(links={"base": base}, world_from_object=shape.world_from_object, hollow=shape.hollow)
+    return Body(
+        links={"base": base}, world_from_object=shape.world_from_object, hollow=shape.hollow, source=shape.source
+    )

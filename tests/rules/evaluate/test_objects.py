@@ -191,3 +191,13 @@ def test_another_camera_is_refused(tmp_path: Path, truth: Truth) -> None:
     other = CAMERA.model_copy(update={"fx": 300.0})
     with pytest.raises(RuleError, match="the truth was seen through another camera"):
         evaluate(tmp_path, truth, {}, other)
+
+
+def test_the_notes_say_how_many_assets_were_made_with_depth(tmp_path: Path, truth: Truth) -> None:
+    twins = {name: asset(box(low)) for name, low in PLACES.items()}
+    blind = twins["left"].body.model_copy(update={"source": "rgb"})
+    twins["left"] = twins["left"].model_copy(update={"body": blind})
+    table, _ = evaluate(tmp_path, truth, twins)
+    assert any(
+        note.startswith("1 of 2 assets were made with the help of the photograph's depth") for note in table.notes
+    )
