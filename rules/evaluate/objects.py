@@ -85,7 +85,8 @@ def objects(
             rows.append((name, "missed", *MISSED))
     spurious = sorted(set(found) - set(asset_of.values()))
     ctx.preview(_outlines(truth, known, found), "truth green, twin magenta")
-    return _table(ctx, rows, spurious, truth, options)
+    table = _table(ctx, rows, spurious, truth, options)
+    return table.model_copy(update={"notes": (*table.notes, _made_from(assets))})
 
 
 def _score(
@@ -151,7 +152,6 @@ def _table(
             f"centroid, Chamfer-L1 (half the sum of both mean nearest distances) and F-score at "
             f"{100 * options.threshold_m:g} cm over the full surfaces, in the camera frame; {options.samples:,} points "
             f"each by area, seed {options.seed}",
-            _made_from(assets),
             "paper: DexTera, Table II, row Ours: mean and deviation over 86 instances of its own scenes, another data "
             "set than this one",
         ),
@@ -161,8 +161,8 @@ def _table(
 def _made_from(assets: Collection[Asset]) -> str:
     helped = sum(asset.body.source == "rgbd" for asset in assets.items.values())
     return (
-        f"{helped} of {len(assets.items)} assets were made with the help of the photograph's depth; the paper makes all "
-        "of its assets from colour alone and uses depth to align them"
+        f"{helped} of {len(assets.items)} assets were made with the help of the photograph's depth; the paper makes "
+        "all of its assets from colour alone and uses depth to align them"
     )
 
 
