@@ -92,6 +92,8 @@ def _row(session: Session, call: Call, change: Change) -> Row:
         found = session.project.library.code.find(file, definition)
         place = f"{session.project.shown(found[0])}:{found[1]}" if found else "(gone)"
         name = f"`{definition}` of {file}"
+    elif change.kind == "input":
+        place = _origin(session, call, change.name)
     elif change.kind in ("backend", "salt", "version"):
         place = str(call.where)
     return {
@@ -100,6 +102,16 @@ def _row(session: Session, call: Call, change: Change) -> Row:
         "change": f"{_short(change.old)} -> {_short(change.new)}",
         "place": place,
     }
+
+
+def _origin(session: Session, call: Call, slot: str) -> str:
+    """The file, or the call, that an input comes from."""
+    from dextera_build.engine.graph import Gather, Leaf, Output
+
+    given = call.inputs.get(slot)
+    if isinstance(given, Leaf):
+        return session.project.shown(given.path)
+    return ".".join((*given.call, *given.fields)) if isinstance(given, Output | Gather) else str(call.where)
 
 
 def _upstream(states: dict[str, Planned], node: str) -> list[Row]:

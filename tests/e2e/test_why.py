@@ -68,3 +68,21 @@ def test_a_copy_whose_group_is_not_open_again_may_be_stale(built):
     never = built.dxb("why", "say/words:word[nine].loud")
     assert never.code == 2
     assert "is not known yet: its group is not open" in never.err
+
+
+def test_a_changed_file_is_named(space):
+    space.write("note.txt", "one two")
+    space.write("recipes/say/note.yaml", "inputs: {note: note.txt}\nnodes:\n  w: {rule: toy.split, text: $note}\n")
+    assert space.build("say/note").code == 0
+    space.write("note.txt", "one three")
+    (line,) = space.dxb("why", "say/note:w").out.splitlines()[1:]
+    assert line.startswith("  input\ttext\t")
+    assert line.endswith("\tnote.txt")
+
+
+def test_a_changed_input_names_the_call_that_it_comes_from(built):
+    built.edit("recipes/say/words.yaml", "text: one two", "text: three")
+    assert built.build("say/words:start").code == 0
+    (line,) = built.dxb("why", "say/words:words").out.splitlines()[1:]
+    assert line.startswith("  input\ttext\t")
+    assert line.endswith("\tstart")
