@@ -40,8 +40,8 @@ def run(args: argparse.Namespace) -> int:
     project = options.project(args)
     wanted: dict[str, list[str]] = {}
     for text in args.targets:
-        recipe, _, target = text.partition(":")
-        wanted.setdefault(recipe.removesuffix(".yaml").removeprefix("recipes/"), []).append(target)
+        named = options.wish(text)
+        wanted.setdefault(named.recipe, []).append(named.target)
     code = 0
     for recipe, targets in wanted.items():
         code = max(code, _build(args, project, recipe, targets, started))
@@ -68,11 +68,20 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
     known = None if args.force else fresh.load(project, fingerprint)
     if known is not None:
         nodes, lines = known
-        seconds = time.perf_counter() - started
-        print(f"{recipe} is up to date   {nodes} nodes   {seconds:.2f} s", file=sys.stderr)
+        _say_nothing_ran(project, recipe, nodes, time.perf_counter() - started)
         print("".join(line + "\n" for line in lines), end="")
         return 0
     return _run(args, project, recipe, targets, fingerprint)
+
+
+def _say_nothing_ran(project: Project, recipe: str, nodes: str, seconds: float) -> None:
+    kind = project.config["console"].value
+    if kind == "jsonl":
+        from dextera_build.engine.events import RunFinished
+
+        print(RunFinished(time.time(), True, seconds, {"cached": int(nodes)}, 0.0).to_line(), file=sys.stderr)
+    elif kind != "none":
+        print(f"{recipe} is up to date   {nodes} nodes   {seconds:.2f} s", file=sys.stderr)
 
 
 def _run(

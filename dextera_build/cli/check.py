@@ -30,8 +30,9 @@ def run(args: argparse.Namespace) -> int:
     project = options.project(args)
     code = 0
     for target in args.targets or [address for address, _ in project.recipes()]:
-        recipe, _, node = target.partition(":")
+        named = options.wish(target)
         try:
+            recipe, node = named.recipe, named.target
             found = _repeat(args, project, recipe, node) if node else _resolve(args, project, recipe)
             print(f"{target}\t{found}")
         except DxbError as error:

@@ -19,9 +19,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths, the main one first."""
     from dextera_build.cli.results import stem_of
-    from dextera_build.cli.session import Session, wish
+    from dextera_build.cli.session import Session
 
-    wanted = wish(args.node)
+    wanted = options.wish(args.node)
     if not wanted.target:
         raise UsageError(
             "name a node", code="DXB-U111", hint=f"`dxb get {wanted.recipe}:NODE`; `dxb ls {wanted.recipe}`"

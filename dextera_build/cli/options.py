@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dextera_build.errors import UsageError
@@ -10,6 +11,20 @@ from dextera_build.errors import UsageError
 if TYPE_CHECKING:
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Request
+
+
+@dataclass(frozen=True)
+class Wish:
+    """`twin/laptop_scene:body[mug].mesh`: a recipe, and a target or node of it."""
+
+    recipe: str
+    target: str
+
+
+def wish(text: str) -> Wish:
+    """Read `RECIPE` or `RECIPE:TARGET`."""
+    recipe, _, target = text.partition(":")
+    return Wish(recipe.removesuffix(".yaml").removeprefix("recipes/"), target)
 
 
 def project_arguments(parser: argparse.ArgumentParser) -> None:

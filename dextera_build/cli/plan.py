@@ -21,12 +21,12 @@ def run(args: argparse.Namespace) -> int:
 
     `cached` is up to date, `stale` would run, `unknown` depends on what a stale node will return.
     """
-    from dextera_build.cli.session import Session, addresses, wish
+    from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.dryrun import plan
     from dextera_build.engine.graph import parse_address
 
     project = options.project(args)
-    wanted = wish(args.target)
+    wanted = options.wish(args.target)
     session = Session(project, wanted.recipe)
     graph = session.plan(options.request(args, project.profile)).graph
     calls = dict(graph.calls())

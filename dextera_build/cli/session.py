@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,20 +14,6 @@ if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
     from dextera_build.engine.history import Entry, History
     from dextera_build.recipe.plan import Plan, Request
-
-
-@dataclass(frozen=True)
-class Wish:
-    """`twin/laptop_scene:body[mug].mesh`: a recipe, and a target or node of it."""
-
-    recipe: str
-    target: str
-
-
-def wish(text: str) -> Wish:
-    """Read `RECIPE` or `RECIPE:TARGET`."""
-    recipe, _, target = text.partition(":")
-    return Wish(recipe.removesuffix(".yaml").removeprefix("recipes/"), target)
 
 
 class Session:

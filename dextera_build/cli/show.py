@@ -21,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print rows of name and value."""
-    from dextera_build.cli.session import Session, wish
+    from dextera_build.cli.session import Session
 
     project = options.project(args)
     if args.config:
@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     elif args.target is None:
         raise UsageError("name a recipe or a node, or give `--config`", code="DXB-U111", hint="`dxb ls` lists recipes")
     else:
-        wanted = wish(args.target)
+        wanted = options.wish(args.target)
         session = Session(project, wanted.recipe)
         rows = _node(session, wanted.target) if wanted.target else _recipe(session)
     print(json.dumps(rows, indent=1) if args.json else "\n".join(f"{name}\t{value}" for name, value in rows.items()))

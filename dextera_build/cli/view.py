@@ -27,10 +27,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until interrupted; the address goes to stdout."""
-    from dextera_build.cli.session import Session, wish
+    from dextera_build.cli.session import Session
     from dextera_build.view import server
 
-    wanted = wish(args.target)
+    wanted = options.wish(args.target)
     session = Session(options.project(args), wanted.recipe)
     fill = _one(session, wanted.target) if wanted.target else _scene(session)
     viewer, url = server.start(args.port)

@@ -29,11 +29,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print a sentence, then one cause a line: kind, name, old -> new, place."""
-    from dextera_build.cli.session import Session, addresses, wish
+    from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.dryrun import plan
 
     project = options.project(args)
-    wanted = wish(args.node)
+    wanted = options.wish(args.node)
     if not wanted.target:
         raise UsageError(
             "name a node", code="DXB-U111", hint=f"`dxb why {wanted.recipe}:NODE`; `dxb ls {wanted.recipe}`"

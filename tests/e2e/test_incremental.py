@@ -106,3 +106,10 @@ def test_check_says_stale_with_its_own_code(built):
     assert answer.code == 3
     assert "`say/words` is stale" in answer.err
     assert "hint: `dxb why 'say/words:start'`" in answer.err
+
+
+def test_a_build_that_runs_nothing_keeps_to_its_console(built):
+    again = built.build("say/words")
+    (event,) = again.events
+    assert (event["event"], event["counts"]) == ("run_finished", {"cached": 7})
+    assert built.dxb("build", "--console", "none", "say/words").err == ""
