@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.interrupts import hear_interrupts
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -66,6 +68,7 @@ class Space:
             text=True,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
+            preexec_fn=hear_interrupts,
             **options,  # type: ignore[call-overload]
         )
 

@@ -25,6 +25,7 @@ from dextera_build.engine.execute import build
 from dextera_build.engine.executors.local import LocalExecutor
 from dextera_build.store.store import Store
 from tests.engine.tiny import RUNNER, call, graph, out
+from tests.interrupts import hear_interrupts
 
 store = Store(Path(sys.argv[1]))
 plan = graph(call("quick"), call("slow", "sleep", 60, x=out("quick")), call("end", x=out("slow")))
@@ -45,6 +46,7 @@ def start(store: Path) -> tuple[subprocess.Popen[str], list[int]]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=hear_interrupts,
     )
     assert child.stdout is not None
     line = child.stdout.readline()  # printed just before the task is handed over
