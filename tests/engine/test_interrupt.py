@@ -15,6 +15,7 @@ import pytest
 from dextera_build.engine.execute import build
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, graph, inline, out
+from tests.interrupts import hear_interrupts
 
 _SCRIPT = """
 import sys
@@ -25,7 +26,6 @@ from dextera_build.engine.execute import build
 from dextera_build.engine.executors.local import LocalExecutor
 from dextera_build.store.store import Store
 from tests.engine.tiny import RUNNER, call, graph, out
-from tests.interrupts import hear_interrupts
 
 store = Store(Path(sys.argv[1]))
 plan = graph(call("quick"), call("slow", "sleep", 60, x=out("quick")), call("end", x=out("slow")))
