@@ -21,22 +21,9 @@ from . import (
     wall_pieces,
 )
 from .evidence import Evidence
+from .families import HYPOTHESES
 from .profile import FACETS, Layout, Profile
 from .refine import Model
-
-HYPOTHESES = (
-    "box",
-    "tilted_box",
-    "cylinder",
-    "lying_cylinder",
-    "revolved",
-    "revolved_hollow",
-    "oval",
-    "extruded",
-    "panels",
-    "mirrored",
-)
-"""Every family, in the order in which they are tried."""
 
 
 @dataclass(frozen=True)

@@ -5,24 +5,14 @@ from __future__ import annotations
 from dextera_build.artifacts.object import ObjectView, Shape
 from dextera_build.rule import Context, Options, rule
 
+from .families import HYPOTHESES
 from .shape_picture import picture
 
 
 class MeshOptions(Options):
     """Options of factorize.mesh. Every field enters the key."""
 
-    hypotheses: tuple[str, ...] = (
-        "box",
-        "tilted_box",
-        "cylinder",
-        "lying_cylinder",
-        "revolved",
-        "revolved_hollow",
-        "oval",
-        "extruded",
-        "panels",
-        "mirrored",
-    )
+    hypotheses: tuple[str, ...] = HYPOTHESES
     """Families of bodies that may explain the view."""
     wall_m: float = 0.003
     """Wall thickness of a vessel where the view does not tell [m]."""

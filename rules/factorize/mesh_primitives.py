@@ -14,8 +14,9 @@ from dextera_build.errors import listing
 from dextera_build.rule import Backend, Context
 
 from . import evidence as evidence_of
+from .families import HYPOTHESES
 from .handle import with_handle
-from .hypotheses import HYPOTHESES, Candidate, Finished, propose
+from .hypotheses import Candidate, Finished, propose
 from .paint import HALF_TURN, MIRROR, paint
 from .refine import descend, fit, undetermined
 from .scoring import Judgement, judge

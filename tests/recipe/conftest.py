@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from dextera_build.project import Project
+from tests.e2e.space import Space as RealSpace
 
 RULES = {
     "toy/start.py": '''
@@ -108,17 +109,8 @@ targets:
 """
 
 
-class Space:
-    """A project folder that tests write into."""
-
-    def __init__(self, root: Path) -> None:
-        self.root = root
-
-    def write(self, name: str, text: str) -> Path:
-        path = self.root / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-        return path
+class Space(RealSpace):
+    """A project folder that plans are made in, without the command line."""
 
     def project(self) -> Project:
         return Project(self.root)
