@@ -82,7 +82,7 @@ class Project:
 
     @property
     def jobs(self) -> int:
-        """How many nodes may run at once; 0 in the settings means one per core."""
+        """Cores to share out among nodes; 0 in the settings means all that this process may use."""
         value = self.config["jobs"].value
         if not str(value).isdigit():
             raise UsageError(f"`jobs` is a number, not `{value}`", code="DXB-U103")

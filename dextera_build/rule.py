@@ -74,6 +74,7 @@ class Context:
         backend: The chosen backend's module, or None for a rule without backends.
         scratch: A folder of this call alone, removed afterwards.
         emit: Takes (kind, data) as it happens: `progress`, `log`.
+        keep: See the property `keep`; None is a folder below `scratch`.
     """
 
     def __init__(
@@ -82,11 +83,24 @@ class Context:
         *,
         scratch: Path,
         emit: Callable[[str, Mapping[str, object]], None] | None = None,
+        keep: Path | None = None,
     ) -> None:
         self.backend = backend
         self.scratch = scratch
         self.outcome = Outcome()
         self._emit = emit or (lambda kind, data: None)
+        self._keep = keep or scratch / "keep"
+
+    @property
+    def keep(self) -> Path:
+        """A folder of this very call that outlives a kill, a failure and Ctrl-C, so that the next build can go on.
+
+        Empty at first; removed when the call's result is in the store, and never part of it: a call that went on must
+        return the bytes that it would have returned in one go. A kill may come at any moment, so write a file aside and
+        rename it.
+        """
+        self._keep.mkdir(parents=True, exist_ok=True)
+        return self._keep
 
     def check(self, holds: bool, message: str, *, hint: str | None = None, **facts: object) -> None:
         """A post-condition: nothing is published where it does not hold.
@@ -199,7 +213,7 @@ def rule(
         version: Raise it when the meaning changes although the code digest does not show it.
         packages: Third-party distributions that the result depends on; their versions enter the key. Those of the
             chosen backend are added.
-        cpus: Cores that one call keeps busy.
+        cpus: Cores that one call keeps busy; so many of `--jobs` are not given to others meanwhile.
         memory_gb: Peak memory of one call [GiB].
     """
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Mapping
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from dextera_build.errors import RuleError
+from dextera_build.errors import DxbError, RuleError
 from dextera_build.loader import Library
+from dextera_build.store import space
 from dextera_build.store.store import Store
 
 Emit = Callable[[str, Mapping[str, object]], None]
@@ -20,14 +23,15 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     """Run one task of the engine.
 
     Args:
-        task: `rule`, `backend`, `options`, `inputs` (slot -> digest), `store`, `project`.
+        task: `rule`, `backend`, `options`, `inputs` (slot -> digest), `store`, `project`; `key` names the folder in
+            which the call keeps its progress, without it the call has a fresh one.
         emit: Takes progress and log lines as they come.
 
     Returns:
         `output` (digest), `line`, `previews` ([caption, digest]), `metrics` (name -> [value, unit]).
 
     Raises:
-        DxbError: The rule refused its inputs or a check failed.
+        DxbError: The rule refused its inputs, a check failed, or a disk is full.
     """
     from dextera_build.rule import Context
 
@@ -42,8 +46,9 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     }
     # JSON mode takes a list for a tuple, and the engine speaks JSON.
     options = rule.options.model_validate_json(json.dumps(task["options"]))
-    with tempfile.TemporaryDirectory(prefix="dxb-") as scratch:
-        ctx = Context(backend, scratch=Path(scratch), emit=emit)
+    keep = store.keep.path(task["key"]) if task.get("key") else None
+    with _full_disk_said(store), tempfile.TemporaryDirectory(prefix="dxb-") as scratch, _full_disk_said(store):
+        ctx = Context(backend, scratch=Path(scratch), emit=emit, keep=keep)
         keyword = {"options": options} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)
     wanted = rule.returns
@@ -59,6 +64,22 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         "previews": [[caption, store.blobs.put(data)] for caption, data in ctx.outcome.previews],
         "metrics": {name: list(value) for name, value in ctx.outcome.metrics.items()},
     }
+
+
+@contextmanager
+def _full_disk_said(store: Store) -> Iterator[None]:
+    """Turn what a library says of a full disk into the error of dxb, while the files that filled it are still there."""
+    try:
+        yield
+    except DxbError:
+        raise
+    except Exception as error:
+        full = space.explain(error, store.root, Path(tempfile.gettempdir()))
+        if full is None:
+            raise
+        with suppress(OSError):
+            traceback.print_exc()
+        raise full from None
 
 
 @lru_cache(maxsize=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,10 +19,12 @@ class RuleRunner:
     Args:
         scratch: A folder for the rule's temporary files (`tmp_path` in pytest).
         project: A project whose own rules count too.
+        keep: The folder for `ctx.keep`, removed when a call succeeded, as in a build; None is one below `scratch`.
     """
 
-    def __init__(self, scratch: Path, project: Path | None = None) -> None:
+    def __init__(self, scratch: Path, project: Path | None = None, keep: Path | None = None) -> None:
         self._scratch = scratch
+        self._keep = keep or scratch / "keep"
         self._library = Library(project)
         self._blobs: dict[str, bytes] = {}
         self.outcome = Outcome()
@@ -48,10 +51,11 @@ class RuleRunner:
         found = self.find(path)
         chosen = choose_backend(found, backend, profile)
         rule = found.rule
-        ctx = Context(chosen.load() if chosen else None, scratch=self._scratch)
+        ctx = Context(chosen.load() if chosen else None, scratch=self._scratch, keep=self._keep)
         keyword = {"options": rule.options.model_validate(dict(options or {}))} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)
         self.outcome = ctx.outcome
+        shutil.rmtree(self._keep, ignore_errors=True)
         return type(result).decode(self.encode(result), self._blobs.__getitem__)
 
     def encode(self, artifact: Artifact) -> str:

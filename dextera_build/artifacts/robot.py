@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
 from dextera_build.artifacts.base import Artifact, Folder, Value
@@ -29,6 +30,40 @@ class RobotJoint(Value):
     """Home position [rad or m]."""
 
 
+class Follower(Value):
+    """A joint without a motor that a mechanism couples to an actuated one: position = `ratio` x leader + `offset`."""
+
+    name: str
+    """Name in the MJCF."""
+    group: Group
+    """Arm or hand."""
+    leader: str
+    """Actuated joint that it follows."""
+    ratio: float
+    """Its motion per motion of the leader."""
+    offset: float = 0.0
+    """Its position where the leader is at 0 [rad or m]."""
+
+
+class Grip(Value):
+    """A way to use the hand, as data: finger postures by joint, and which way the hand faces in its frame `palm`."""
+
+    against: Literal["thumb", "palm", "nothing"]
+    """What the fingers press things against; `nothing`: they push with their tips."""
+    open: dict[str, float]
+    """Joint -> position at its widest [rad]; joints left out stand at home."""
+    closed: dict[str, float] = {}
+    """Joint -> position with nothing in the hand [rad]; joints left out stay as in `open`."""
+    facing: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    """Unit direction out of the palm."""
+    pointing: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    """Unit direction along the straight fingers."""
+    surface_m: float = 0.0
+    """Distance of the palm's surface from the palm's frame, along `facing` [m]."""
+    tip_radius_m: float = 0.0
+    """Distance of a finger's surface from its tip frame [m]."""
+
+
 class RobotModel(Artifact):
     """A robot as data (mission rows A2, F1, F2)."""
 
@@ -39,9 +74,13 @@ class RobotModel(Artifact):
     links: dict[str, Group]
     """MJCF body -> class; the base belongs to the arm."""
     frames: dict[str, str]
-    """Role -> MJCF site: `flange`, `palm`, and a fingertip per finger."""
+    """Role -> MJCF site: `flange`, `palm`, a fingertip per finger; of two arms also as `left_...` and `right_...`."""
     source: str
     """Where kinematics, masses and limits come from."""
+    grips: dict[str, Grip] = {}
+    """Name -> a way to use the hand: `pinch`, `wrap`, `point`."""
+    followers: tuple[Follower, ...] = ()
+    """Joints that move with an actuated one; they are not part of an action."""
 
     @property
     def home(self) -> dict[str, float]:
@@ -51,3 +90,12 @@ class RobotModel(Artifact):
     def names(self, group: Group) -> tuple[str, ...]:
         """Joints of one class, in order."""
         return tuple(joint.name for joint in self.joints if joint.group == group)
+
+    def followed(self, joints: Mapping[str, float]) -> dict[str, float]:
+        """`joints` with the position of every follower whose leader is among them [rad or m]."""
+        led = {
+            follower.name: follower.ratio * joints[follower.leader] + follower.offset
+            for follower in self.followers
+            if follower.leader in joints
+        }
+        return {**joints, **led}

@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.geometry import Hull, Mesh
 
 
 class Lamp(Value):
@@ -29,6 +29,42 @@ class Part(Artifact):
     """Closed surface in the thing's frame."""
     gloss: float = 0.0
     """Strength of highlights, 0..1."""
+    pieces: tuple[Hull, ...] = ()
+    """Convex pieces that together fill it, in the thing's frame; what others bump into."""
+
+
+class Matter(Value):
+    """Mechanical properties of a thing that can be moved."""
+
+    mass_kg: float
+    """Mass of the whole thing [kg]; the density is even over each rigid piece."""
+    friction: float
+    """Sliding friction coefficient against whatever it touches."""
+    restitution: float = 0.1
+    """Coefficient of restitution of a slow impact on the table."""
+
+
+class Hinge(Value):
+    """A hinge of a thing, in the thing's frame. The parts are stored as they stand at `position`."""
+
+    parts: tuple[str, ...]
+    """Those that move against the others."""
+    origin: tuple[float, float, float]
+    """A point on the axis [m]."""
+    axis: tuple[float, float, float]
+    """Unit direction; positive motion follows the right-hand rule and opens."""
+    lower: float
+    """Lower limit [rad]; 0 is closed."""
+    upper: float
+    """Upper limit [rad]."""
+    position: float
+    """Where it stands in the photograph [rad]."""
+    friction_nm: float
+    """Dry friction [N m]."""
+    damping_nms_rad: float
+    """Viscous damping [N m s/rad]."""
+    mass_kg: float
+    """Mass of the moving parts, out of the thing's mass [kg]."""
 
 
 class Thing(Artifact):
@@ -40,6 +76,10 @@ class Thing(Artifact):
     """The closed outer surface of all pieces together, in the thing's frame."""
     world_from_thing: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
     """T_world_thing."""
+    matter: Matter | None = None
+    """Mechanical properties, or None for what is fixed to the world."""
+    hinge: Hinge | None = None
+    """Its hinge, if it has one."""
 
 
 class RobotStand(Value):
@@ -51,6 +91,14 @@ class RobotStand(Value):
     """Rotation of the base about world z [rad]."""
     joints: dict[str, float]
     """Joint -> position [rad or m]; joints left out stand at home."""
+
+    def matrix(self) -> np.ndarray:
+        """T_world_base, (4, 4) float64 [m]."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        matrix = np.eye(4)
+        matrix[:2, :2] = [[c, -s], [s, c]]
+        matrix[:3, 3] = self.position
+        return matrix
 
 
 class World(Artifact):

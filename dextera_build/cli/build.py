@@ -23,7 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="twin/laptop_scene, or one node of it")
     parser.add_argument("-k", "--keep-going", action="store_true", help="go on with what does not depend on a failure")
-    parser.add_argument("-j", "--jobs", metavar="N", help="nodes that may run at once (DXB_JOBS)")
+    parser.add_argument("-j", "--jobs", metavar="N", help="cores to share out; most nodes take one (DXB_JOBS)")
     parser.add_argument(
         "--force", metavar="NODE", action="append", default=[], help="run this node even if it is cached"
     )

@@ -37,7 +37,7 @@ def execute(session: Session, plan: Plan, wanted: Sequence[Address], args: argpa
         LocalExecutor(RUNNER, project.jobs, environment=environment) as workers,
         console("live" if kind == "auto" else kind, sys.stderr, verbose=args.verbose) as shown,
     ):
-        return build(
+        result = build(
             plan.graph,
             wanted,
             store=store,
@@ -47,3 +47,6 @@ def execute(session: Session, plan: Plan, wanted: Sequence[Address], args: argpa
             keep_going=args.keep_going,
             force=force,
         )
+    if log.lost:
+        print(f"the disk is full: {log.lost} events of run {log.run} are not in its log", file=sys.stderr)
+    return result

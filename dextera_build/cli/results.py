@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.cli.session import Session
+from dextera_build.store import files
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
@@ -16,12 +17,20 @@ _STAMP = ".digest"
 
 
 def place(session: Session, result: RunResult) -> list[str]:
-    """Write every target that was built and return one line each: its address, a tab, its main file."""
+    """Write every target that was built and return one line each: its address, a tab, its main file.
+
+    Raises:
+        StoreError: The disk is full, or the folder cannot be written.
+    """
     lines = []
     for node in result.targets:
         record = result.nodes[node]
         if record.output is not None:
-            lines.append(f"{node}\t{session.project.shown(_export(session, node, record.rule, record.output))}")
+            try:
+                main = _export(session, node, record.rule, record.output)
+            except OSError as error:
+                raise files.store_error(error, error.filename or str(folder_of(session, node))) from None
+            lines.append(f"{node}\t{session.project.shown(main)}")
     return lines
 
 

@@ -1,4 +1,4 @@
-"""`dxb show`: a node, a recipe's past, or the configuration."""
+"""`dxb show`: a node, all that it came from, a recipe's past, or the configuration."""
 
 from __future__ import annotations
 
@@ -14,13 +14,18 @@ from dextera_build.errors import UsageError
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("target", nargs="?", metavar="RECIPE[:NODE]", help="what to show")
+    parser.add_argument(
+        "--lineage",
+        action="store_true",
+        help="all that the result came from: nodes with options, seeds, code and packages, down to project files",
+    )
     parser.add_argument("--config", action="store_true", help="every setting with its origin")
     options.project_arguments(parser)
     options.json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print rows of name and value."""
+    """Print rows of name and value; with `--lineage` an indented line for everything, each once."""
     from dextera_build.cli.session import Session
 
     project = options.project(args)
@@ -31,9 +36,35 @@ def run(args: argparse.Namespace) -> int:
     else:
         wanted = options.wish(args.target)
         session = Session(project, wanted.recipe)
+        if args.lineage:
+            return _lineage(session, wanted.target, as_json=args.json)
         rows = _node(session, wanted.target) if wanted.target else _recipe(session)
     print(json.dumps(rows, indent=1) if args.json else "\n".join(f"{name}\t{value}" for name, value in rows.items()))
     return 0
+
+
+def _lineage(session: Any, target: str, *, as_json: bool) -> int:
+    from dextera_build.cli import lineage
+
+    found = lineage.trace(session, _targets(session, target))
+    print(json.dumps(found.to_json(), indent=1) if as_json else "\n".join(lineage.lines(found, session.recipe)))
+    return 0
+
+
+def _targets(session: Any, target: str) -> list[str]:
+    """A node that was built, or the built nodes that a target of the recipe stands for."""
+    if target in session.history:
+        return [target]
+    from dextera_build.cli.session import addresses
+    from dextera_build.engine.graph import parse_address
+    from dextera_build.recipe.plan import Request
+
+    wanted = addresses(session.plan(Request(profile=session.project.profile)).graph, target)
+    built = [(node, parse_address(node)) for node in session.last_nodes]
+    found = [node for node, at in built for want in wanted if at.call == want.call and want.matches(at.labels or ())]
+    if not found:
+        session.past(target or str(wanted[0]))  # says that it was never built, and what was
+    return found
 
 
 def _recipe(session: Any) -> dict[str, Any]:

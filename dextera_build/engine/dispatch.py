@@ -90,8 +90,11 @@ class Dispatch:
             self.said(node, "log", {"text": self._who_builds(node.key)})
             self.states.set(node, State.LOCKED)
             return False
-        hit = None if self.forced(node) else self.store.actions.get(node.key)
+        forced = self.forced(node)
+        hit = None if forced else self.store.actions.get(node.key)
         if hit is None:
+            if forced:
+                self.store.keep.drop(node.key)
             return True
         self.store.locks.release(node.key)
         self.succeed(node, "cached", hit)
@@ -113,6 +116,7 @@ class Dispatch:
                 profile=self.profile,
                 cpus=rule.cpus,
                 memory_gb=rule.memory_gb,
+                key=node.key or "",
             )
         return task
 

@@ -6,33 +6,39 @@ import errno
 import json
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from dextera_build.engine.events import Event
+from dextera_build.engine.events import Event, NodeProgress
 from dextera_build.errors import UsageError, listing
-from dextera_build.store import files
+from dextera_build.store import files, space
 from dextera_build.store.store import Store
 
 _FILE = "events.jsonl"
-_NOT_WRITABLE = (errno.EACCES, errno.EPERM, errno.EROFS)
+_PROGRESS_S = 1.0
+_NOT_WRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, *space.FULL}
 
 
 class EventLog:
     """A listener that writes every event down as it comes; use it as a context manager.
 
-    Each event is one `write`, so a killed build leaves whole lines and at most one torn one at the end.
+    Each event is one `write`, so a killed build leaves whole lines and at most one torn one at the end. Where the disk
+    is full an event is left out: what the build makes matters more, and says by itself where it has no room.
 
     Args:
         store: The run gets the next free id there.
 
     Attributes:
         run: Id of the run, `0143`; "" where the store cannot be written, then nothing is.
+        lost: How many events had no room.
     """
 
     def __init__(self, store: Store) -> None:
         self.run = ""
+        self.lost = 0
+        self._told: dict[str, float] = {}
         self._descriptor = -1
         folder = store.root / "runs"
         try:
@@ -42,20 +48,21 @@ class EventLog:
             self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
         except OSError as error:
             if error.errno in _NOT_WRITABLE:
+                self.run = ""
                 return
             raise files.store_error(error, str(folder)) from None
 
     def __call__(self, event: Event) -> None:
-        """Append one event.
-
-        Raises:
-            StoreError: The disk is full.
-        """
-        if self._descriptor >= 0:
-            try:
-                files.write_all(self._descriptor, event.to_line().encode() + b"\n")
-            except OSError as error:
-                raise files.store_error(error, f"runs/{self.run}/{_FILE}") from None
+        """Append one event; of a node's progress no more than what a second brings."""
+        if self._descriptor < 0 or self._is_told(event):
+            return
+        size = os.fstat(self._descriptor).st_size
+        try:
+            files.write_all(self._descriptor, event.to_line().encode() + b"\n")
+        except OSError:
+            self.lost += 1
+            with suppress(OSError):
+                os.ftruncate(self._descriptor, size)  # a torn line would spoil the next one
 
     def __enter__(self) -> Self:
         return self
@@ -70,6 +77,14 @@ class EventLog:
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
+
+    def _is_told(self, event: Event) -> bool:
+        if not isinstance(event, NodeProgress) or event.done == event.total:
+            return False
+        told = event.time - self._told.get(event.node, -_PROGRESS_S) < _PROGRESS_S
+        if not told:
+            self._told[event.node] = event.time
+        return told
 
 
 def runs(store: Store) -> list[str]:

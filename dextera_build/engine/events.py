@@ -50,6 +50,16 @@ class GroupOpened(Event):
 
 
 @dataclass(frozen=True)
+class RunSized(Event):
+    """How many nodes the targets need, as far as is known: more may come as long as groups are not open."""
+
+    kind: ClassVar[str] = "run_sized"
+    nodes: int
+    unopened: int
+    """Groups that are not open yet; a group within a group counts when the outer one is open."""
+
+
+@dataclass(frozen=True)
 class NodeStarted(Event):
     """A node began to run on a worker."""
 
@@ -88,6 +98,8 @@ class NodeFinished(Event):
     `waits` on a node says that it never ran because `blocked_by` failed. `result` is the digest of the node's
     `result.json`, `log` that of what it printed (also when it failed). A node may finish twice in a run, when its bytes
     turn out to be lost; the last word counts. A group that cannot be opened fails like a node, with rule `each`.
+    `files` are the slots (`photo`, or `photos[left]` of a listed collection) that read a file or folder, with its
+    path: from the project's folder where it lies inside.
     """
 
     kind: ClassVar[str] = "node_finished"
@@ -105,6 +117,7 @@ class NodeFinished(Event):
     inputs: Mapping[str, str] = field(default_factory=dict)
     depends_on: list[str] = field(default_factory=list)
     log: str | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

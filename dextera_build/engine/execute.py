@@ -6,14 +6,15 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path as FilePath
 from typing import Any
 
 from dextera_build.engine import events
 from dextera_build.engine.events import Listener
-from dextera_build.engine.graph import Address, Graph
+from dextera_build.engine.graph import Address, Graph, Leaf, Pack
 from dextera_build.engine.history import Entry, History
 from dextera_build.engine.policy import Hooks, Policy
-from dextera_build.engine.reach import leaves
+from dextera_build.engine.reach import leaves, reach
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.tasks import Executor
@@ -116,11 +117,14 @@ class _Run:
     ) -> None:
         self.graph, self.store, self.executor, self.listen, self.info = graph, store, executor, listen, info
         self.history = History(store, graph.name, info.project)
-        hooks = Hooks(self._opened, self._started, self._said, self._settled, self._broken)
+        hooks = Hooks(self._sized, self._opened, self._started, self._said, self._settled, self._broken)
         self.scheduler = Scheduler(graph, store, executor, policy, hooks)
         self.errors: dict[str, DxbError] = {}
+        self.members: Counter[tuple[str, ...]] = Counter()
+        """Group, or () for the root -> how many of its calls the targets need."""
 
     def run(self, targets: list[Address]) -> RunResult:
+        self.members = Counter(path[:-1] for path in reach(self.graph, targets))
         # What is missing is said before an hour of work, not after.
         for leaf in leaves(self.graph, targets):
             self.scheduler.wiring.leaf(leaf)
@@ -143,8 +147,7 @@ class _Run:
         return result
 
     def _announce(self, targets: list[Address]) -> None:
-        calls = [path for path, _ in self.graph.calls()]
-        groups = {path[:depth] for path in calls for depth in range(1, len(path))}
+        groups = {path[:depth] for path in self.members for depth in range(1, len(path) + 1)}
         self.listen(
             events.RunStarted(
                 time=time.time(),
@@ -153,16 +156,18 @@ class _Run:
                 targets=[str(target) for target in targets],
                 profile=self.info.profile,
                 dxb=self.info.dxb,
-                calls=len(calls),
+                calls=self.members.total(),
                 groups=len(groups),
                 argv=list(self.info.argv),
             )
         )
 
+    def _sized(self, nodes: int, unopened: int) -> None:
+        self.listen(events.RunSized(time.time(), nodes, unopened))
+
     def _opened(self, unit: Opening) -> None:
-        calls = sum(1 for member in unit.group.members.values() if hasattr(member, "rule"))
         labels = list(unit.items)
-        self.listen(events.GroupOpened(time.time(), unit.address, labels, calls * len(labels)))
+        self.listen(events.GroupOpened(time.time(), unit.address, labels, self.members[unit.path] * len(labels)))
 
     def _started(self, node: Node) -> None:
         rule, last = node.call.rule, self.history.get(node.address)
@@ -205,8 +210,22 @@ class _Run:
                 blocked_by=list(record.blocked_by),
                 inputs=dict(record.inputs),
                 depends_on=[node.address for node in producers(unit)],
+                files=self._files(unit) if isinstance(unit, Node) else {},
             )
         )
+
+    def _files(self, node: Node) -> dict[str, str]:
+        found = {}
+        for slot, source in node.call.inputs.items():
+            parts = source.parts if isinstance(source, Pack) else {"": source}
+            for label, part in parts.items():
+                if isinstance(part, Leaf):
+                    found[f"{slot}[{label}]" if label else slot] = self._shown(part.path)
+        return found
+
+    def _shown(self, path: FilePath) -> str:
+        root = self.info.project
+        return str(path.relative_to(root)) if root and path.is_relative_to(root) else str(path)
 
     def _record(self, node: Node, blockers: Sequence[str] = ()) -> NodeRecord:
         result, rule = node.result, node.call.rule

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 from dextera_build.engine.tasks import Ended
 from dextera_build.engine.units import Node
-from dextera_build.errors import DxbError, RuleError
+from dextera_build.errors import DxbError, RuleError, StoreError
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.store import Store
 
 
 def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
-    """Publish what the node made, unless a file that it reads changed meanwhile.
+    """Publish what the node made, unless a file that it reads changed meanwhile; then drop what it kept for a next try.
 
     Raises:
         DxbError: The node failed, read a file that changed, or its result cannot be stored.
     """
     if report.error is not None:
-        node.log = store.blobs.put(report.log) if report.log else None
+        with suppress(StoreError):  # what the node failed of says more than where its log has no room
+            node.log = store.blobs.put(report.log) if report.log else None
         raise report.error
     assert report.reply is not None
     assert node.key is not None
@@ -28,6 +30,7 @@ def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
     log = store.blobs.put(report.log) if report.log else None
     result = _parse(report.reply, report.seconds, log, store.blobs.put(node.document))
     store.actions.put(node.key, result)
+    store.keep.drop(node.key)
     return result
 
 

@@ -48,7 +48,19 @@ class Gather:
     fields: tuple[str, ...] = ()
 
 
-Input: TypeAlias = Leaf | Output | Item | Gather
+@dataclass(frozen=True)
+class Pack:
+    """A `Collection` of inputs that the recipe lists by label."""
+
+    parts: Mapping[str, Leaf | Output | Item | Gather]
+
+
+Input: TypeAlias = Leaf | Output | Item | Gather | Pack
+
+
+def parts_of(source: Input) -> tuple[Leaf | Output | Item | Gather, ...]:
+    """The input itself, or those that a pack is made of."""
+    return tuple(source.parts.values()) if isinstance(source, Pack) else (source,)
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,8 @@ class Policy:
 class Hooks:
     """What the scheduler tells; `execute` makes events of it."""
 
+    sized: Callable[[int, int], None] = lambda nodes, unopened: None
+    """So many nodes are needed, and so many groups are not open yet."""
     opened: Callable[[Opening], None] = lambda unit: None
     started: Callable[[Node], None] = lambda unit: None
     said: Callable[[Node, str, Any], None] = lambda unit, kind, data: None

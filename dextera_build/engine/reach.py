@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from dextera_build.engine.graph import Address, Call, Gather, Graph, Group, Item, Leaf, Output
+from dextera_build.engine.graph import Address, Call, Gather, Graph, Group, Item, Leaf, Output, parts_of
 from dextera_build.errors import UsageError, did_you_mean, listing
 
 Path = tuple[str, ...]
@@ -30,7 +30,8 @@ def reach(graph: Graph, targets: Sequence[Address]) -> dict[Path, Call]:
             stack += _read_by(group.over)
         for variant in variants(groups, call):
             for source in variant.inputs.values():
-                stack += _read_by(source)
+                for part in parts_of(source):
+                    stack += _read_by(part)
     return found
 
 
@@ -39,7 +40,8 @@ def leaves(graph: Graph, targets: Sequence[Address]) -> Iterator[Leaf]:
     for path, call in reach(graph, targets).items():
         groups, _ = _descend(graph, path)
         for variant in variants(groups, call):
-            yield from (source for source in variant.inputs.values() if isinstance(source, Leaf))
+            read = (part for source in variant.inputs.values() for part in parts_of(source))
+            yield from (part for part in read if isinstance(part, Leaf))
 
 
 def variants(groups: Sequence[Group], call: Call) -> list[Call]:

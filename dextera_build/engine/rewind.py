@@ -7,7 +7,7 @@ reader then goes back to waiting, and what made its inputs is looked up anew: en
 from __future__ import annotations
 
 from dextera_build.engine.states import State, States
-from dextera_build.engine.units import Gathering, Node, Opening, Unit
+from dextera_build.engine.units import Gathering, Node, Opening, Packing, Unit
 from dextera_build.store.store import Store
 
 _MOST = 3
@@ -55,13 +55,14 @@ def _readers_last(order: list[Unit]) -> list[Unit]:
     nodes = [unit for unit in order if isinstance(unit, Node)]
     openings = [unit for unit in order if isinstance(unit, Opening)]
     gatherings = [unit for unit in order if isinstance(unit, Gathering)]
-    return [*nodes, *sorted(openings, key=lambda unit: len(unit.path)), *gatherings]
+    packings = [unit for unit in order if isinstance(unit, Packing)]
+    return [*nodes, *sorted(openings, key=lambda unit: len(unit.path)), *gatherings, *packings]
 
 
 def _gone(source: Unit, store: Store) -> bool:
     if isinstance(source, Node):
         return source.key is None or store.actions.get(source.key) is None
-    if isinstance(source, Gathering) and source.output is not None:
+    if isinstance(source, Gathering | Packing) and source.output is not None:
         return not store.blobs.has(source.output)
     return False
 

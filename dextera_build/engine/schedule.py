@@ -26,7 +26,7 @@ from dextera_build.engine.key import Writer
 from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.states import LOST, State, States
 from dextera_build.engine.tasks import Executor
-from dextera_build.engine.units import Gathering, Link, Node, Opening, Unit
+from dextera_build.engine.units import Gathering, Link, Node, Opening, Packing, Unit
 from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError, RuleError, StaleError
 from dextera_build.store import header
@@ -75,6 +75,7 @@ class Scheduler:
         )
         self._writer = Writer()
         self._owners: dict[str, Node] = {}
+        self._measured = (0, 0)
 
     @property
     def stopping(self) -> bool:
@@ -90,6 +91,7 @@ class Scheduler:
         self.wishes = [self.wiring.wish(target) for target in targets]
         while True:
             more = self._settle()
+            self._measure()
             if not self.stopping:
                 self.dispatch.start()
             if not self.dispatch.wait(idle=self.stopping or not (more or self.states.ready)):
@@ -113,6 +115,15 @@ class Scheduler:
                 self._broke(unit, error)
         return True
 
+    def _measure(self) -> None:
+        """Say how many nodes there are, where that changed."""
+        openings = self.wiring.openings
+        known = (len(self.wiring.nodes), len(openings))
+        if known != self._measured:
+            self._measured = known
+            unopened = sum(unit.state is not State.DONE and unit.state not in LOST for unit in openings.values())
+            self.hooks.sized(len(self.wiring.nodes), unopened)
+
     def _connect(self, unit: Unit) -> None:
         try:
             self.wiring.connect(unit)
@@ -131,6 +142,10 @@ class Scheduler:
             self._open(unit)
         elif isinstance(unit, Gathering):
             self._gather(unit)
+        elif isinstance(unit, Packing):
+            parts = {label: self._value(link) for label, link in unit.links.items()}
+            unit.output = self.store.blobs.put(header.collection_header(parts))
+            self._done(unit)
 
     def _look_up(self, node: Node) -> None:
         node.inputs = {slot: self._value(link) for slot, link in node.links.items()}
@@ -164,6 +179,7 @@ class Scheduler:
                     facts={"labels": "one character or more, none of them [ ] / \\ or a control character"},
                 )
         self.hooks.opened(unit)
+        self._measured = (0, 0)
         self._done(unit)
 
     def _gather(self, unit: Gathering) -> None:
@@ -268,7 +284,7 @@ class Scheduler:
             start = unit.result.output
         elif isinstance(unit, Opening):
             start = unit.items[link.label or ""]
-        elif isinstance(unit, Gathering):
+        elif isinstance(unit, Gathering | Packing):
             start = unit.output
         assert start is not None
         return header.project(self.store.blobs.get, start, link.fields) if link.fields else start

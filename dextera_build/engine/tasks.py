@@ -27,6 +27,8 @@ class Task:
     profile: str
     cpus: int = 1
     memory_gb: float = 1.0
+    key: str = ""
+    """Names the folder in which the call keeps its progress; "" where it shall have a fresh one."""
 
     def message(self) -> dict[str, object]:
         """What the runner gets."""
@@ -38,6 +40,7 @@ class Task:
             "store": self.store,
             "project": self.project,
             "profile": self.profile,
+            "key": self.key,
         }
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from dextera_build.engine.graph import Call, Group, Leaf
+from dextera_build.engine.graph import Call, Group, Input, Leaf
 from dextera_build.engine.states import State
 from dextera_build.errors import DxbError
 from dextera_build.store.actions import ActionResult
@@ -94,6 +94,15 @@ class Gathering(Unit):
     collect: bool
     fields: tuple[str, ...] = ()
     nodes: dict[Labels, Node] = field(default_factory=dict, repr=False)
+    output: str | None = None
+
+
+@dataclass(eq=False, kw_only=True)
+class Packing(Unit):
+    """A collection that one reader lists by label; `path` and `labels` are the reader's."""
+
+    parts: Mapping[str, Input]
+    links: dict[str, Link] = field(default_factory=dict, repr=False)
     output: str | None = None
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path as FilePath
 
-from dextera_build.engine.graph import Address, Gather, Graph, Input, Item, Leaf, Output, node_address
+from dextera_build.engine.graph import Address, Gather, Graph, Input, Item, Leaf, Output, Pack, node_address, parts_of
 from dextera_build.engine.reach import copy_of, group_at
 from dextera_build.engine.states import State
-from dextera_build.engine.units import Gathering, Labels, Link, Node, Opening, Path, Unit
+from dextera_build.engine.units import Gathering, Labels, Link, Node, Opening, Packing, Path, Unit
 from dextera_build.errors import DxbError, UsageError, did_you_mean, listing
 
 
@@ -83,13 +83,11 @@ class Wiring:
             DxbError: A leaf cannot be read, or a label does not exist.
         """
         if isinstance(unit, Node):
-            unit.links = {slot: self._link(source, unit) for slot, source in unit.call.inputs.items()}
-            unit.leaves = [
-                (source, self.leaf(source)) for source in unit.call.inputs.values() if isinstance(source, Leaf)
-            ]
-            sources = [link.unit for link in unit.links.values() if link.unit is not None]
-            for source in dict.fromkeys(sources):
-                unit.await_(source)
+            read = [part for source in unit.call.inputs.values() for part in parts_of(source)]
+            unit.leaves = [(source, self.leaf(source)) for source in read if isinstance(source, Leaf)]
+            self._await_all(unit, unit.call.inputs)
+        elif isinstance(unit, Packing):
+            self._await_all(unit, unit.parts)
         elif isinstance(unit, Opening):
             unit.over = self._link(unit.group.over, unit)
             if unit.over.unit is not None:
@@ -97,6 +95,11 @@ class Wiring:
         elif isinstance(unit, Gathering):
             unit.nodes = {}
             self._spread(unit, [()])
+
+    def _await_all(self, unit: Node | Packing, sources: Mapping[str, Input]) -> None:
+        unit.links = {name: self._link(source, unit) for name, source in sources.items()}
+        for source in dict.fromkeys(link.unit for link in unit.links.values() if link.unit is not None):
+            unit.await_(source)
 
     def expand(self, unit: Gathering, opened: Opening) -> None:
         """Go on from a group that `unit` waited for and that is open now.
@@ -131,6 +134,10 @@ class Wiring:
             level = len(source.call) - 1
             assert source.call[:-1] == scope[:level], f"{reader.address} reads into a group: {source.call}"
             return Link(self.node(source.call, reader.labels[:level]), source.fields)
+        if isinstance(source, Pack):
+            pack = Packing(address=reader.address, path=reader.path, labels=reader.labels, parts=source.parts)
+            self.fresh.append(pack)
+            return Link(pack)
         return Link(self._gathering(source, scope, reader.labels))
 
     def _gathering(self, source: Gather, scope: Path, labels: Labels) -> Gathering:

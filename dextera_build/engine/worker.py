@@ -69,7 +69,8 @@ class Worker:
         except DxbError as error:
             answer = {"error": error.to_json()}
         except Exception as error:
-            traceback.print_exc()
+            with contextlib.suppress(OSError):  # where the log's disk is full the error still goes out
+                traceback.print_exc()
             answer = {"error": escaped(error).to_json()}
         answer["seconds"] = time.perf_counter() - began
         self._flush()

@@ -29,3 +29,16 @@ def to_matrix(quaternion: np.ndarray) -> np.ndarray:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def multiply(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Products (..., 4) of quaternions (..., 4): the rotation `second`, then `first`."""
+    w, x, y, z = np.moveaxis(np.asarray(first), -1, 0)
+    a, b, c, d = np.moveaxis(np.asarray(second), -1, 0)
+    parts = (
+        w * a - x * b - y * c - z * d,
+        w * b + x * a + y * d - z * c,
+        w * c - x * d + y * a + z * b,
+        w * d + x * c - y * b + z * a,
+    )
+    return np.stack(parts, axis=-1)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.engine.graph import Call, Graph, Input, RuleFacts
+from dextera_build.engine.graph import Call, Graph, Input, Pack, RuleFacts
 from dextera_build.errors import MachineError, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.loader import BackendFile, Library, RuleFile, choose_backend, version_of
 from dextera_build.recipe.schema import CallDecl
@@ -180,6 +181,8 @@ def _schema(annotation: Any) -> str:
 
 
 def _resolved(node: Node, name: str, slot: Slot, scope: Scope) -> Input | None:
+    if isinstance(node.value, dict):
+        return _packed(node, name, slot, scope)
     if not isinstance(node.value, str) or not node.value.startswith("$"):
         raise RecipeError(
             f"the input `{name}` takes a reference, this is {node.kind}",
@@ -198,6 +201,21 @@ def _resolved(node: Node, name: str, slot: Slot, scope: Scope) -> Input | None:
             where=node.place,
         )
     return bound.input
+
+
+def _packed(node: Node, name: str, slot: Slot, scope: Scope) -> Input:
+    """A collection that is listed: `trials: {act: $act_trials, ppo: $ppo_trials}`."""
+    inner = getattr(slot.annotation, "__pydantic_generic_metadata__", {}).get("args") or ()
+    if not inner or not slot.annotation.__name__.startswith("Collection["):
+        raise RecipeError(
+            f"the input `{name}` takes {type_name(slot.annotation)}, this is a mapping",
+            code="DXB-R107",
+            where=node.place,
+            hint=f"`{name}: $...`",
+        )
+    part = replace(slot, annotation=inner[0], optional=True)
+    parts = {label: _resolved(given, f"{name}.{label}", part, scope) for label, given in node.value.items()}
+    return Pack({label: source for label, source in parts.items() if source and not isinstance(source, Pack)})
 
 
 def _fits(wanted: Any, given: Any) -> bool:

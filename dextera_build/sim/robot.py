@@ -8,16 +8,30 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Camera
 from dextera_build.geometry import transforms
 from dextera_build.sim.rendering import render_rgb
+
+CONTACT_GROUP = 3
+"""Geom group of what touches and is not drawn."""
+# Stiff enough that a follower lags by well under a degree, and stable at steps of 2 ms.
+COUPLING_SOLREF = [0.005, 1.0]
+COUPLING_SOLIMP = [0.95, 0.99, 0.001, 0.5, 2.0]
+
+
+def load(model: Folder) -> Any:
+    """The `mujoco.MjSpec` of a robot's folder: `robot.xml` and the meshes that it names."""
+    others = {name: data for name, data in model.files.items() if name != "robot.xml"}
+    return mujoco.MjSpec.from_string(model.files["robot.xml"].decode(), assets=others)
 
 
 def mjcf(robot: Any) -> str:
     """MJCF text of a robot description (the options of rule `simulate.robot`).
 
     Bodies carry explicit inertials, joints position actuators of the same name, frames are sites; link geometry is in
-    group 0 and collides unless it says otherwise. Units: metres, radians, kilograms.
+    group 0, or 3 where it is not drawn, and collides unless it says otherwise. A follower has no actuator: an equality
+    constraint of its name couples it to its leader. Units: metres, radians, kilograms.
     """
     spec = mujoco.MjSpec()
     spec.modelname = robot.name
@@ -50,6 +64,8 @@ def _add_chain(spec: Any, parent: Any, mount: Any, links: Any, bodies: dict[str,
         body.ipos, body.iquat, body.inertia = link.centre_m, link.inertia_quaternion, link.inertia_kgm2
         if link.joint is not None:
             _add_joint(spec, body, mount.prefix, link.joint)
+        if link.follower is not None:
+            _add_follower(spec, body, mount.prefix, link.follower)
         for piece in link.pieces:
             _add_piece(body, piece)
         bodies[mount.prefix + link.name] = body
@@ -65,6 +81,7 @@ def _add_joint(spec: Any, body: Any, prefix: str, joint: Any) -> None:
         range=limits,
         limited=True,
         armature=joint.armature_kgm2,
+        frictionloss=joint.friction_nm,
     )
     actuator = spec.add_actuator(
         name=name,
@@ -76,6 +93,27 @@ def _add_joint(spec: Any, body: Any, prefix: str, joint: Any) -> None:
         forcelimited=True,
     )
     actuator.set_to_position(kp=joint.stiffness_nm_rad, kv=joint.damping_nms_rad)
+
+
+def _add_follower(spec: Any, body: Any, prefix: str, follower: Any) -> None:
+    name = prefix + follower.name
+    body.add_joint(
+        name=name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=follower.axis,
+        damping=[follower.damping_nms_rad, 0, 0],
+        armature=follower.armature_kgm2,
+    )
+    spec.add_equality(
+        name=name,
+        type=mujoco.mjtEq.mjEQ_JOINT,
+        objtype=mujoco.mjtObj.mjOBJ_JOINT,
+        name1=name,
+        name2=prefix + follower.leader,
+        data=[follower.offset_rad, follower.ratio, *[0.0] * 10],
+        solref=COUPLING_SOLREF,
+        solimp=COUPLING_SOLIMP,
+    )
 
 
 def _add_piece(body: Any, piece: Any) -> None:
@@ -95,6 +133,8 @@ def _add_piece(body: Any, piece: Any) -> None:
         geom.size = [piece.radius_m, 0, 0] if piece.shape == "sphere" else piece.half_m
     if not piece.collides:
         geom.contype = geom.conaffinity = 0
+    if not piece.drawn:
+        geom.group = CONTACT_GROUP
 
 
 def mass(text: str) -> float:
@@ -102,9 +142,9 @@ def mass(text: str) -> float:
     return float(mujoco.MjModel.from_xml_string(text).body_mass.sum())
 
 
-def portrait(text: str, joints: Mapping[str, float], size: int = 480) -> np.ndarray:
+def portrait(robot: Folder, joints: Mapping[str, float], size: int = 480) -> np.ndarray:
     """A picture (size, size, 3) uint8 of the robot at `joints` [rad], from its front left."""
-    spec = mujoco.MjSpec.from_string(text)
+    spec = load(robot)
     spec.worldbody.add_light(
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=[-0.5, -0.4, -1], pos=[2, 2, 3], diffuse=[0.6] * 3
     )

@@ -12,6 +12,7 @@ from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import Part, Thing, World
 from dextera_build.errors import RuleError, listing
+from dextera_build.sim import robot as robots
 from dextera_build.sim import tessellate
 from dextera_build.sim.lighting import light
 from dextera_build.sim.rendering import Eye
@@ -90,11 +91,11 @@ def _add_robot(spec: Any, world: World, robot: RobotModel | None) -> dict[str, f
     unknown = sorted(set(world.stand.joints) - set(robot.home))
     if unknown:
         raise RuleError(f"the robot has no joint `{unknown[0]}`", facts={"joints": listing(robot.home, most=30)})
-    child = mujoco.MjSpec.from_string(robot.model.files["robot.xml"].decode())
+    child = robots.load(robot.model)
     half = world.stand.yaw / 2
     frame = spec.worldbody.add_frame(pos=world.stand.position, quat=[np.cos(half), 0, 0, np.sin(half)])
     frame.attach_body(child.body("base"), ROBOT, "")
-    return robot.home | world.stand.joints
+    return robot.followed(robot.home | world.stand.joints)
 
 
 def _add_thing(spec: Any, name: str, thing: Thing) -> int:

@@ -18,7 +18,7 @@ from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.store import files, header
-from dextera_build.store.cas import Blobs, MissingBlob
+from dextera_build.store.cas import Blobs, MissingBlob, entries
 from dextera_build.store.reapi import OutputFile, decode, encode
 
 _RESULT = "result.json"
@@ -129,6 +129,18 @@ class Actions:
         if outputs is None:
             return []
         return [Path(self._file(key)), *(self._blobs.path(file.digest) for file in outputs)]
+
+    def keys(self) -> Iterator[str]:
+        """Every key that has an entry."""
+        yield from (key for key, _ in entries(self.root))
+
+    def outline(self, key: str) -> tuple[str, frozenset[str]] | None:
+        """(output, all that it refers to) of `key` by digest, whether the blobs are there or not, or None."""
+        outputs = self._entry(key)
+        if outputs is None:
+            return None
+        named = {file.path: file.digest for file in outputs}
+        return named["output"], frozenset(digest for path, digest in named.items() if path.startswith("closure/"))
 
     def _entry(self, key: str) -> list[OutputFile] | None:
         path = self._file(key)

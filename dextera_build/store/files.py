@@ -6,7 +6,6 @@ what it held is built again.
 
 from __future__ import annotations
 
-import errno
 import fcntl
 import itertools
 import os
@@ -14,10 +13,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from dextera_build.errors import StoreError
+from dextera_build.store import space
 
 _FICLONE = 0x40049409
 _CHUNK = 1 << 20
-_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _TOKEN = os.urandom(4).hex()  # two machines may write to one folder with equal process ids
 _COUNTER = itertools.count()
 TEMPORARY = ".tmp"
@@ -26,12 +25,12 @@ TEMPORARY = ".tmp"
 
 def store_error(error: OSError, path: str) -> StoreError:
     """What a failed write to the store means for the person who builds."""
-    if error.errno in _FULL:
+    if error.errno in space.FULL:
         return StoreError(
             "the store is full",
             code="DXB-S101",
-            facts={"file": path, "system says": error.strerror, **_free(path)},
-            hint="`dxb cache size` shows what it holds; free space, or set `DXB_CACHE` to a larger disk",
+            facts={"file": path, "system says": error.strerror, "free": space.free(path)},
+            hint="`dxb cache size` shows what it holds; make room or set `DXB_CACHE` to a larger disk and build again",
         )
     return StoreError(
         "the store cannot be written",
@@ -64,12 +63,14 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
         descriptor = -1
         _move(temporary, path)
     except BaseException as error:
+        # Before the unfinished file goes, so that it says how much room there was when there was none.
+        said = store_error(error, path) if isinstance(error, OSError) else None
         if descriptor >= 0:
             os.close(descriptor)
         with suppress(OSError):
             os.unlink(temporary)
-        if isinstance(error, OSError):
-            raise store_error(error, path) from None
+        if said is not None:
+            raise said from None
         raise
 
 
@@ -136,11 +137,3 @@ def _move(temporary: str, path: str) -> None:
     except FileNotFoundError:
         os.makedirs(os.path.dirname(path), exist_ok=True)
         os.replace(temporary, path)
-
-
-def _free(path: str) -> dict[str, str]:
-    folder = os.path.dirname(path)
-    while folder and not os.path.isdir(folder):
-        folder = os.path.dirname(folder)
-    state = os.statvfs(folder or ".")
-    return {"free": f"{state.f_bavail * state.f_frsize / 2**20:,.0f} MiB"}

@@ -57,6 +57,10 @@ class StatCache:
             tree[os.path.relpath(inner, name).replace(os.sep, "/")] = self._file(inner, inner_state)
         return self._blobs.put(header.folder_header(tree))
 
+    def paths(self, blob: str) -> list[str]:
+        """Project files that had these bytes when they were last read."""
+        return sorted(path for path, row in self._load().items() if row[5] == blob)
+
     def save(self) -> None:
         """Write the table, all or nothing; a store that cannot be written keeps the old one."""
         if self._dirty and self._known is not None:

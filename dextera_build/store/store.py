@@ -9,6 +9,7 @@ from dextera_build.errors import StoreError
 from dextera_build.store import files
 from dextera_build.store.actions import Actions
 from dextera_build.store.cas import Blobs, entries
+from dextera_build.store.keep import Keep
 from dextera_build.store.locks import Locks
 from dextera_build.store.statcache import StatCache
 
@@ -24,7 +25,8 @@ class Store:
         cas/ab/cdef...   blobs, read-only, by SHA-256
         ac/ab/cdef...    results by key, REAPI `ActionResult` messages
         runs/0001/       event logs
-        local/           what belongs to this machine: signatures of project files, history, snapshots, locks
+        local/           what belongs to this machine: signatures of project files, history, snapshots, locks,
+                         what calls that did not end keep for their next try
 
     Args:
         root: The folder; made when it is not there.
@@ -41,11 +43,12 @@ class Store:
         self.actions = Actions(self.root / "ac", self.blobs)
         self.leaves = StatCache(self.blobs, self.local / "leaves.json")
         self.locks = Locks(self.local / "locks")
+        self.keep = Keep(self.local / "keep")
 
     def size(self) -> dict[str, tuple[int, int]]:
-        """(count, bytes) of `blobs` and `actions`."""
-        found = {"blobs": self.blobs.root, "actions": self.actions.root}
-        sizes = {name: [size for _, size in entries(root)] for name, root in found.items()}
+        """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of calls that did not end."""
+        found = {"blobs": entries(self.blobs.root), "actions": entries(self.actions.root), "keep": self.keep.all()}
+        sizes = {name: [size for _, size in each] for name, each in found.items()}
         return {name: (len(each), sum(each)) for name, each in sizes.items()}
 
     def _prepare(self) -> None:

@@ -10,11 +10,11 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.world import Part
+from dextera_build.artifacts.world import Hinge, Matter, Part
 from dextera_build.geometry import transforms
 from dextera_build.rule import Options
 
-from . import solids, textures
+from . import solids, textures, walls
 
 
 class Placed(Options):
@@ -26,6 +26,20 @@ class Placed(Options):
     """Rotation about z [deg]."""
     seed: int = 0
     """Seed of its textures."""
+    mass_kg: float = 0.3
+    """Mass [kg]."""
+    friction: float = 0.45
+    """Sliding friction coefficient against whatever it touches."""
+    restitution: float = 0.15
+    """Coefficient of restitution of a slow impact on the table."""
+
+    def matter(self) -> Matter:
+        """Mechanical properties."""
+        return Matter(mass_kg=self.mass_kg, friction=self.friction, restitution=self.restitution)
+
+    def hinge(self) -> Hinge | None:
+        """Its hinge, if it has one."""
+        return None
 
     def pose(self) -> np.ndarray:
         """T_world_thing, (4, 4): it stands on z = 0."""
@@ -38,6 +52,10 @@ class Carton(Placed):
     """A cardboard box with printed faces."""
 
     kind: Literal["carton"]
+    mass_kg: float = 0.46
+    """Mass with its contents [kg]."""
+    friction: float = 0.42
+    """Sliding friction coefficient of cardboard."""
     size_m: tuple[float, float, float] = (0.11, 0.06, 0.18)
     """Width, depth, height [m]."""
     colour: tuple[float, float, float] = (0.9, 0.72, 0.2)
@@ -52,13 +70,18 @@ class Carton(Placed):
     def parts(self) -> dict[str, Part]:
         """The box."""
         atlas = textures.carton(self.brand, self.line, self.colour, self.accent, self.seed)
-        return {"box": Part(mesh=solids.box(self.size_m, atlas, atlas=True), gloss=0.15)}
+        box = solids.box(self.size_m, atlas, atlas=True)
+        return {"box": Part(mesh=box, gloss=0.15, pieces=walls.whole(box))}
 
 
 class Cylinder(Placed):
     """A can, a jar: a solid cylinder with a band."""
 
     kind: Literal["cylinder"]
+    mass_kg: float = 0.4
+    """Mass of the full can [kg]."""
+    friction: float = 0.34
+    """Sliding friction coefficient of a printed can."""
     radius_m: float = 0.035
     """Radius [m]."""
     height_m: float = 0.12
@@ -75,13 +98,18 @@ class Cylinder(Placed):
         whole = 2 * r + h
         ends = ((r + 0.1 * h) / whole, (r + 0.9 * h) / whole)
         picture = textures.banded(textures.plain(512, 1024, self.colour, 0.02, 8, self.seed), ((*ends, self.band),))
-        return {"can": Part(mesh=solids.turned(profile, picture), gloss=0.4)}
+        can = solids.turned(profile, picture)
+        return {"can": Part(mesh=can, gloss=0.4, pieces=walls.whole(can))}
 
 
 class Bowl(Placed):
     """A hollow round bowl with a foot."""
 
     kind: Literal["bowl"]
+    mass_kg: float = 0.42
+    """Mass of the stoneware [kg]."""
+    friction: float = 0.5
+    """Sliding friction coefficient of glazed stoneware on an unglazed foot."""
     radius_m: float = 0.075
     """Outer radius of the rim [m]."""
     foot_radius_m: float = 0.036
@@ -108,13 +136,18 @@ class Bowl(Placed):
         foot = [[0, 0], [self.foot_radius_m - 0.001, 0], [self.foot_radius_m, 0.001]]
         profile = np.concatenate([foot, outer, [middle], inner[:-1], [[0, self.wall_m]]])
         picture = textures.speckled(768, 1536, self.colour, self.speck, 0.3, self.seed)
-        return {"shell": Part(mesh=solids.turned(profile, picture), gloss=0.5)}
+        shell = solids.turned(profile, picture)
+        return {"shell": Part(mesh=shell, gloss=0.5, pieces=walls.vessel(profile))}
 
 
 class Mug(Placed):
     """A hollow mug with a handle towards its +x."""
 
     kind: Literal["mug"]
+    mass_kg: float = 0.31
+    """Mass of the ceramic [kg]."""
+    friction: float = 0.5
+    """Sliding friction coefficient of glazed ceramic."""
     radius_m: float = 0.041
     """Outer radius [m]."""
     height_m: float = 0.095
@@ -148,13 +181,20 @@ class Mug(Placed):
         ]
         handle = solids.tube(path, 0.0065, 0.0045, glaze[:256, :256])
         shell = solids.turned(profile, textures.banded(glaze, rings))
-        return {"shell": Part(mesh=shell, gloss=0.6), "handle": Part(mesh=handle, gloss=0.6)}
+        return {
+            "shell": Part(mesh=shell, gloss=0.6, pieces=walls.vessel(profile)),
+            "handle": Part(mesh=handle, gloss=0.6, pieces=walls.bar(handle, len(path))),
+        }
 
 
 class Laptop(Placed):
     """An open laptop; its user sits at -y."""
 
     kind: Literal["laptop"]
+    mass_kg: float = 1.6
+    """Mass of base and lid together [kg]."""
+    friction: float = 0.55
+    """Sliding friction coefficient of its rubber feet."""
     width_m: float = 0.32
     """Width [m]."""
     depth_m: float = 0.22
@@ -165,6 +205,32 @@ class Laptop(Placed):
     """Thickness of the lid [m]."""
     opening_deg: float = 110.0
     """Angle between the display and the keyboard; 0 is closed [deg]."""
+    widest_deg: float = 135.0
+    """The largest opening [deg]."""
+    lid_kg: float = 0.4
+    """Mass of the lid, out of the whole [kg]."""
+    hinge_friction_nm: float = 0.8
+    """Dry friction of the hinge [N m]; gravity asks for 0.43 N m of this lid."""
+    hinge_damping_nms_rad: float = 0.03
+    """Viscous damping of the hinge [N m s/rad]."""
+
+    def hinge(self) -> Hinge:
+        """Along the back edge; positive motion opens."""
+        x, y, z = (float(value) for value in self._axis())
+        return Hinge(
+            parts=("lid",),
+            origin=(x, y, z),
+            axis=(-1.0, 0.0, 0.0),
+            lower=0.0,
+            upper=float(np.radians(self.widest_deg)),
+            position=float(np.radians(self.opening_deg)),
+            friction_nm=self.hinge_friction_nm,
+            damping_nms_rad=self.hinge_damping_nms_rad,
+            mass_kg=self.lid_kg,
+        )
+
+    def _axis(self) -> np.ndarray:
+        return np.array([0.0, self.depth_m / 2 - 0.006, self.base_m + 0.002])
 
     def parts(self) -> dict[str, Part]:
         """Base, lid and hinge barrel."""
@@ -176,17 +242,18 @@ class Laptop(Placed):
         lid = solids.slab((self.width_m, self.depth_m - 0.008, self.lid_m), 0.010, 0.001, picture)
         angle = -np.radians(self.opening_deg)
         c, s = np.cos(angle), np.sin(angle)
-        axis = np.array([0.0, self.depth_m / 2 - 0.006, self.base_m + 0.002])
+        axis = self._axis()
         opened = transforms.rigid(np.array([[1, 0, 0], [0, c, -s], [0, s, c]]), axis)
         closed = transforms.rigid(np.eye(3), np.array([0, -(self.depth_m - 0.008) / 2 + 0.002, -0.001]))
         barrel = np.array([[0, 0], [0.0055, 0], [0.0055, 0.7 * self.width_m], [0, 0.7 * self.width_m]])
         turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
         along = transforms.rigid(turn, axis - [0.35 * self.width_m, 0, 0.001])
         hinge = solids.turned(barrel, textures.plain(64, 64, (0.2, 0.2, 0.21), 0.02, 4, self.seed), 24)
+        lid, hinge = solids.moved(lid, opened @ closed), solids.moved(hinge, along)
         return {
-            "base": Part(mesh=base, gloss=0.3),
-            "lid": Part(mesh=solids.moved(lid, opened @ closed), gloss=0.5),
-            "hinge": Part(mesh=solids.moved(hinge, along), gloss=0.3),
+            "base": Part(mesh=base, gloss=0.3, pieces=walls.whole(base)),
+            "lid": Part(mesh=lid, gloss=0.5, pieces=walls.whole(lid)),
+            "hinge": Part(mesh=hinge, gloss=0.3, pieces=walls.whole(hinge)),
         }
 
 

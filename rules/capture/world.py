@@ -9,11 +9,11 @@ from pydantic import Field
 
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.world import Lamp, Part, RobotStand, Thing, World
+from dextera_build.artifacts.world import Hinge, Lamp, Matter, Part, RobotStand, Thing, World
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Context, Options, rule
 
-from . import solids
+from . import solids, walls
 from .room import RoomOptions, TableOptions
 from .things import ThingOptions
 
@@ -85,13 +85,15 @@ def world(ctx: Context, *, options: WorldOptions) -> World:
     """Return the reference world: textured closed meshes [m], poses in the world frame, lights, camera."""
     objects = {}
     for name, thing in options.objects.items():
-        objects[name] = _thing(thing.parts(), thing.pose())
+        objects[name] = _thing(thing.parts(), thing.pose(), thing.matter(), thing.hinge())
         ctx.check(objects[name].surface.is_closed, f"the surface of `{name}` is open")
+        _check_physics(ctx, name, objects[name])
     camera, pose = _camera(ctx, options.camera)
     _check_places(ctx, objects, options.table)
     _check_view(ctx, objects, camera, pose)
     fixtures = {
-        name: _thing({name: part}, np.eye(4)) for name, part in (options.table.parts() | options.room.parts()).items()
+        name: _thing({name: part.model_copy(update={"pieces": walls.whole(part.mesh)})}, np.eye(4))
+        for name, part in (options.table.parts() | options.room.parts()).items()
     }
     stand = None
     if options.robot is not None:
@@ -110,9 +112,9 @@ def world(ctx: Context, *, options: WorldOptions) -> World:
     )
 
 
-def _thing(parts: dict[str, Part], pose: np.ndarray) -> Thing:
+def _thing(parts: dict[str, Part], pose: np.ndarray, matter: Matter | None = None, hinge: Hinge | None = None) -> Thing:
     surface = solids.union([part.mesh for part in parts.values()])
-    return Thing(parts=parts, surface=surface, world_from_thing=pose)
+    return Thing(parts=parts, surface=surface, world_from_thing=pose, matter=matter, hinge=hinge)
 
 
 def _camera(ctx: Context, options: CameraOptions) -> tuple[Camera, np.ndarray]:
@@ -131,6 +133,23 @@ def _camera(ctx: Context, options: CameraOptions) -> tuple[Camera, np.ndarray]:
         cy=options.cy_px,
     )
     return camera, pose
+
+
+def _check_physics(ctx: Context, name: str, thing: Thing) -> None:
+    if thing.matter is not None:
+        right = thing.matter.mass_kg > 0 and thing.matter.friction > 0 and 0 <= thing.matter.restitution < 1
+        ctx.check(
+            right,
+            f"`{name}` has no possible mass, friction or restitution",
+            given=thing.matter,
+            hint="set `mass_kg` and `friction` above 0, `restitution` below 1",
+        )
+    if thing.hinge is not None and thing.matter is not None:
+        inside = thing.hinge.lower <= thing.hinge.position <= thing.hinge.upper
+        limits = f"{np.degrees(thing.hinge.lower):g} to {np.degrees(thing.hinge.upper):g} deg"
+        ctx.check(inside, f"`{name}` stands beyond its hinge's limits", limits=limits, hint="change `opening_deg`")
+        lighter = 0 < thing.hinge.mass_kg < thing.matter.mass_kg
+        ctx.check(lighter, f"the lid of `{name}` is heavier than the whole", hint="lower `lid_kg`")
 
 
 def _posed(thing: Thing) -> Mesh:

@@ -28,9 +28,9 @@ def board(photo: np.ndarray, twin: np.ndarray, owner: np.ndarray, names: tuple[s
     traced = outlined(photo, owner, names)
     panels = [("photograph", photo), ("twin", twin), (f"{blend:.0%} twin over photograph", mixed)]
     panels.append(("outlines of the twin on the photograph", traced))
-    titled = [_titled(pixels, title) for title, pixels in panels]
-    rows = [_beside(titled[0], titled[1], axis=1), _beside(titled[2], titled[3], axis=1)]
-    return np.pad(_beside(rows[0], rows[1], axis=0), ((GAP, GAP), (GAP, GAP), (0, 0)), constant_values=PAPER[0])
+    panes = [titled(pixels, title) for title, pixels in panels]
+    rows = [beside(panes[0], panes[1], axis=1), beside(panes[2], panes[3], axis=1)]
+    return np.pad(beside(rows[0], rows[1], axis=0), ((GAP, GAP), (GAP, GAP), (0, 0)), constant_values=PAPER[0])
 
 
 def outlined(photo: np.ndarray, owner: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
@@ -49,7 +49,7 @@ def outlined(photo: np.ndarray, owner: np.ndarray, names: tuple[str, ...]) -> np
         spots.append((name, float(columns.mean()), float(rows.min()), colour))
     picture = Image.fromarray(pixels)
     pen = ImageDraw.Draw(picture)
-    font = _font(14)
+    font = typeface(14)
     for name, x, y, colour in spots:
         width = pen.textlength(name, font=font)
         left = min(max(2.0, x - width / 2), photo.shape[1] - width - 4)
@@ -73,22 +73,25 @@ def _colour(number: int) -> tuple[int, int, int]:
     return round(red * 255), round(green * 255), round(blue * 255)
 
 
-def _titled(pixels: np.ndarray, title: str) -> np.ndarray:
+def titled(pixels: np.ndarray, title: str) -> np.ndarray:
+    """The picture with a line of text above it."""
     from PIL import Image, ImageDraw
 
     picture = Image.new("RGB", (pixels.shape[1], pixels.shape[0] + BAR), PAPER)
     picture.paste(Image.fromarray(pixels), (0, BAR))
-    ImageDraw.Draw(picture).text((4, 4), title, fill=INK, font=_font(15))
+    ImageDraw.Draw(picture).text((4, 4), title, fill=INK, font=typeface(15))
     return np.array(picture, np.uint8)
 
 
-def _beside(first: np.ndarray, second: np.ndarray, axis: int) -> np.ndarray:
+def beside(first: np.ndarray, second: np.ndarray, axis: int) -> np.ndarray:
+    """Two pictures along `axis`, with a gap."""
     shape = list(first.shape)
     shape[axis] = GAP
     return np.concatenate([first, np.full(shape, PAPER[0], np.uint8), second], axis=axis)
 
 
-def _font(size: int) -> FreeTypeFont | ImageFont:
+def typeface(size: int) -> FreeTypeFont | ImageFont:
+    """The typeface of all lettering."""
     from PIL import ImageFont
 
     return ImageFont.load_default(size)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import Field
+
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.robot import Group, RobotJoint, RobotModel
+from dextera_build.artifacts.robot import Follower, Grip, Group, RobotJoint, RobotModel
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Options, rule
 
@@ -34,6 +36,8 @@ class PieceOptions(Options):
     """Name in `colours`."""
     collides: bool = True
     """False: only for the eye."""
+    drawn: bool = True
+    """False: only for contacts."""
 
 
 class JointOptions(Options):
@@ -59,6 +63,27 @@ class JointOptions(Options):
     """Damping of joint and actuator [N m s/rad]."""
     armature_kgm2: float = 0.0
     """Inertia of the rotor seen at the joint [kg m^2]."""
+    friction_nm: float = 0.0
+    """Dry friction [N m]."""
+
+
+class FollowerOptions(Options):
+    """A hinge about the link's frame without a motor, coupled to an actuated joint by a mechanism."""
+
+    name: str
+    """Name; the mount's prefix comes before it."""
+    leader: str
+    """Joint of the same copy that it follows, without the prefix."""
+    ratio: float
+    """Its turn per turn of the leader."""
+    offset_rad: float = 0.0
+    """Its position where the leader is at 0 [rad]."""
+    axis: Vector = (0.0, 0.0, 1.0)
+    """Unit axis in the link's frame."""
+    damping_nms_rad: float = 0.0
+    """Damping [N m s/rad]."""
+    armature_kgm2: float = 0.0
+    """Inertia of the mechanism seen at the joint [kg m^2]."""
 
 
 class LinkOptions(Options):
@@ -79,7 +104,9 @@ class LinkOptions(Options):
     inertia_quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Rotation of the principal axes, w x y z."""
     joint: JointOptions | None = None
-    """The joint that moves it, or None for a fixed link."""
+    """The joint that moves it, or None for a link that is fixed or follows."""
+    follower: FollowerOptions | None = None
+    """The joint by which it follows another."""
     pieces: tuple[PieceOptions, ...]
     """Its primitives."""
 
@@ -119,6 +146,25 @@ class FrameOptions(Options):
     """Rotation against the link, w x y z."""
 
 
+class GripOptions(Options):
+    """A way to use the hand."""
+
+    against: Literal["thumb", "palm", "nothing"]
+    """What the fingers press things against; `nothing`: they push with their tips."""
+    open_rad: dict[str, float]
+    """Joint -> position at its widest [rad]."""
+    closed_rad: dict[str, float] = Field(default_factory=dict)
+    """Joint -> position with nothing in the hand [rad]."""
+    facing: Vector = (0.0, 0.0, -1.0)
+    """Unit direction out of the palm, in frame `palm`."""
+    pointing: Vector = (1.0, 0.0, 0.0)
+    """Unit direction along the straight fingers, in frame `palm`."""
+    surface_m: float = 0.0
+    """Distance of the palm's surface from frame `palm`, along `facing` [m]."""
+    tip_radius_m: float = 0.0
+    """Distance of a finger's surface from its tip frame [m]."""
+
+
 class RobotOptions(Options):
     """Options of simulate.robot: the robot as data."""
 
@@ -132,6 +178,8 @@ class RobotOptions(Options):
     """The first link of the first chain is called `base` and does not move."""
     frames: dict[str, FrameOptions]
     """Role -> frame: `flange`, `palm`, `tip_index`, ..."""
+    grips: dict[str, GripOptions] = Field(default_factory=dict)
+    """Name -> a way to use the hand."""
     apart: tuple[tuple[str, str], ...] = ()
     """Pairs of links whose contact is not looked at, beside neighbours."""
 
@@ -141,24 +189,31 @@ def robot(ctx: Context, *, options: RobotOptions) -> RobotModel:
     """Return the robot as MJCF of primitives: metres, kilograms, root body `base` in its own frame, z up."""
     from dextera_build.sim import robot as builder
 
-    links, joints = _inventory(ctx, options)
+    links, joints, followers = _inventory(ctx, options)
     text = builder.mjcf(options)
     mass = builder.mass(text)
     ctx.metric("mass", mass, "kg")
-    ctx.say(f"{options.name}: {len(joints)} joints, {len(links)} links, {mass:.1f} kg")
-    ctx.preview(builder.portrait(text, {joint.name: joint.home for joint in joints}), "at home")
-    return RobotModel(
+    led = f", {len(followers)} followers" if followers else ""
+    ctx.say(f"{options.name}: {len(joints)} joints{led}, {len(links)} links, {mass:.1f} kg")
+    model = RobotModel(
         model=Folder(files={"robot.xml": text.encode()}),
         joints=joints,
         links=links,
         frames={role: role for role in options.frames},
         source=options.source,
+        grips=_grips(ctx, options, joints),
+        followers=followers,
     )
+    ctx.preview(builder.portrait(model.model, model.followed(model.home)), "at home")
+    return model
 
 
-def _inventory(ctx: Context, options: RobotOptions) -> tuple[dict[str, Group], tuple[RobotJoint, ...]]:
+def _inventory(
+    ctx: Context, options: RobotOptions
+) -> tuple[dict[str, Group], tuple[RobotJoint, ...], tuple[Follower, ...]]:
     links: dict[str, Group] = {}
     joints: dict[str, RobotJoint] = {}
+    followers: dict[str, Follower] = {}
     for chain in options.chains:
         for mount in chain.mounts:
             if mount.parent and mount.parent not in links:
@@ -170,13 +225,42 @@ def _inventory(ctx: Context, options: RobotOptions) -> tuple[dict[str, Group], t
                 links[name] = chain.group
                 if link.joint is not None:
                     joint = _joint(ctx, mount.prefix, link.joint, chain.group)
-                    ctx.check(joint.name not in joints, f"two joints are called `{joint.name}`")
+                    ctx.check(joint.name not in {*joints, *followers}, f"two joints are called `{joint.name}`")
                     joints[joint.name] = joint
+                if link.follower is not None:
+                    ctx.check(
+                        link.joint is None, f"link `{name}` has a joint and a follower", hint="leave one of them out"
+                    )
+                    follower = _follower(ctx, mount.prefix, link.follower, chain.group, joints)
+                    ctx.check(follower.name not in {*joints, *followers}, f"two joints are called `{follower.name}`")
+                    followers[follower.name] = follower
     ctx.check(next(iter(links), "") == "base", "the first link is not called `base`")
     named = {frame.link for frame in options.frames.values()} | {name for pair in options.apart for name in pair}
     if unknown := sorted(named - set(links)):
         ctx.fail(f"no link is called `{unknown[0]}`", links=listing(links, most=40))
-    return links, tuple(joints.values())
+    return links, tuple(joints.values()), tuple(followers.values())
+
+
+def _grips(ctx: Context, options: RobotOptions, joints: tuple[RobotJoint, ...]) -> dict[str, Grip]:
+    hand = {joint.name: joint for joint in joints if joint.group == "hand"}
+    for name, grip in options.grips.items():
+        for joint, position in [*grip.open_rad.items(), *grip.closed_rad.items()]:
+            ctx.check(joint in hand, f"grip `{name}` moves `{joint}`, which is no joint of the hand", joints=listing(hand))
+            inside = hand[joint].lower <= position <= hand[joint].upper
+            limits = f"{hand[joint].lower:g} to {hand[joint].upper:g} rad"
+            ctx.check(inside, f"grip `{name}` bends `{joint}` beyond its limits", position=position, limits=limits)
+    return {
+        name: Grip(
+            against=grip.against,
+            open=grip.open_rad,
+            closed=grip.closed_rad,
+            facing=grip.facing,
+            pointing=grip.pointing,
+            surface_m=grip.surface_m,
+            tip_radius_m=grip.tip_radius_m,
+        )
+        for name, grip in options.grips.items()
+    }
 
 
 def _joint(ctx: Context, prefix: str, joint: JointOptions, group: Group) -> RobotJoint:
@@ -193,6 +277,16 @@ def _joint(ctx: Context, prefix: str, joint: JointOptions, group: Group) -> Robo
         effort=joint.effort_nm,
         home=joint.home_rad,
     )
+
+
+def _follower(
+    ctx: Context, prefix: str, options: FollowerOptions, group: Group, joints: dict[str, RobotJoint]
+) -> Follower:
+    name, leader = prefix + options.name, prefix + options.leader
+    if leader not in joints:
+        actuated = listing(joints, most=40)
+        ctx.fail(f"`{name}` follows `{leader}`, but no actuated joint before it is called so", joints=actuated)
+    return Follower(name=name, group=group, leader=leader, ratio=options.ratio, offset=options.offset_rad)
 
 
 def _check_pieces(ctx: Context, link: str, options: LinkOptions, colours: dict[str, Vector]) -> None:

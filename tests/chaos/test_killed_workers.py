@@ -31,7 +31,7 @@ def test_builds_converge_though_workers_are_killed(tmp_path: Path) -> None:
     finished: set[str] = set()
     deaths = 0
     for _ in range(60):
-        with LocalExecutor(RUNNER, 2, cpus=2) as pool:
+        with LocalExecutor(RUNNER, 2) as pool:
 
             def shoot(event: Event, pool: LocalExecutor = pool) -> None:
                 if isinstance(event, NodeStarted) and pool.pids() and dice.random() < 0.3:

@@ -17,11 +17,9 @@ from rich.console import Console as Terminal
 from dextera_build.cli.consoles import can_move, console, lines
 from dextera_build.cli.consoles.foot import Running, clock, foot
 from dextera_build.cli.consoles.live import LiveConsole
-from dextera_build.cli.consoles.record import Record
 from dextera_build.cli.errors import wants_colour
 from dextera_build.engine.events import (
     Event,
-    GroupOpened,
     NodeFinished,
     NodeLog,
     NodeProgress,
@@ -249,6 +247,8 @@ def test_foot_shows_clock_expected_time_and_bar() -> None:
     assert shown[0].startswith("  ▸  a  10 s of ~40 s  ━")
     assert shown[1] == "  ▸  b  10 s           ━━━━━━━━━━━━━━━━  4/8 hypotheses"
     assert shown[2] == "  ▸  c  10 s                             cpu"
+    many = NodeProgress(time=101, node="d", done=1200, total=0, what="steps\x1b[2J")
+    assert text_of(foot([running("d", None, many)], 110.0, 100, 10))[0].endswith("1,200 steps [2J")
     filled = foot([running("b", None, half)], 110.0, 100, 10)[0]
     assert ("━" * 8, "fetched") in filled
 
@@ -296,19 +296,6 @@ def test_a_line_of_a_rule_stays_one_line_and_cannot_move_the_cursor() -> None:
         time=1, node="a", rule="r.a", backend=None, status="ran", key="k", output="o", seconds=1, line="o\x1b[2Jne\ntwo"
     )
     assert lines.plain(lines.Columns().node(event)).endswith("  o [2Jne")
-
-
-def test_the_number_of_nodes_is_known_when_groups_have_opened() -> None:
-    record = Record()
-    record.follow(RunStarted(0.0, "1", "r", [], "cpu", "0", calls=9, groups=2))
-    record.follow(GroupOpened(0.0, "body", ["a", "b"], 6))
-    assert record.nodes == 9 - 3 + 6
-    record.follow(GroupOpened(0.0, "body[a].part", ["x"], 2))
-    record.follow(GroupOpened(0.0, "body[b].part", ["x", "y"], 4))
-    assert record.nodes == 9 - 3 + 6 - 2 + 2 + 4
-    for event in fabricate("mixed")[0]:
-        record.follow(event)
-    assert record.nodes == 38
 
 
 def test_nodes_that_never_ran_are_told_at_the_end_by_what_they_wait_for() -> None:

@@ -3,8 +3,48 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import pytest
+
+READ = '''
+"""toy.read: a folder as one file."""
+from dextera_build.artifacts.base import File, Folder
+from dextera_build.rule import Context, rule
+
+@rule(version=1)
+def read(ctx: Context, notes: Folder) -> File:
+    """Return all files, one after another."""
+    return File(data=b" ".join(data for _, data in sorted(notes.files.items())))
+'''
+NOTES = """inputs: {notes: notes}
+nodes:
+  text: {rule: toy.read, notes: $notes}
+  words: {rule: toy.split, text: $text}
+  word:
+    each: $words
+    as: word
+    nodes:
+      loud: {rule: toy.shout, text: $word}
+  all: {rule: toy.join, texts: $word.loud}
+  end: {rule: toy.shout, text: $all, times: 3}
+targets: {default: [end]}
+"""
+
+
+def causes(answer) -> list[tuple[int, str, str]]:
+    """(depth, kind, name) of every line."""
+    return [(row["depth"], row["kind"], row["name"]) for row in json.loads(answer.out)["causes"]]
+
+
+@pytest.fixture
+def notes(space):
+    space.write("rules/toy/read.py", READ.lstrip())
+    space.write("recipes/say/notes.yaml", NOTES)
+    space.write("notes/a.txt", "one")
+    space.write("notes/b.txt", "two")
+    assert space.build("say/notes").code == 0
+    return space
 
 
 @pytest.fixture
@@ -26,7 +66,7 @@ def test_never_built(space):
 def test_an_option_is_named_with_its_line(built):
     built.edit("recipes/say/words.yaml", "text: one two", "text: three")
     answer = built.dxb("why", "say/words:start")
-    assert answer.out.splitlines()[0].startswith("stale: 1 things it depends on changed since run 0001")
+    assert answer.out.splitlines()[0].startswith("stale: 1 thing it depends on changed since run 0001")
     assert answer.out.splitlines()[1] == "  option\ttext\tone two -> three\trecipes/say/words.yaml:3:34"
 
 
@@ -83,6 +123,136 @@ def test_a_changed_file_is_named(space):
 def test_a_changed_input_names_the_call_that_it_comes_from(built):
     built.edit("recipes/say/words.yaml", "text: one two", "text: three")
     assert built.build("say/words:start").code == 0
-    (line,) = built.dxb("why", "say/words:words").out.splitlines()[1:]
+    line, cause = built.dxb("why", "say/words:words").out.splitlines()[1:]
     assert line.startswith("  input\ttext\t")
     assert line.endswith("\tstart")
+    assert cause == "    option\ttext\tone two -> three\trecipes/say/words.yaml:3:34"
+
+
+def test_a_node_that_waits_shows_the_way_to_the_changed_function(built):
+    built.edit("rules/toy/marks.py", 'b"!" * times', 'b"?" * times')
+    answer = built.dxb("why", "say/words:all")
+    head, *rows = answer.out.splitlines()
+    assert head.startswith("may be stale: that is judged when its inputs are known; it was built by run 0001 (")
+    assert rows == [
+        "  waits for\tword[one].louder and 1 more copy\tjudged when its inputs are known\tinput `texts`",
+        "    waits for\tword[one].loud\tstale\tinput `text`",
+        rows[2],
+    ]
+    assert rows[2].startswith("      code\t`mark` of rules/toy/marks.py\t")
+    assert rows[2].endswith("\trules/toy/marks.py:3")
+
+
+def test_a_node_that_waits_shows_the_way_to_the_changed_file(notes):
+    notes.write("notes/b.txt", "three")
+    notes.write("notes/c.txt", "four")
+    answer = notes.dxb("why", "--json", "say/notes:end")
+    assert causes(answer) == [
+        (0, "waits for", "all"),
+        (1, "waits for", "word.loud"),
+        (2, "waits for", "words"),
+        (3, "waits for", "text"),
+        (4, "input", "notes"),
+        (5, "file", "b.txt"),
+        (5, "file", "c.txt"),
+    ]
+    rows = json.loads(answer.out)["causes"]
+    assert (rows[3]["change"], rows[3]["place"]) == ("stale", "input `text`")
+    assert rows[4]["place"] == "notes"
+    assert rows[5]["place"] == "notes/b.txt"
+    assert rows[6]["change"] == "added"
+
+
+def test_what_was_built_meanwhile_is_followed_to_its_first_cause(notes):
+    notes.write("notes/b.txt", "three")
+    assert notes.build("say/notes:all").code == 0
+    answer = notes.dxb("why", "--json", "say/notes:end")
+    assert json.loads(answer.out)["answer"].startswith("stale: 1 thing it depends on changed since run 0001")
+    # One word was left out and another came in, so `all` reads other copies: that comes from `words`.
+    assert causes(answer) == [
+        (0, "input", "text"),
+        (1, "input", "texts"),
+        (2, "copies", "word.loud"),
+        (3, "input", "text"),
+        (4, "input", "notes"),
+        (5, "file", "b.txt"),
+    ]
+    assert json.loads(answer.out)["causes"][2]["change"] == "new: word[three].loud; gone: word[two].loud"
+
+
+def test_copies_that_changed_alike_stand_together(built):
+    built.edit(
+        "recipes/say/words.yaml",
+        "loud: {rule: toy.shout, text: $word}",
+        "loud: {rule: toy.shout, text: $word, times: 5}",
+    )
+    assert built.build("say/words:word.louder").code == 0
+    answer = built.dxb("why", "say/words:all")
+    rows = answer.out.splitlines()[1:]
+    assert [row.split("\t")[:2] for row in rows] == [
+        ["  input", "texts"],
+        ["    input", "text"],
+        ["      option", "times"],
+    ]
+    assert rows[2].endswith("\t1 -> 5\trecipes/say/words.yaml:9:51")
+
+
+def test_copies_that_changed_each_in_its_way_are_named(built):
+    assert built.build("say/words:word.louder", "--set", "word[one].loud.times=4").code == 0
+    answer = built.dxb("why", "--json", "say/words:all", "--set", "word[one].loud.times=4")
+    assert causes(answer) == [
+        (0, "input", "texts"),
+        (1, "input", "text"),
+        (2, "option", "times"),
+    ]
+    both = ["--set", "word[one].louder.times=4", "--set", "word[two].louder.times=5"]
+    assert built.build("say/words:word.louder", *both).code == 0
+    answer = built.dxb("why", "--json", "say/words:all", *both)
+    assert causes(answer) == [
+        (0, "input", "texts"),
+        (1, "node", "word[one].louder"),
+        (2, "option", "times"),
+        (1, "node", "word[two].louder"),
+        (2, "option", "times"),
+    ]
+
+
+def test_an_input_that_comes_from_elsewhere_says_from_where_before(built):
+    built.edit(
+        "recipes/say/words.yaml", "nodes:\n  start:", "nodes:\n  other: {rule: toy.start, text: three}\n  start:"
+    )
+    built.edit("recipes/say/words.yaml", "split, text: $start", "split, text: $other")
+    assert built.build("say/words:other").code == 0
+    (line,) = built.dxb("why", "say/words:words").out.splitlines()[1:]
+    assert line.endswith(", from `start` before\tother")
+
+
+def test_the_way_is_found_without_the_log_of_the_run(built):
+    built.edit("recipes/say/words.yaml", "text: one two", "text: three")
+    assert built.build("say/words:start").code == 0
+    shutil.rmtree(built.root / "cache" / "runs")
+    # No record has the name of what made the old text, but its result is in the store.
+    line, cause = built.dxb("why", "say/words:words").out.splitlines()[1:]
+    assert line.endswith("\tstart")
+    assert cause.startswith("    option\ttext\tone two -> three\t")
+
+
+def test_what_was_never_built_names_what_it_waits_for(space):
+    answer = space.dxb("why", "--json", "say/words:all")
+    assert json.loads(answer.out)["answer"] == "never built"
+    assert causes(answer) == [
+        (0, "waits for", "word.louder"),
+        (1, "waits for", "word.loud"),
+        (2, "waits for", "words"),
+        (3, "waits for", "start"),
+    ]
+
+
+def test_a_lost_key_document_is_said(built):
+    built.edit("recipes/say/words.yaml", "text: one two", "text: three")
+    key = json.loads(built.dxb("show", "--json", "say/words:start").out)["key"]
+    blob = built.root / "cache" / "cas" / key[:2] / key[2:]
+    blob.unlink()
+    answer = built.dxb("why", "say/words:start")
+    assert answer.code == 0
+    assert "  lost\tstart\tits key document of run 0001 is no longer in the store" in answer.out

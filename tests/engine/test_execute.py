@@ -6,15 +6,24 @@ import dataclasses
 import os
 import sys
 import threading
+from pathlib import Path
 
-from dextera_build.engine.events import GroupOpened, NodeLog, NodeProgress, NodeStarted
+from dextera_build.engine.events import (
+    GroupOpened,
+    NodeFinished,
+    NodeLog,
+    NodeProgress,
+    NodeStarted,
+    RunSized,
+    RunStarted,
+)
 from dextera_build.engine.execute import RunInfo
-from dextera_build.engine.graph import Address, Group
+from dextera_build.engine.graph import Address, Group, Pack
 from dextera_build.engine.history import History
 from dextera_build.engine.key import key_of
 from dextera_build.store import header
 from dextera_build.store.store import Store
-from tests.engine.tiny import call, every, facts, graph, group, item, out, run, scene
+from tests.engine.tiny import call, every, facts, graph, group, item, leaf, out, run, scene
 
 
 def test_a_second_build_runs_nothing(store: Store) -> None:
@@ -129,6 +138,56 @@ def test_force_runs_what_is_cached(store: Store) -> None:
     assert [name for name, node in one.nodes.items() if node.status == "ran"] == ["body[mug].mesh"]
     both, _ = run(scene(), store, force=frozenset({"body.mesh"}))
     assert sorted(n for n, node in both.nodes.items() if node.status == "ran") == ["body[box].mesh", "body[mug].mesh"]
+
+
+def test_the_number_of_nodes_is_told_as_far_as_it_is_known(store: Store) -> None:
+    _, record = run(scene(), store)
+    sizes = [(event.nodes, event.unopened) for event in record.of(RunSized)]
+    assert sizes == [(2, 1), (6, 0)]  # seg and scene; then two copies of two calls
+    started = record.of(NodeStarted)[0]
+    assert record.events.index(record.of(RunSized)[0]) < record.events.index(started)
+
+
+def test_groups_in_groups_are_open_when_all_copies_are(store: Store) -> None:
+    plan = graph(
+        call("seg", "items", {"mug": "m", "box": "b"}),
+        group(
+            "body",
+            out("seg"),
+            call("parts", "items", {"lid": "l", "rim": "r"}, seen=item("body")),
+            group("part", out("body.parts"), call("mesh", p=item("body.part"), b=item("body"))),
+        ),
+        call("all", parts=every("body.part.mesh")),
+    )
+    _, record = run(plan, store)
+    sizes = [(event.nodes, event.unopened) for event in record.of(RunSized)]
+    assert sizes[0] == (2, 1)
+    assert (4, 2) in sizes
+    assert sizes[-1] == (8, 0)
+    assert [nodes for nodes, _ in sizes] == sorted(nodes for nodes, _ in sizes)
+
+
+def test_what_the_targets_do_not_need_is_not_counted(store: Store) -> None:
+    _, record = run(scene(), store, Address(("body", "mesh"), ("mug",)))
+    (started,) = record.of(RunStarted)
+    assert (started.calls, started.groups) == (2, 1)
+    assert [(event.nodes, event.unopened) for event in record.of(RunSized)][-1] == (2, 0)
+    assert [event.nodes for event in record.of(GroupOpened)] == [2]  # mesh, not pose
+
+
+def test_files_that_a_node_reads_are_told_from_the_project_on(store: Store, tmp_path: Path) -> None:
+    inside, outside = tmp_path / "project" / "photo.png", tmp_path / "note.txt"
+    inside.parent.mkdir()
+    inside.write_text("pixels")
+    outside.write_text("soon")
+    plan = graph(
+        call("a", photo=leaf(inside), note=leaf(outside)),
+        call("b", pack=Pack({"left": leaf(inside), "right": out("a")})),
+        default=("a", "b"),
+    )
+    _, record = run(plan, store, info=RunInfo(project=str(inside.parent)))
+    told = {event.node: event.files for event in record.of(NodeFinished)}
+    assert told == {"a": {"photo": "photo.png", "note": str(outside)}, "b": {"pack[left]": "photo.png"}}
 
 
 def test_events_tell_progress_and_log(store: Store) -> None:

@@ -21,7 +21,7 @@ from tests.engine.tiny import RUNNER, Record, call, every, facts, graph, group, 
 
 @pytest.fixture
 def pool() -> Iterator[LocalExecutor]:
-    with LocalExecutor(RUNNER, 2, cpus=2, memory_gb=4.0) as executor:
+    with LocalExecutor(RUNNER, 2, memory_gb=4.0) as executor:
         yield executor
 
 
@@ -72,7 +72,7 @@ def test_groups_build_in_the_pool(store: Store, pool: LocalExecutor) -> None:
 
 
 def test_admission_counts_tasks_cores_and_memory() -> None:
-    pool = LocalExecutor(RUNNER, 4, cpus=4, memory_gb=4.0)
+    pool = LocalExecutor(RUNNER, 4, memory_gb=4.0)
     try:
         assert pool.has_room(task(0, cpus=64, memory_gb=900.0))  # alone, whatever it takes
         pool.submit(task(0, cpus=2, memory_gb=2.5))
@@ -84,6 +84,28 @@ def test_admission_counts_tasks_cores_and_memory() -> None:
         assert not pool.has_room(task(3, cpus=1, memory_gb=0.1))  # cores are spent
     finally:
         pool.stop()
+
+
+def test_a_node_that_keeps_two_cores_busy_runs_alone_among_two_jobs(store: Store, pool: LocalExecutor) -> None:
+    wide = facts(path="tiny.wide", cpus=2)
+    names = ("w0", "n0", "w1", "n1", "n2")
+    plan = graph(
+        *(call(name, "sleep", 0.15, **({"rule": wide} if name[0] == "w" else {})) for name in names), default=names
+    )
+    result, record = run(plan, store, pool)
+    assert result.ok
+    running: set[str] = set()
+    beside: dict[str, set[str]] = {name: set() for name in names}
+    for event in record.events:
+        if isinstance(event, NodeStarted):
+            for other in running:
+                beside[other].add(event.node)
+                beside[event.node].add(other)
+            running.add(event.node)
+        elif isinstance(event, NodeFinished):
+            running.discard(event.node)
+    assert beside["w0"] == beside["w1"] == set()
+    assert beside["n1"] == {"n2"}
 
 
 def test_what_a_node_prints_is_its_log(store: Store, pool: LocalExecutor) -> None:

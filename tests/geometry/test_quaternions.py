@@ -28,3 +28,14 @@ def test_half_turns_have_one_sign(axis: int) -> None:
     wanted = np.zeros(4)
     wanted[1 + axis] = 1.0
     np.testing.assert_allclose(quaternions.from_matrix(np.diag(signs)), wanted, atol=1e-12)
+
+
+@given(st.integers(0, 100_000))
+def test_products_are_those_of_the_rotations(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    first, second = (Rotation.random(5, rng=rng) for _ in range(2))
+    product = quaternions.multiply(first.as_quat(scalar_first=True), second.as_quat(scalar_first=True))
+    expected = (first * second).as_matrix()
+    np.testing.assert_allclose([quaternions.to_matrix(q) for q in product], expected, atol=1e-12)
+    one = quaternions.multiply(first[0].as_quat(scalar_first=True), second.as_quat(scalar_first=True))
+    np.testing.assert_allclose(quaternions.to_matrix(one[3]), (first[0] * second[3]).as_matrix(), atol=1e-12)

@@ -92,7 +92,7 @@ def test_the_first_failure_stops_what_has_not_begun(seed: int, tmp_path: Path) -
 
 
 def test_a_pool_runs_exactly_the_stale_nodes_too(tmp_path: Path) -> None:
-    with LocalExecutor(RUNNER, 3, cpus=3) as pool:
+    with LocalExecutor(RUNNER, 3) as pool:
         for seed in range(100, 112):
             folder = tmp_path / str(seed)
             folder.mkdir()

@@ -109,9 +109,51 @@ def test_the_profile_chooses_the_backend(space):
     assert dict(planned(space, "say/b").calls())["t",].rule.backend == "quiet"
 
 
+LISTED = """
+nodes:
+  one: {rule: toy.start, text: a b}
+  two: {rule: toy.start, text: c}
+  words: {rule: toy.split, text: $one}
+  loud: {each: $words, as: word, nodes: {heard: {rule: toy.shout, text: $word}}}
+  all: {rule: toy.join, texts: {z: $two, a: $one}}
+  nested: {each: $words, as: word, nodes: {pair: {rule: toy.join, texts: {word: $word, two: $two}}}}
+targets: {default: [all, nested.pair]}
+"""
+
+
+def test_a_collection_can_be_listed_and_is_built(space):
+    space.write("recipes/say/listed.yaml", LISTED)
+    answer = space.build("say/listed")
+    assert answer.code == 0, answer.err
+    parts = {name: (space.root / path).read_text() for name, path in map(str.split, answer.out.splitlines())}
+    # A collection is a mapping: what it joins comes in the order of the labels.
+    assert parts == {"all": "a b c", "nested[a].pair": "c a", "nested[b].pair": "c b"}
+    assert space.build("say/listed").nodes("ran") == set()
+    changed = space.build("say/listed", "--set", "two.text=d")
+    assert changed.nodes("ran") == {"two", "all", "nested[a].pair", "nested[b].pair"}
+
+
+def test_a_listed_cycle_is_found(space):
+    space.write("recipes/say/c.yaml", "nodes: {a: {rule: toy.join, texts: {x: $b}}, b: {rule: toy.split, text: $a}}")
+    with pytest.raises(RecipeError):
+        planned(space, "say/c")
+
+
 @pytest.mark.parametrize(
     ("text", "code", "message", "line"),
     [
+        (
+            "nodes: {a: {rule: toy.start}, b: {rule: toy.split, text: {x: $a}}}",
+            "R107",
+            "the input `text` takes File, this is a mapping",
+            "1:58",
+        ),
+        (
+            "nodes: {a: {rule: toy.split, text: $b}, b: {rule: toy.start}, c: {rule: toy.join, texts: {x: $a}}}",
+            "R107",
+            "`texts.x` takes File, but `$a` is Collection[File]",
+            "1:94",
+        ),
         ("nodes: {a: {rule: toy.nothing}}", "R201", "no rule is called `toy.nothing`", "1:19"),
         ("nodes: {a: {rule: toy.start, txt: x}}", "R105", "`toy.start` has no input or option `txt`", "1:30"),
         ("nodes: {a: {rule: toy.split}}", "R106", "`toy.split` needs the input `text`", "1:19"),

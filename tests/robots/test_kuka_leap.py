@@ -96,6 +96,15 @@ def test_a_folded_hand_touches_itself(robot: RobotModel, model: Any) -> None:
     assert at(model, robot.home | fist | thumb).ncon > 0
 
 
+@pytest.mark.parametrize("opposed", [0.9, 1.5])
+def test_fingers_close_freely(robot: RobotModel, model: Any, opposed: float) -> None:
+    """Until they reach the palm; the thumb stands at home or further across."""
+    joints = ("mcp", "pip", "dip")
+    for angle in np.linspace(0, 1.3, 14):
+        bent = {f"{finger}_{joint}": float(angle) for finger in ("if", "mf", "rf") for joint in joints}
+        assert at(model, robot.home | bent | {"th_cmc": opposed, "th_mcp": -0.2, "th_ipl": 0.0}).ncon == 0, angle
+
+
 def test_masses_are_near_the_published_ones(robot: RobotModel, model: Any) -> None:
     arm = sum(model.body(name).mass[0] for name, group in robot.links.items() if group == "arm")
     hand = sum(model.body(name).mass[0] for name, group in robot.links.items() if group == "hand")

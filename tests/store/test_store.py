@@ -52,10 +52,10 @@ def test_the_folder_is_marked_as_a_cache(store: Store) -> None:
 
 
 def test_size_counts_blobs_and_results(store: Store) -> None:
-    assert store.size() == {"blobs": (0, 0), "actions": (0, 0)}
+    assert store.size() == {"blobs": (0, 0), "actions": (0, 0), "keep": (0, 0)}
     store.blobs.put(b"12345")
     store.blobs.put(b"123")
-    assert store.size() == {"blobs": (2, 8), "actions": (0, 0)}
+    assert store.size() == {"blobs": (2, 8), "actions": (0, 0), "keep": (0, 0)}
 
 
 def test_a_lock_excludes_other_processes_until_they_die(store: Store) -> None:

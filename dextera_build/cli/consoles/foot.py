@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dextera_build.cli.consoles.lines import Line
+from dextera_build.cli.consoles.lines import Line, printable
+from dextera_build.cli.consoles.record import Record
 from dextera_build.engine.events import NodeProgress, NodeStarted
 from dextera_build.report.wording import count, duration
 
@@ -29,6 +30,32 @@ class Running:
             return min(0.97, elapsed / self.started.last_seconds)
         return None
 
+    def clock(self, now: float) -> str:
+        """How long it runs, and how long it took the last time: `10 s of ~40 s`."""
+        expected = self.started.last_seconds
+        about = f" of ~{clock(max(expected, 1.0))}" if expected and expected >= 0.5 else ""
+        return clock(max(0.0, now - self.started.time)) + about
+
+    def doing(self) -> str:
+        """`4/8 hypotheses`; "" where it did not say."""
+        at = self.progress
+        if at is None:
+            return ""
+        share = f"{at.done:,}/{at.total:,}" if at.total > 0 else f"{at.done:,}"
+        return printable(f"{share} {at.what}".rstrip())
+
+
+def beat(node: Running, record: Record, running: int, now: float) -> Line:
+    """A line that says of a long node that it still runs: clock, expected time, how far it and the run are."""
+    name, doing = node.started.node, node.doing()
+    return [
+        ("  ▸  ", "fetched"),
+        (f"{name}  ", "name"),
+        (node.clock(now), ""),
+        (f"  {doing}" if doing else "", ""),
+        (f"   ({counted(record, running)})", "dim"),
+    ]
+
 
 def foot(running: Sequence[Running], now: float, columns: int, rows: int) -> list[Line]:
     """Lines for the running nodes, oldest first, as many as fit into `rows`, each cut to `columns` by the caller.
@@ -48,25 +75,28 @@ def foot(running: Sequence[Running], now: float, columns: int, rows: int) -> lis
     return [*out, [(f"     and {count(hidden, 'node')} more", "dim")]] if hidden else out
 
 
+def counted(record: Record, running: int) -> str:
+    """`12 of 40+ nodes, 2 running, 1 failed`."""
+    failed = f", {len(record.failed):,} failed" if record.failed else ""
+    return f"{record.done:,} of {record.total} {'node' if record.total == '1' else 'nodes'}, {running} running{failed}"
+
+
 def clock(seconds: float) -> str:
     """Whole seconds, so that a ticking clock does not shake: `7 s`, `1 min 10 s`."""
     return f"{int(max(seconds, 0))} s" if seconds < 100 else duration(float(int(seconds)))
 
 
 def _line(node: Running, now: float, width: int, columns: int) -> Line:
-    elapsed = max(0.0, now - node.started.time)
-    expected = node.started.last_seconds
-    about = f" of ~{clock(max(expected, 1.0))}" if expected and expected >= 0.5 else ""
     name = node.started.node
     name = name if len(name) <= width else name[: width - 1] + "…"
-    out: Line = [("  ▸  ", "fetched"), (f"{name:<{width}}  ", "name"), (f"{clock(elapsed) + about:<14} ", "")]
-    done = node.fraction(elapsed)
+    out: Line = [("  ▸  ", "fetched"), (f"{name:<{width}}  ", "name"), (f"{node.clock(now):<14} ", "")]
+    done = node.fraction(max(0.0, now - node.started.time))
     if columns >= _WIDE:
         filled = round(_BAR * (done or 0.0))
         bar = [("━" * filled, "fetched"), ("━" * (_BAR - filled), "dim")] if done is not None else [(" " * _BAR, "")]
         out += [*bar, ("  ", "")]
     if node.progress is not None:
-        out.append((f"{node.progress.done}/{node.progress.total} {node.progress.what}".rstrip(), "dim"))
+        out.append((node.doing(), "dim"))
     elif node.started.backend:
         out.append((node.started.backend, "dim"))
     return out

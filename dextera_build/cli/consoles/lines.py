@@ -107,7 +107,7 @@ def opened(event: GroupOpened) -> Line:
 
 def logged(node: str, text: str) -> Line:
     """A line that a node logged."""
-    return [(f"     {node} | ", "dim"), (_printable(text.rstrip()), "")]
+    return [(f"     {node} | ", "dim"), (printable(text.rstrip()), "")]
 
 
 def summary(recipe: str, event: RunFinished) -> Line:
@@ -129,9 +129,9 @@ def next_steps(recipe: str) -> Line:
 
 
 def _first(text: str) -> str:
-    return _printable(text.partition("\n")[0])
+    return printable(text.partition("\n")[0])
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
     """Without what moves the cursor or rings a bell: rules and their libraries print what they like."""
     return "".join(char if char.isprintable() else " " for char in text)

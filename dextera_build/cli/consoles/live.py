@@ -15,7 +15,7 @@ from rich.style import Style
 from rich.text import Text
 
 from dextera_build.cli.consoles import lines
-from dextera_build.cli.consoles.foot import Running, clock, foot
+from dextera_build.cli.consoles.foot import Running, clock, counted, foot
 from dextera_build.cli.consoles.lines import Columns, Line
 from dextera_build.cli.consoles.record import Record
 from dextera_build.cli.errors import wants_colour
@@ -29,7 +29,6 @@ from dextera_build.engine.events import (
     RunFinished,
     RunStarted,
 )
-from dextera_build.report.wording import count
 
 _DEBOUNCE_S = 0.05  # events within it are drawn together: ten thousand cached nodes must not draw ten thousand times
 _TICK_S = 0.25  # a clock that stands still looks hung
@@ -172,8 +171,7 @@ class LiveConsole:
             record, now = self._record, self._now()
         shown = foot(running, now, self._terminal.width, max(2, self._terminal.height // 2 - 2))
         if running or record.nodes:
-            done = f"     {record.done:,} of {count(record.nodes, 'node')}, {len(running)} running"
-            shown.append([(f"{done}   {clock(now - self._began)}", "dim")])
+            shown.append([(f"     {counted(record, len(running))}   {clock(now - self._began)}", "dim")])
         text = Text("\n", no_wrap=True, overflow="ellipsis").join([_text(line) for line in shown])
         text.no_wrap, text.overflow = True, "ellipsis"
         return text

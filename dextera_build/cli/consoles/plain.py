@@ -1,27 +1,48 @@
-"""One line per finished node, for logs, pipes and CI."""
+"""One line per finished node, and now and then one for a node that runs long: for logs, pipes and CI."""
 
 from __future__ import annotations
 
 import threading
+import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import Self, TextIO
 
 from dextera_build.cli.consoles import lines
+from dextera_build.cli.consoles.foot import Running, beat
 from dextera_build.cli.consoles.lines import STYLES, Columns, Line
 from dextera_build.cli.consoles.record import Record
 from dextera_build.cli.errors import paint, wants_colour
-from dextera_build.engine.events import Event, GroupOpened, NodeFinished, NodeLog, NodeStarted, RunFinished, RunStarted
+from dextera_build.engine.events import (
+    Event,
+    GroupOpened,
+    NodeFinished,
+    NodeLog,
+    NodeProgress,
+    NodeStarted,
+    RunFinished,
+    RunStarted,
+)
 
-_ASCII = str.maketrans({"↓": "v", "✗": "x", "·": ".", "…": "...", "–": "-", "×": "x", "→": "->", "°": " deg"})
+_ASCII = str.maketrans({"↓": "v", "✗": "x", "·": ".", "…": "...", "–": "-", "×": "x", "→": "->", "°": " deg", "▸": ">"})
+_BEAT_S = 30.0  # a log that says nothing for longer looks hung
 
 
 class PlainConsole:
     """Prints whole lines, each in one write.
 
     Lines are held back until something runs: where everything is cached, one line says so.
+
+    Args:
+        stream: Where to.
+        verbose: Show the lines that nodes log, too.
+        beat_s: A node that runs longer says how far it is, once in so many seconds.
+        now: Seconds since the epoch.
     """
 
-    def __init__(self, stream: TextIO, *, verbose: bool = False) -> None:
+    def __init__(
+        self, stream: TextIO, *, verbose: bool = False, beat_s: float = _BEAT_S, now: Callable[[], float] = time.time
+    ) -> None:
         self._stream = stream
         self._verbose = verbose
         self._colour = wants_colour(stream)
@@ -30,14 +51,21 @@ class PlainConsole:
         self._columns = Columns()
         self._record = Record()
         self._held: list[Line] | None = []
+        self._beat_s, self._now = beat_s, now
+        self._running: dict[str, Running] = {}
+        self._beaten: dict[str, float] = {}
+        self._stop = threading.Event()
+        self._heart = threading.Thread(target=self._beat, name="console", daemon=True)
 
     def __call__(self, event: Event) -> None:
         """Show one event."""
         with self._lock:
             self._record.follow(event)
             if isinstance(event, RunFinished):
+                self._running.clear()
                 self._finish(event)
                 return
+            self._follow(event)
             if isinstance(event, NodeStarted) or (isinstance(event, NodeFinished) and event.status != "cached"):
                 self._release()
             line = self._line(event)
@@ -48,8 +76,20 @@ class PlainConsole:
 
     def close(self) -> None:
         """Write what is held back."""
+        self._stop.set()
         with self._lock:
             self._release()
+        if self._heart.is_alive():
+            self._heart.join(timeout=2.0)
+
+    def beat(self) -> None:
+        """A line for each node that ran `beat_s` since it began or since its last line."""
+        with self._lock:
+            now = self._now()
+            for name, node in self._running.items():
+                if now - self._beaten.get(name, node.started.time) >= self._beat_s:
+                    self._beaten[name] = now
+                    self._write(self._text(beat(node, self._record, len(self._running), now)))
 
     def __enter__(self) -> Self:
         """Itself."""
@@ -60,6 +100,21 @@ class PlainConsole:
     ) -> None:
         """Close."""
         self.close()
+
+    def _follow(self, event: Event) -> None:
+        if isinstance(event, NodeStarted):
+            self._running[event.node] = Running(event)
+            self._beaten.pop(event.node, None)
+            if not self._heart.is_alive() and not self._stop.is_set():
+                self._heart.start()
+        elif isinstance(event, NodeProgress) and event.node in self._running:
+            self._running[event.node].progress = event
+        elif isinstance(event, NodeFinished):
+            self._running.pop(event.node, None)
+
+    def _beat(self) -> None:
+        while not self._stop.wait(min(1.0, self._beat_s)):
+            self.beat()
 
     def _line(self, event: Event) -> Line | None:
         if isinstance(event, RunStarted):

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import re
-
 from dextera_build.cli.consoles import lines
 from dextera_build.cli.consoles.lines import Line
 from dextera_build.cli.errors import render_node
-from dextera_build.engine.events import Event, GroupOpened, NodeFinished, RunFinished, RunStarted
-
-_LABEL = re.compile(r"\[[^\]]*\]")
+from dextera_build.engine.events import Event, NodeFinished, RunFinished, RunSized, RunStarted
 
 
 class Record:
@@ -22,33 +18,36 @@ class Record:
         self.run = ""
         self.recipe = ""
         self.nodes = 0
-        self.done = 0
+        self.unopened = 0
+        self._done: set[str] = set()
         self.failed: list[NodeFinished] = []
         self.left_over: list[NodeFinished] = []
         """Waiting and cancelled nodes; told at the end, because they may be many."""
-        self._opened: set[str] = set()
+
+    @property
+    def done(self) -> int:
+        """How many nodes need no more work, in this run or at all."""
+        return len(self._done)
+
+    @property
+    def total(self) -> str:
+        """How many nodes there are; `12+` as long as groups are not open, because their copies are not known."""
+        return f"{self.nodes:,}{'+' if self.unopened else ''}"
 
     def follow(self, event: Event) -> None:
         """Take note of one event."""
         if isinstance(event, RunStarted):
             self._forget()
             self.run, self.recipe, self.nodes = event.run, event.recipe, event.calls
-        elif isinstance(event, GroupOpened):
-            self._open(event)
+        elif isinstance(event, RunSized):
+            self.nodes, self.unopened = event.nodes, event.unopened
         elif isinstance(event, NodeFinished):
-            self.done += 1
+            if event.status in ("cached", "ran", "fetched"):
+                self._done.add(event.node)
             if event.status == "failed":
                 self.failed.append(event)
             elif event.status in ("waits", "cancelled"):
                 self.left_over.append(event)
-
-    def _open(self, event: GroupOpened) -> None:
-        """The first opening of a group replaces its calls, counted once so far, by copies of them."""
-        self.nodes += event.nodes
-        group = _LABEL.sub("", event.group)
-        if event.labels and group not in self._opened:
-            self.nodes -= event.nodes // len(event.labels)
-            self._opened.add(group)
 
     def failures(self, *, colour: bool) -> list[str]:
         """One block of text per failed node."""

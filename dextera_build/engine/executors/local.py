@@ -25,8 +25,8 @@ class LocalExecutor:
 
     Args:
         runner: `module:function` that carries out a task in a worker.
-        jobs: Most tasks at a time; None is one per core.
-        cpus: Cores to share out; None is those that this process may use.
+        jobs: Cores to share out among tasks, each of which takes as many as its rule keeps busy; None is all cores that
+            this process may use.
         memory_gb: Memory to share out [GiB]; None is what is available now.
         environment: Variables that workers see beside those of this process.
     """
@@ -36,12 +36,10 @@ class LocalExecutor:
         runner: str,
         jobs: int | None = None,
         *,
-        cpus: int | None = None,
         memory_gb: float | None = None,
         environment: Mapping[str, str] | None = None,
     ) -> None:
-        self.cpus = cpus or _cores()
-        self.jobs = jobs or self.cpus
+        self.jobs = jobs or _cores()
         self.memory_gb = memory_gb or available_gb()
         self._runner = runner
         self._environment = dict(environment or {})
@@ -60,12 +58,11 @@ class LocalExecutor:
         self.close()
 
     def has_room(self, task: Task) -> bool:
-        """Whether a worker, cores and memory are free; a task larger than the machine runs alone."""
+        """Whether cores and memory are free; a task that wants more than there is runs alone."""
         if not self._busy:
             return True
         return (
-            len(self._busy) < self.jobs
-            and self._cpus_in_use + task.cpus <= max(self.cpus, self.jobs)
+            self._cpus_in_use + max(task.cpus, 1) <= self.jobs
             and self._memory_in_use + task.memory_gb <= self.memory_gb
         )
 
@@ -74,7 +71,7 @@ class LocalExecutor:
         process = self._take_idle() or self._start()
         process.task = task
         self._busy[task.ticket] = process
-        self._cpus_in_use += task.cpus
+        self._cpus_in_use += max(task.cpus, 1)
         self._memory_in_use += task.memory_gb
         process.send(task)
 
@@ -181,7 +178,7 @@ class LocalExecutor:
         task, process.task = process.task, None
         assert task is not None
         del self._busy[task.ticket]
-        self._cpus_in_use -= task.cpus
+        self._cpus_in_use -= max(task.cpus, 1)
         self._memory_in_use -= task.memory_gb
         return task
 

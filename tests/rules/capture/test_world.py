@@ -6,12 +6,14 @@ import copy
 from pathlib import Path
 from typing import Any
 
+import manifold3d
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.world import Thing, World
 from dextera_build.errors import RuleError
-from dextera_build.geometry import cameras, transforms
+from dextera_build.geometry import cameras, registration, transforms
 from dextera_build.testing import RuleRunner
 from tests.rules.capture.cameras import CAMERA
 
@@ -94,6 +96,53 @@ def test_the_lid_opens_by_the_angle_told(world: World) -> None:
     assert tilt == pytest.approx(70.0, abs=0.5)
 
 
+def test_things_have_masses_of_their_own_and_fixtures_have_none(world: World) -> None:
+    masses = {name: thing.matter.mass_kg for name, thing in world.objects.items() if thing.matter}
+    assert masses == {"laptop": 1.6, "mug": 0.31, "carton": 0.46, "bowl": 0.42, "can": 0.4}
+    assert all(thing.matter is None for thing in world.fixtures.values())
+    assert [name for name, thing in world.objects.items() if thing.hinge] == ["laptop"]
+
+
+def test_the_hinge_is_where_the_lid_turns(world: World) -> None:
+    laptop = world.objects["laptop"]
+    hinge = laptop.hinge
+    assert hinge is not None
+    assert np.degrees(hinge.position) == pytest.approx(110.0)
+    # Turned back by its position, the lid lies flat on the base, a millimetre above it.
+    axis, origin = np.array(hinge.axis), np.array(hinge.origin)
+    turn = registration.rotation(-hinge.position * axis)
+    flat = (laptop.parts["lid"].mesh.vertices - origin) @ turn.T + origin
+    assert flat[:, 2].min() == pytest.approx(0.017, abs=1e-4)
+    assert flat[:, 2].max() == pytest.approx(0.024, abs=1e-4)
+
+
+def solid(mesh: Mesh) -> manifold3d.Manifold:
+    return manifold3d.Manifold(manifold3d.Mesh64(mesh.vertices.astype(np.float64), mesh.faces.astype(np.uint64)))
+
+
+def filled(thing: Thing) -> manifold3d.Manifold:
+    """What the convex pieces fill together."""
+    pieces = [piece.vertices.astype(np.float64) for part in thing.parts.values() for piece in part.pieces]
+    hulls = [manifold3d.Manifold.hull_points(points) for points in pieces]
+    return manifold3d.Manifold.batch_boolean(hulls, manifold3d.OpType.Add)
+
+
+@pytest.mark.parametrize(
+    ("name", "spare"), [("carton", 1e-4), ("can", 1e-4), ("laptop", 1e-4), ("mug", 0.04), ("bowl", 0.08)]
+)
+def test_convex_pieces_fill_the_thing_and_little_more(world: World, name: str, spare: float) -> None:
+    pieces, whole = filled(world.objects[name]), solid(world.objects[name].surface)
+    assert (whole - pieces).volume() < 1e-3 * whole.volume()
+    assert (pieces - whole).volume() < spare * whole.volume()
+
+
+@pytest.mark.parametrize("name", ["mug", "bowl"])
+def test_cavities_are_open(world: World, name: str) -> None:
+    pieces, shell = filled(world.objects[name]), solid(world.objects[name].parts["shell"].mesh)
+    cavity = shell.hull() - shell
+    assert (cavity ^ pieces).volume() < 0.05 * cavity.volume()
+
+
 def test_the_camera_looks_at_its_target(world: World) -> None:
     target = transforms.apply(transforms.invert(world.world_from_camera), np.array([[0.0, 0.0, 0.05]]))
     np.testing.assert_allclose(cameras.project(target, world.camera.matrix()), [[150.0, 95.0]], atol=1e-9)
@@ -114,6 +163,9 @@ def test_the_same_description_gives_the_same_digest(world: World, tmp_path: Path
         ("objects.mug.at_m", (0.3, 0.1), "`mug` and `carton` run into each other"),
         ("camera.target_m", (0.0, 0.6, 0.05), "is not wholly in the picture"),
         ("camera.target_m", (0.0, -0.8, 0.0), "the camera looks straight up or down"),
+        ("objects.laptop.opening_deg", 140.0, "`laptop` stands beyond its hinge's limits"),
+        ("objects.laptop.lid_kg", 2.0, "the lid of `laptop` is heavier than the whole"),
+        ("objects.mug.mass_kg", 0.0, "`mug` has no possible mass, friction or restitution"),
     ],
 )
 def test_impossible_worlds_are_refused(tmp_path: Path, path: str, value: object, message: str) -> None:

@@ -87,6 +87,39 @@ def test_wrong_descriptions_are_refused(
     assert message in error.value.message
 
 
+FOLLOWER = {"name": "tail", "leader": "hinge", "ratio": 0.5, "offset_rad": 0.1}
+TAIL = LINK | {"name": "tail", "at_m": (0.0, 0.0, 0.3), "follower": FOLLOWER}
+
+
+def test_a_follower_has_no_actuator_and_is_no_action(tmp_path: Path) -> None:
+    links = (*PENDULUM["chains"][1]["links"], TAIL)
+    robot = RuleRunner(tmp_path).run("simulate.robot", options=pendulum(("chains", 1, "links"), links))
+    assert [joint.name for joint in robot.joints] == ["left_hinge", "right_hinge"]
+    assert [(follower.name, follower.leader) for follower in robot.followers] == [
+        ("left_tail", "left_hinge"),
+        ("right_tail", "right_hinge"),
+    ]
+    assert robot.followed({"left_hinge": 0.4}) == pytest.approx({"left_hinge": 0.4, "left_tail": 0.3})
+    text = robot.model.files["robot.xml"].decode()
+    assert text.count("<general ") == 2
+    assert text.count('joint2="left_hinge"') == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"follower": FOLLOWER | {"leader": "elbow"}}, "`left_tail` follows `left_elbow`, but no actuated joint"),
+        ({"follower": FOLLOWER | {"name": "hinge"}}, "two joints are called `left_hinge`"),
+        ({"joint": HINGE | {"name": "own"}}, "link `left_tail` has a joint and a follower"),
+    ],
+)
+def test_wrong_followers_are_refused(tmp_path: Path, change: dict[str, Any], message: str) -> None:
+    links = (*PENDULUM["chains"][1]["links"], TAIL | change)
+    with pytest.raises(RuleError) as error:
+        RuleRunner(tmp_path).run("simulate.robot", options=pendulum(("chains", 1, "links"), links))
+    assert message in error.value.message
+
+
 def test_the_first_link_is_called_base(tmp_path: Path) -> None:
     options = pendulum(("chains",), ({"group": "arm", "mounts": ({},), "links": (LINK | {"name": "foot"},)},))
     with pytest.raises(RuleError, match="the first link is not called `base`"):

@@ -1,0 +1,156 @@
+"""Episodes: what a robot did in a task, at control rate, replayable from its start (mission rows E8-E10)."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+
+from dextera_build.artifacts.base import Array, Artifact, Value
+
+Origin = Literal["operator", "synthesis", "policy", "replay"]
+"""Who acted."""
+
+
+class Start(Artifact):
+    """The complete state that an episode begins in, with the dynamics that were drawn for it."""
+
+    seed: int
+    """Seed of the draw."""
+    qpos: Annotated[np.ndarray, Array("Q", "float64")]
+    """MuJoCo positions of the whole model."""
+    ctrl: Annotated[np.ndarray, Array("A", "float64", unit="rad")]
+    """Joint targets at the start."""
+    mass_scale: dict[str, float]
+    """Root body -> factor on all its masses and inertias."""
+    friction: dict[str, float]
+    """Root body -> sliding friction coefficient."""
+    gain_scale: float
+    """Factor on stiffness and damping of the robot's position controllers."""
+
+
+class Segment(Value):
+    """A part of a demonstration with its own task frame (Eq. 4a)."""
+
+    name: str
+    """`approach`, `grasp`, `lift`, ..."""
+    first: int
+    """First step."""
+    last: int
+    """One past the last step."""
+    frame: str
+    """The body that end-effector poses are kept relative to; empty: free motion that connects two segments."""
+    contact: bool
+    """Whether the hand is meant to touch the task's object here."""
+
+
+class Episode(Artifact):
+    """One try. Arrays are sampled at control rate: row t is what was observed, then what was commanded."""
+
+    start: Start
+    """Where it began."""
+    origin: Origin
+    """Who acted."""
+    success: bool
+    """Verdict of the task's success predicate."""
+    reason: str
+    """Why it failed; empty for a success."""
+    segments: tuple[Segment, ...] = ()
+    """Parts of a demonstration; they cover all steps."""
+    action: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]
+    """Joint targets as they were meant: the label to learn from."""
+    executed: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]
+    """Joint targets that were sent, with the noise that was added to `action`."""
+    joints: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]
+    """Measured positions of the robot's joints."""
+    hand: Annotated[np.ndarray, Array("T 7", "float32", frame="base")]
+    """Palm pose that the targets in `action` were made for (operator, synthesis), or that was measured (policy,
+    replay): position [m] and unit quaternion w x y z, in the robot's base."""
+    objects: Annotated[np.ndarray, Array("T O 7", "float32", frame="base")]
+    """Poses of the bundle's objects in its order: position [m] and unit quaternion w x y z, in the robot's base."""
+    displacement: Annotated[np.ndarray, Array("T K", "float32")]
+    """Positions of the objects' joints [rad or m]."""
+    contact: Annotated[np.ndarray, Array("T F 3", "float32", unit="N", frame="base")]
+    """Force on each fingertip; privileged."""
+    goal: Annotated[np.ndarray, Array("G", "float32")]
+    """The goal as policies see it: rise [m], or commanded joint positions [rad or m]."""
+
+
+class Episodes(Artifact):
+    """Episodes of one task, with what is needed to read them without the task's model."""
+
+    items: dict[str, Episode]
+    """Index -> episode that counts, in order."""
+    failures: dict[str, Episode]
+    """Index of the attempt -> episode that was sorted out, with its reason."""
+    attempts: int
+    """Tries that `items` and `failures` came from."""
+    task: str
+    """Name of the task."""
+    embodiment: str
+    """Digest of joint names and limits, see `dextera_build.policy.contract`."""
+    rate_hz: float
+    """Control rate [Hz]."""
+    joint_names: tuple[str, ...]
+    """Names of the action's components and of `Episode.joints`."""
+    object_names: tuple[str, ...]
+    """Bodies of `Episode.objects`."""
+    displacement_names: tuple[str, ...]
+    """Joints of `Episode.displacement`."""
+    tip_names: tuple[str, ...]
+    """Fingertips of `Episode.contact`."""
+
+    def in_order(self) -> list[tuple[str, Episode]]:
+        """Episodes that count with their indices, `2` before `10`; the store keeps dictionaries by spelling."""
+        return sorted(self.items.items(), key=lambda item: (len(item[0]), item[0]))
+
+
+class Shard(Artifact):
+    """A part of a data set that one node makes: shards run side by side, and a finished one is never made again."""
+
+    first: int
+    """Index of its first episode."""
+    count: int
+    """Episodes that it has to bring."""
+    seed: int
+    """Seed of the whole data set."""
+
+
+class Film(Artifact):
+    """Pictures of episodes through one camera, one per step."""
+
+    frames: dict[str, bytes]
+    """Index -> frames of one episode as `packed`; the keys are those of `Episodes.items`."""
+    width: int
+    """Width of a frame [px]."""
+    height: int
+    """Height of a frame [px]."""
+
+    @staticmethod
+    def packed(pixels: np.ndarray) -> bytes:
+        """Frames (T, H, W, 3) uint8 as a zlib stream of differences to the frame before, modulo 256.
+
+        What stands still costs next to nothing: a fifteenth of a PNG of the same frames, and quicker both ways.
+        """
+        changes = pixels.copy()
+        changes[1:] -= pixels[:-1]
+        return zlib.compress(changes.tobytes(), 6)
+
+    def pixels(self, index: str) -> np.ndarray:
+        """Frames (T, H, W, 3) uint8 sRGB of one episode."""
+        changes = np.frombuffer(zlib.decompress(self.frames[index]), np.uint8)
+        return np.cumsum(changes.reshape(-1, self.height, self.width, 3), axis=0, dtype=np.uint8)
+
+    def export(self, folder: Path, stem: str) -> list[Path]:
+        """Write `stem/<index>.png`, an animated PNG per episode."""
+        from PIL import Image
+
+        (folder / stem).mkdir(parents=True, exist_ok=True)
+        written = []
+        for index in self.frames:
+            first, *rest = [Image.fromarray(frame) for frame in self.pixels(index)]
+            written.append(folder / stem / f"{index}.png")
+            first.save(written[-1], save_all=True, append_images=rest, duration=50, loop=0)
+        return written

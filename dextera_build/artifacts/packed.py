@@ -1,0 +1,56 @@
+"""One artifact as one file, for programs that run without a store: header and blobs by digest, checked when read."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from typing import TypeVar
+
+from dextera_build import digest
+from dextera_build.artifacts.base import Artifact
+from dextera_build.errors import ArtifactError
+
+A = TypeVar("A", bound=Artifact)
+
+ROOT = "artifact"
+"""Member that holds the digest of the header; every other member is a blob named by its digest."""
+DAY = (1980, 1, 1, 0, 0, 0)
+"""Date of every member, so that equal artifacts give equal bytes."""
+
+
+def pack(artifact: Artifact) -> bytes:
+    """A zip file of the artifact; equal artifacts give equal bytes."""
+    blobs: dict[str, bytes] = {}
+
+    def put(data: bytes) -> str:
+        key = digest.of_bytes(data)
+        blobs[key] = data
+        return key
+
+    root = artifact.encode(put)
+    written = io.BytesIO()
+    with zipfile.ZipFile(written, "w") as archive:
+        for name, data in [(ROOT, root.encode()), *sorted(blobs.items())]:
+            archive.writestr(zipfile.ZipInfo(name, DAY), data, zipfile.ZIP_DEFLATED, 6)
+    return written.getvalue()
+
+
+def unpack(kind: type[A], data: bytes) -> A:
+    """The artifact in a file that `pack` wrote.
+
+    Raises:
+        ArtifactError: The file is damaged, or holds another type.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            root = archive.read(ROOT).decode("ascii")
+            return kind.decode(root, lambda key: _blob(archive, key))
+    except (zipfile.BadZipFile, KeyError, UnicodeDecodeError) as error:
+        raise ArtifactError(f"this is no packed {kind.name()}", code="DXB-A109", facts={"why": error}) from None
+
+
+def _blob(archive: zipfile.ZipFile, key: str) -> bytes:
+    found = archive.read(key)
+    if digest.of_bytes(found) != key:
+        raise ArtifactError("a packed artifact is damaged", code="DXB-A110", facts={"blob": key[:12]})
+    return found

@@ -1,0 +1,66 @@
+"""Trained policies: weights and the contract that says what they may be run on (mission row E21)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+
+from dextera_build.artifacts.base import Array, Artifact, Value
+
+Encoding = Literal["plain", "pose", "picture"]
+"""`plain`: the numbers as they are. `pose`: position and the first two columns of the rotation matrix (Zhou et al.
+2019) instead of position and quaternion, because q and -q are one rotation. `picture`: 0 to 255 becomes -1 to 1."""
+
+
+class Channel(Value):
+    """One input of a policy, or its output."""
+
+    name: str
+    """Field of the deployable observation: `joints`, `objects`, `displacement`, `goal`, `previous_action`, `rgb`."""
+    shape: tuple[int, ...]
+    """Shape of one sample as it is observed, before encoding."""
+    names: tuple[str, ...] = ()
+    """What the components along the first axis are, in order; those of an input are picked by name."""
+    encoding: Encoding = "plain"
+    """How a sample becomes numbers for the network."""
+    mean: tuple[float, ...] = ()
+    """Subtracted, component by component of the flattened encoded sample; empty: nothing."""
+    scale: tuple[float, ...] = ()
+    """Divided by afterwards; empty: nothing."""
+
+
+class PolicyContract(Value):
+    """What a policy expects and gives. A policy refuses to load where any of it differs."""
+
+    algorithm: Literal["act", "ppo"]
+    """How it was trained, and which network reads the weights."""
+    task: str
+    """Name of the task."""
+    embodiment: str
+    """Digest of joint names and limits."""
+    inputs: tuple[Channel, ...]
+    """Observation channels, in order."""
+    action: Channel
+    """Joint targets [rad] by joint name, in order, and their normalisation."""
+    rate_hz: float
+    """Control rate [Hz]."""
+    dataset: str
+    """Digest of the data set, or of the task bundle for reinforcement learning."""
+    settings: dict[str, float | int | str | bool]
+    """Sizes of the network."""
+
+
+class Checkpoint(Artifact):
+    """A trained policy."""
+
+    weights: bytes
+    """safetensors; never a pickle."""
+    contract: PolicyContract
+    """What it may be run on."""
+    steps: Annotated[np.ndarray, Array("L", "int64")]
+    """Optimiser steps (imitation) or environment steps (reinforcement) of `curve`."""
+    curve: Annotated[np.ndarray, Array("L", "float32")]
+    """Training loss (imitation) or mean episode reward (reinforcement) at `steps`."""
+    curve_name: str
+    """What `curve` is."""

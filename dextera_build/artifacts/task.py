@@ -1,0 +1,120 @@
+"""Task bundles: an embodiment, a scene and a primitive, ready to run (mission rows D4, D11)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from dextera_build.artifacts.base import Array, Artifact, Folder, Value
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.packed import pack
+from dextera_build.artifacts.robot import RobotModel
+
+Primitive = Literal["lift", "articulate"]
+"""Kind of objective; what counts as success is stated in `dextera_build.sim.success`."""
+WorldKind = Literal["twin", "reference", "perturbed"]
+"""`twin`: built from the capture. `reference`: a simulated world with its own truth and physics, the stand-in for
+hardware. `perturbed`: the twin with geometry and physics disturbed, where no reference world exists. None is real."""
+
+
+class Reset(Value):
+    """How an episode begins: half ranges around the photograph's configuration (mission rows D12-D14)."""
+
+    position_m: float = 0.0
+    """The task's object moves within this square half width on the support [m]."""
+    yaw_rad: float = 0.0
+    """... and turns within this angle about the vertical [rad]."""
+    clutter_m: float = 0.0
+    """Every other object moves within this square half width [m]."""
+    joint_rad: float = 0.0
+    """Joints of the task's object start within this range around the photograph's position [rad or m]."""
+    robot_rad: float = 0.0
+    """Every joint of the robot starts within this range around its home [rad]."""
+    dynamics: float = 1.0
+    """Masses, friction and gains are drawn within this many of the twin's own intervals; 0 keeps the estimates."""
+
+
+class TaskSpec(Value):
+    """What is to be done; the same in every world (mission row D26)."""
+
+    name: str
+    """`CloseLaptop`."""
+    primitive: Primitive
+    """Kind of objective."""
+    object: str
+    """Root body that the task is about."""
+    height_m: float = 0.0
+    """lift: how far the object's origin must rise above where it stood [m]."""
+    joints: dict[str, float] = Field(default_factory=dict)
+    """articulate: joint in the model -> commanded position [rad or m]."""
+    tolerance: float = 0.0
+    """articulate: largest distance of every joint from its command [rad or m]."""
+    hold_s: float = 0.5
+    """The condition must hold without a break for this long at the end [s]; the same in every world."""
+    timeout_s: float = 8.0
+    """An episode that has not succeeded by then failed [s]."""
+    control_hz: float = 20.0
+    """Rate of observations and actions [Hz]."""
+    reset: Reset = Reset()
+    """Start distribution."""
+
+
+class TaskObject(Artifact):
+    """What a task knows of one movable object of its model."""
+
+    joints: tuple[str, ...]
+    """Joints inside the object, in the order of the model."""
+    world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    """T_world_object in the photograph."""
+    positions: tuple[float, ...]
+    """Joint positions in the photograph [rad or m]."""
+    mass_scale: tuple[float, float]
+    """Interval of the true mass over the estimate (90 %)."""
+    friction: float
+    """Sliding friction coefficient, estimate."""
+    friction_sigma: float
+    """Standard deviation of `friction`."""
+    points: Annotated[np.ndarray, Array("P 3", "float32", unit="m", frame="object")]
+    """Points sampled on its surface by area, joints as in the photograph."""
+
+
+class TaskBundle(Artifact):
+    """A task that can be simulated. The world frame is the twin's: z up, the support is z = 0.
+
+    In a reference or perturbed world every body and joint has the name and frame that it has in the twin, as if the
+    twin's assets were tracked there, so that states, actions and success mean the same.
+    """
+
+    model: Folder
+    """`scene.xml` and its files: scene and robot, whose names begin with `robot/`. No camera: see `View`."""
+    robot: RobotModel
+    """The embodiment; its joints are the action space, in this order."""
+    world_from_base: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    """T_world_base of the robot."""
+    task: TaskSpec
+    """What is to be done."""
+    objects: dict[str, TaskObject]
+    """Root body -> object, all movable ones."""
+    kind: WorldKind = "twin"
+    """What this world is."""
+
+    def export(self, folder: Path, stem: str) -> list[Path]:
+        """Write every part in its own format, and all of it as `stem.bundle`, which `gymnasium.make` takes."""
+        written = super().export(folder, stem)
+        written.append(folder / f"{stem}.bundle")
+        written[-1].write_bytes(pack(self))
+        return written
+    latency_s: float = 0.0
+    """Time from a command to its effect in this world [s]."""
+
+
+class View(Artifact):
+    """A camera that policies and films look through."""
+
+    camera: Camera
+    """Intrinsics at the size that is rendered."""
+    world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    """T_world_camera, OpenCV axes."""

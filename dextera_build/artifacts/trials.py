@@ -1,0 +1,75 @@
+"""Trials: how one policy, or the replay of demonstrations, did in one task of one world (mission rows G9, G10)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Annotated, Literal
+
+import numpy as np
+
+from dextera_build.artifacts.base import Array, Artifact, Value
+from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.task import TaskSpec, WorldKind
+
+Actor = Literal["policy", "replay"]
+"""`policy`: closed loop. `replay`: joint targets that succeeded in the twin, sent open loop."""
+
+
+class Trial(Value):
+    """One try from one start."""
+
+    seed: int
+    """Seed of the start; the same seed means the same start for every policy in a world."""
+    start: str
+    """Digest of the start: positions, joint targets and dynamics."""
+    success: bool
+    """Verdict of the task's success predicate."""
+    reason: str
+    """Why it failed; empty for a success."""
+    steps: int
+    """Control periods until it ended."""
+
+
+class Trials(Artifact):
+    """Tries of one actor in one task of one world. Whoever uses the same seeds faces the same starts."""
+
+    actor: Actor
+    """How actions came about."""
+    label: str
+    """What tables call it: `ACT`, `PPO`, `replay`."""
+    algorithm: str
+    """How the policy was trained, `act` or `ppo`; empty for a replay."""
+    source: str
+    """Digest of the checkpoint, or of the demonstrations that were replayed."""
+    task: TaskSpec
+    """What was to be done, and how it was judged."""
+    embodiment: str
+    """Digest of joint names and limits."""
+    robot: str
+    """Name of the robot's model."""
+    world: WorldKind
+    """Kind of world; none is real."""
+    items: tuple[Trial, ...]
+    """Tries that count, in order."""
+    placed: Annotated[np.ndarray, Array("N O 7", "float32", frame="base")]
+    """Poses of the bundle's objects at the start of each try: position [m], unit quaternion w x y z."""
+    excluded: dict[str, int]
+    """Reason -> seeds that brought no try: no start without collisions, no rollout that succeeds in the twin."""
+    examples: Episodes
+    """The first success and the first failure, by their number in `items`."""
+
+    @property
+    def successes(self) -> int:
+        """Tries that succeeded."""
+        return sum(trial.success for trial in self.items)
+
+    @property
+    def reasons(self) -> dict[str, int]:
+        """Reason of failure -> how often, the most frequent first."""
+        return dict(Counter(trial.reason for trial in self.items if not trial.success).most_common())
+
+    @property
+    def mean_time_s(self) -> float | None:
+        """Mean time of the successes until the verdict [s], the time that it had to hold included; None without one."""
+        steps = [trial.steps for trial in self.items if trial.success]
+        return float(np.mean(steps)) / self.task.control_hz if steps else None

@@ -1,0 +1,237 @@
+"""Why a node is stale, followed from reader to source down to the option, function or file that changed.
+
+A node whose inputs are known has a key document, and the one of its last build tells what changed. Where an input
+changed the question goes on to the node that made it: its document now, against the one that it had when the reader was
+built. A node whose inputs are not known yet waits, and the question goes on to what it waits for.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from dextera_build.cli.origins import Origins
+from dextera_build.cli.upstream import Upstream
+from dextera_build.engine.graph import Call, Gather, Graph, Input, Leaf, parse_address
+from dextera_build.engine.key import Change, compare
+from dextera_build.report.wording import count, some
+
+if TYPE_CHECKING:
+    from dextera_build.cli.session import Session
+    from dextera_build.engine.dryrun import Planned
+
+_OPEN = "judged when its inputs are known"
+_SEEN = ", see above"
+
+
+@dataclass
+class Cause:
+    """One reason; what stands behind it follows with a greater depth."""
+
+    kind: str
+    """Of `key.Kind`, or `waits for`, `node`, `copies`, `file`, `lost`."""
+    name: str
+    change: str
+    place: str = ""
+    depth: int = 0
+    behind: list[_Question] = field(default_factory=list, repr=False)
+    inside: list[Cause] = field(default_factory=list, repr=False)
+    """What stands behind it and is known already."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Without what is not asked yet."""
+        return {name: getattr(self, name) for name in ("kind", "name", "change", "place", "depth")}
+
+
+@dataclass(frozen=True)
+class _Question:
+    """Why the document of `node` is not what it was under `old`, which `run` had; no `old`: what does it wait for?"""
+
+    node: str
+    old: str = ""
+    run: str = ""
+
+
+class Causes:
+    """Answers for one dry run.
+
+    Args:
+        session: The recipe.
+        graph: It, resolved.
+        states: What the dry run found, by address.
+    """
+
+    def __init__(self, session: Session, graph: Graph, states: Mapping[str, Planned]) -> None:
+        self._session, self._states = session, states
+        self._upstream = Upstream(session.project, graph, states)
+        self._origins = Origins(session)
+
+    def of(self, node: str) -> list[Cause]:
+        """All causes of one node, each followed by what stands behind it."""
+        found: list[Cause] = []
+        asked: set[str] = set()
+        stack = [(0, cause) for cause in reversed(self._answer(self._question(node)))]
+        while stack:
+            depth, cause = stack.pop()
+            cause.depth = depth
+            found.append(cause)
+            for question in cause.behind:
+                if question.node in asked:
+                    cause.change += _SEEN
+            fresh = [question for question in cause.behind if question.node not in asked]
+            asked |= {question.node for question in fresh}
+            deeper = [*cause.inside, *(inner for question in fresh for inner in self._answer(question))]
+            stack += [(depth + 1, inner) for inner in reversed(deeper)]
+        return _telling(found)
+
+    def _question(self, node: str) -> _Question:
+        """The question of a node that is not up to date; one that was never built waits at most."""
+        entry, state = self._session.history.get(node), self._states.get(node)
+        if entry is None or state is None or not state.key_document:
+            return _Question(node)
+        return _Question(node, entry.key, entry.run)
+
+    def _answer(self, question: _Question) -> list[Cause]:
+        state = self._states.get(question.node)
+        if state is None or not state.key_document:
+            return list(self._waits(question.node))
+        if not question.old:
+            return []
+        old = self._origins.document(question.old)
+        if old is None:
+            lost = f"its key document of run {question.run} is no longer in the store"
+            return [Cause("lost", question.node, lost)]
+        call = self._upstream.call(question.node)
+        changes = compare(old, json.loads(state.key_document))
+        return [self._cause(question, call, change) for change in changes]
+
+    def _cause(self, question: _Question, call: Call, change: Change) -> Cause:
+        cause = Cause(change.kind, change.name, f"{short(change.old)} -> {short(change.new)}")
+        if change.kind == "option":
+            cause.place = str(call.option_places.get(change.name.partition(".")[0], call.where))
+        elif change.kind == "code":
+            file, _, definition = change.name.partition(": ")
+            found = self._session.project.library.code.find(file, definition)
+            cause.place = f"{self._session.project.shown(found[0])}:{found[1]}" if found else "(gone)"
+            cause.name = f"`{definition}` of {file}"
+        elif change.kind == "input":
+            self._follow(cause, question, call, change)
+        elif change.kind in ("backend", "salt", "version"):
+            cause.place = str(call.where)
+        return cause
+
+    def _follow(self, cause: Cause, question: _Question, call: Call, change: Change) -> None:
+        """Say where a changed input comes from, and ask on there."""
+        source = call.inputs.get(change.name)
+        cause.place = self._upstream.shown(source, call)
+        if change.old is None or change.new is None or source is None:
+            return
+        was = self._origins.of(question.old, change.name, str(change.old), question.run)
+        if isinstance(source, Leaf):
+            old, new = was.files, self._origins.contents(str(change.new))
+            cause.inside = list(_files(old, new, cause.place)) if "" not in new else []
+            return
+        made = {origin.node: origin.key for origin in was.nodes() if origin.node}
+        before = self._origins.read_by(question.old, question.run) | made
+        now = self._upstream.nodes(question.node, source)
+        nameless = [origin.key for origin in was.nodes()]
+        if not before and len(now) == len(nameless) == 1:  # the log of the run is gone, but the store has the result
+            before = {now[0]: nameless[0]}
+        if made and not set(now) & set(before):
+            cause.change += f", from `{min(made)}` before"
+        groups = self._alike([ask for node in now if (ask := self._changed(node, before, question.run))])
+        copies = _copies(now, made, source)
+        if copies is not None:
+            openers = self._upstream.openers(question.node, source)
+            copies.behind = [ask for node in openers if (ask := self._changed(node, before, question.run))]
+            cause.inside.append(copies)
+        if len(groups) == 1:
+            cause.behind = groups[0][:1]
+        else:
+            cause.inside += [Cause("node", _names(group), "changed", behind=group[:1]) for group in groups]
+
+    def _changed(self, node: str, before: Mapping[str, str], run: str) -> _Question | None:
+        """The question of a node that had another key then."""
+        state = self._states.get(node)
+        if state is None or node not in before or state.key == before[node]:
+            return None
+        return _Question(node, before[node], run)
+
+    def _alike(self, questions: Sequence[_Question]) -> list[list[_Question]]:
+        """Copies of one call for which the same things changed stand together."""
+        groups: dict[tuple[object, ...], list[_Question]] = {}
+        for question in questions:
+            state, old = self._states[question.node], self._origins.document(question.old) if question.old else None
+            changes = compare(old, json.loads(state.key_document)) if old and state.key_document else []
+            shape = [(c.kind, c.name, "" if c.kind == "input" else [c.old, c.new]) for c in changes]
+            call = parse_address(question.node).call
+            groups.setdefault((call, self._status(question.node), json.dumps(shape)), []).append(question)
+        return list(groups.values())
+
+    def _waits(self, node: str) -> Iterator[Cause]:
+        """What a node waits for: inputs, and the collection that its group opens over."""
+        read = {f"input `{slot}`": source for slot, source in self._upstream.call(node).inputs.items()}
+        read |= {f"`each` of {group}": over for group, over in self._upstream.groups(node).items()}
+        told: set[str] = set()
+        for place, source in read.items():
+            waiting = [
+                self._question(address)
+                for address in self._upstream.nodes(node, source)
+                if address in self._states and self._states[address].status != "cached" and address not in told
+            ]
+            told |= {question.node for question in waiting}
+            for group in self._alike(waiting):
+                yield Cause("waits for", _names(group), self._status(group[0].node), place, behind=group[:1])
+
+    def _status(self, node: str) -> str:
+        state, entry = self._states[node], self._session.history.get(node)
+        if state.status == "unknown":
+            return _OPEN
+        if entry is None:
+            return "never built"
+        return "stale" if state.key != entry.key else "no longer in the store"
+
+
+def _telling(causes: Sequence[Cause]) -> list[Cause]:
+    """Without nodes that wait for nothing but what was told before."""
+    kept: list[Cause] = []
+    for cause in reversed(causes):
+        leads_on = bool(kept) and cause.depth < kept[-1].depth
+        seen = cause.change.endswith(_SEEN)
+        if leads_on or cause.kind != "waits for" or not (seen or cause.change == _OPEN):
+            kept.append(cause)
+    return kept[::-1]
+
+
+def _files(old: Mapping[str, str], new: Mapping[str, str], folder: str) -> Iterator[Cause]:
+    """What changed in a folder."""
+    for name in sorted({*old, *new}):
+        if old.get(name) != new.get(name):
+            change = f"{short(old[name])} -> {short(new[name])}" if name in old and name in new else ""
+            yield Cause("file", name, change or ("added" if name in new else "removed"), f"{folder}/{name}")
+
+
+def _copies(now: Sequence[str], made: Mapping[str, str], source: Input) -> Cause | None:
+    """Which copies a gathered input has now and had not, or the other way round; None where they are the same."""
+    if not isinstance(source, Gather):
+        return None
+    then = [node for node in made if parse_address(node).call == source.call]
+    fresh, gone = sorted(set(now) - set(then)), sorted(set(then) - set(now))
+    if not then or not (fresh or gone):
+        return None
+    told = [f"{word}: {some(nodes, 3)}" for word, nodes in (("new", fresh), ("gone", gone)) if nodes]
+    return Cause("copies", ".".join(source.call), "; ".join(told))
+
+
+def _names(questions: Sequence[_Question]) -> str:
+    first, more = questions[0].node, len(questions) - 1
+    return f"{first} and {count(more, 'more copy', 'more copies')}" if more else first
+
+
+def short(value: object) -> str:
+    """A value of a key document as one cell: eight digits of a digest, sixty characters of all else."""
+    text = value if isinstance(value, str) else json.dumps(value)
+    is_digest = isinstance(value, str) and len(value) >= 16 and not set(value) - set("0123456789abcdef")
+    return text[:8] if is_digest else text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,229 @@
+"""The network of ACT: action chunks from a conditional variational transformer (Zhao et al. 2023, arXiv 2304.13705).
+
+An encoder that only training sees folds the demonstrated chunk into a latent, the "style"; the transformer predicts the
+chunk from that latent and the observation. At run time the latent is 0. Blocks normalise first, which trains without a
+warm-up of thousands of steps, and pictures pass through a small convolutional network of their own instead of a
+pretrained ResNet-18.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.policy import features
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of the network; together with the widths of its inputs they say the shape of every weight."""
+
+    chunk: int = 20
+    """Steps that are predicted at once."""
+    width: int = 96
+    """Features of a token."""
+    heads: int = 4
+    """Attention heads; they divide `width`."""
+    style_layers: int = 1
+    """Blocks of the style encoder, which only training uses."""
+    encoder_layers: int = 2
+    """Blocks over the observation's tokens."""
+    decoder_layers: int = 2
+    """Blocks over the chunk's tokens."""
+    latent: int = 8
+    """Size of the style."""
+
+    def settings(self) -> dict[str, float | int | str | bool]:
+        """What `PolicyContract.settings` keeps of it."""
+        return dict(asdict(self))
+
+    @classmethod
+    def of(cls, settings: Mapping[str, float | int | str | bool]) -> Sizes:
+        """The sizes that `settings()` wrote; other settings are passed over."""
+        return cls(**{name: int(settings[name]) for name in cls.__dataclass_fields__ if name in settings})
+
+
+class Attention(nn.Module):
+    """Multi-head attention of (B, N, W) queries to (B, M, W) tokens."""
+
+    def __init__(self, width: int, heads: int) -> None:
+        super().__init__()
+        self.heads = heads
+        self.query = nn.Linear(width, width)
+        self.key_value = nn.Linear(width, 2 * width)
+        self.out = nn.Linear(width, width)
+
+    def forward(self, queries: Tensor, tokens: Tensor, keep: Tensor | None = None) -> Tensor:
+        """(B, N, W); `keep` (B, M) is false for tokens that are not there."""
+        batch, count, width = queries.shape
+        q = self.query(queries).view(batch, count, self.heads, -1).transpose(1, 2)
+        pair = self.key_value(tokens).view(batch, tokens.shape[1], 2, self.heads, -1).permute(2, 0, 3, 1, 4)
+        mask = None if keep is None else keep[:, None, None, :]
+        mixed = F.scaled_dot_product_attention(q, pair[0], pair[1], attn_mask=mask)
+        out: Tensor = self.out(mixed.transpose(1, 2).reshape(batch, count, width))
+        return out
+
+
+class Block(nn.Module):
+    """Self-attention, attention to a memory where there is one, and a two-layer perceptron, each a residual."""
+
+    def __init__(self, width: int, heads: int, *, memory: bool) -> None:
+        super().__init__()
+        self.norm_self = nn.LayerNorm(width)
+        self.attend_self = Attention(width, heads)
+        self.norm_memory = nn.LayerNorm(width) if memory else None
+        self.attend_memory = Attention(width, heads) if memory else None
+        self.norm_mlp = nn.LayerNorm(width)
+        self.mlp = nn.Sequential(nn.Linear(width, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
+
+    def forward(self, tokens: Tensor, memory: Tensor | None = None, keep: Tensor | None = None) -> Tensor:
+        """(B, N, W) tokens after the block."""
+        normed = self.norm_self(tokens)
+        tokens = tokens + self.attend_self(normed, normed, keep)
+        if self.norm_memory is not None and self.attend_memory is not None and memory is not None:
+            tokens = tokens + self.attend_memory(self.norm_memory(tokens), memory)
+        out: Tensor = tokens + self.mlp(self.norm_mlp(tokens))
+        return out
+
+
+class Eye(nn.Module):
+    """Where things are in a picture: convolutions, then the mean place of each feature (Levine et al. 2016).
+
+    With few demonstrations this finds places to a fraction of a pixel, where patches of a coarse map would have to
+    learn it; the whole picture becomes one token.
+    """
+
+    def __init__(self, width: int, points: int = 32) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            *(nn.Conv2d(3, 16, 5, stride=2, padding=2), nn.GroupNorm(4, 16), nn.ReLU()),
+            *(nn.Conv2d(16, 32, 3, stride=2, padding=1), nn.GroupNorm(4, 32), nn.ReLU()),
+            *(nn.Conv2d(32, 32, 3, padding=1), nn.GroupNorm(4, 32), nn.ReLU()),
+            nn.Conv2d(32, points, 1),
+        )
+        self.out = nn.Sequential(nn.Linear(2 * points, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
+
+    def forward(self, pixels: Tensor) -> Tensor:
+        """(B, 1, W) token of (B, 3, H, W) pixels in -1 to 1."""
+        maps = self.layers(pixels)
+        shares = maps.flatten(2).softmax(dim=-1).view_as(maps)
+        rows, columns = (torch.linspace(-1.0, 1.0, size) for size in maps.shape[2:])
+        places = torch.cat([shares.sum(dim=3) @ rows, shares.sum(dim=2) @ columns], dim=1)
+        out: Tensor = self.out(places)
+        return out[:, None]
+
+
+class Act(nn.Module):
+    """The policy network and, for training, its style encoder.
+
+    Args:
+        sizes: Sizes of the network.
+        inputs: Channel -> (tokens, features per token) of the vector inputs, in order.
+        actions: Components of an action.
+        looks: Whether it also gets a picture, of any size.
+    """
+
+    def __init__(
+        self, sizes: Sizes, inputs: Mapping[str, tuple[int, int]], actions: int, *, looks: bool = False
+    ) -> None:
+        super().__init__()
+        width, heads = sizes.width, sizes.heads
+        self.latent = sizes.latent
+        self.embed = nn.ModuleDict({name: nn.Linear(features, width) for name, (_, features) in inputs.items()})
+        count = 1 + sum(tokens for tokens, _ in inputs.values())
+        self.place = nn.Parameter(torch.randn(count, width) * 0.02)
+        self.eye = Eye(width) if looks else None
+        self.embed_latent = nn.Linear(sizes.latent, width)
+        self.encoder = nn.ModuleList(Block(width, heads, memory=False) for _ in range(sizes.encoder_layers))
+        self.norm_memory = nn.LayerNorm(width)
+        self.steps = nn.Parameter(torch.randn(sizes.chunk, width) * 0.02)
+        self.decoder = nn.ModuleList(Block(width, heads, memory=True) for _ in range(sizes.decoder_layers))
+        self.norm_out = nn.LayerNorm(width)
+        self.head = nn.Linear(width, actions)
+        self.style_action = nn.Linear(actions, width)
+        self.style_place = nn.Parameter(torch.randn(count + sizes.chunk, width) * 0.02)
+        self.style = nn.ModuleList(Block(width, heads, memory=False) for _ in range(sizes.style_layers))
+        self.style_out = nn.Linear(width, 2 * sizes.latent)
+
+    def forward(self, inputs: Mapping[str, Tensor], latent: Tensor | None = None) -> Tensor:
+        """(B, C, A) normalised actions; without a latent the mean style, 0.
+
+        Args:
+            inputs: Channel -> (B, tokens, features) float32; `rgb` -> (B, 3, H, W) in -1 to 1.
+            latent: (B, Z) style.
+        """
+        tokens = self._tokens(inputs)
+        if latent is None:
+            latent = tokens.new_zeros(tokens.shape[0], self.latent)
+        tokens = torch.cat([self.embed_latent(latent)[:, None], tokens], dim=1) + self.place
+        if self.eye is not None:
+            tokens = torch.cat([tokens, self.eye(inputs["rgb"])], dim=1)
+        for block in self.encoder:
+            tokens = block(tokens)
+        memory = self.norm_memory(tokens)
+        chunk = self.steps.expand(tokens.shape[0], -1, -1)
+        for block in self.decoder:
+            chunk = block(chunk, memory)
+        out: Tensor = self.head(self.norm_out(chunk))
+        return out
+
+    def encode(self, inputs: Mapping[str, Tensor], actions: Tensor, keep: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and log variance, (B, Z) each, of the style of a demonstrated chunk.
+
+        Args:
+            inputs: As in `forward`; the picture is not looked at.
+            actions: (B, C, A) normalised.
+            keep: (B, C), false for steps after the episode's end.
+        """
+        tokens = self._tokens(inputs)
+        first = tokens.new_zeros(tokens.shape[0], 1, tokens.shape[2])
+        tokens = torch.cat([first, tokens, self.style_action(actions)], dim=1) + self.style_place
+        there = keep.new_ones(len(keep), tokens.shape[1] - keep.shape[1])
+        mask = torch.cat([there, keep], dim=1)
+        for block in self.style:
+            tokens = block(tokens, keep=mask)
+        mean, log_variance = self.style_out(tokens[:, 0]).chunk(2, dim=-1)
+        return mean, log_variance
+
+    def _tokens(self, inputs: Mapping[str, Tensor]) -> Tensor:
+        return torch.cat([layer(inputs[name]) for name, layer in self.embed.items()], dim=1)
+
+
+def loss_of(
+    network: Act, inputs: Mapping[str, Tensor], actions: Tensor, keep: Tensor, noise: Tensor, kl_weight: float
+) -> tuple[Tensor, Tensor]:
+    """(loss, L1 part): mean absolute error over the steps that exist, and the style's divergence from N(0, 1).
+
+    Args:
+        network: The network.
+        inputs: As in `Act.forward`.
+        actions: (B, C, A) normalised.
+        keep: (B, C), false for steps after the episode's end.
+        noise: (B, Z) standard normal, the draw of the style.
+        kl_weight: Weight of the divergence.
+    """
+    mean, log_variance = network.encode(inputs, actions, keep)
+    latent = mean + (0.5 * log_variance).exp() * noise
+    error = (network(inputs, latent) - actions).abs().mean(dim=-1)
+    l1 = (error * keep).sum() / keep.sum()
+    kl = -0.5 * (1 + log_variance - mean.square() - log_variance.exp()).sum(dim=-1).mean()
+    return l1 + kl_weight * kl, l1
+
+
+def of_contract(contract: PolicyContract, seed: int = 0) -> Act:
+    """The network that a contract describes, its first weights drawn with `seed` and nothing else."""
+    vectors = {channel.name: features.tokens(channel) for channel in contract.inputs if channel.encoding != "picture"}
+    looks = any(channel.encoding == "picture" for channel in contract.inputs)
+    with torch.random.fork_rng(devices=()):
+        torch.manual_seed(seed)
+        return Act(Sizes.of(contract.settings), vectors, len(contract.action.names), looks=looks)
+
+
+def pixels(frames: Tensor) -> Tensor:
+    """(B, 3, H, W) float32 in -1 to 1 of (B, H, W, 3) uint8 pictures."""
+    return frames.permute(0, 3, 1, 2).to(torch.float32).div_(127.5).sub_(1.0)

@@ -1,0 +1,156 @@
+"""The agreement between a policy and the world that it runs in: made once at training, checked at every load."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.policy import Channel, Encoding, PolicyContract
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.errors import RuleError, listing
+from dextera_build.policy.layout import Layout, of_bundle, of_episodes
+
+VECTORS = ("joints", "objects", "displacement", "goal", "previous_action")
+"""Channels of numbers, in the order in which networks get them."""
+CHANNELS = (*VECTORS, "rgb")
+"""All channels that a policy may take; the privileged ones are not among them."""
+
+
+def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> Channel:
+    """The channel called `name`, not normalised yet.
+
+    Args:
+        layout: What there is.
+        name: One of `CHANNELS`.
+        only: Components that the policy takes, by name; None: all.
+
+    Raises:
+        RuleError: `layout` has no such channel.
+    """
+    names = layout.names(name)
+    if name == "rgb" and layout.picture:
+        return Channel(name=name, shape=(*layout.picture, 3), encoding="picture")
+    if names is None:
+        raise RuleError(
+            f"there is no channel `{name}` to learn from",
+            code="DXB-B501",
+            facts={"channels": listing(offered(layout))},
+            hint="give a film, or leave `rgb` out of `inputs`" if name == "rgb" else None,
+        )
+    kept = names if only is None else tuple(part for part in names if part in only)
+    encoding: Encoding = "pose" if name == "objects" else "plain"
+    shape = (len(kept), 7) if name == "objects" else (len(kept),)
+    return Channel(name=name, shape=shape, names=kept, encoding=encoding)
+
+
+def offered(layout: Layout) -> tuple[str, ...]:
+    """Names of the channels that `layout` has."""
+    return (*VECTORS, "rgb") if layout.picture else VECTORS
+
+
+def check(contract: PolicyContract, bundle: TaskBundle, rate_hz: float | None = None, view: View | None = None) -> None:
+    """Refuse a policy that was made for something else.
+
+    Args:
+        contract: What the policy expects and gives.
+        bundle: What it is to run in.
+        rate_hz: Rate at which it will be asked [Hz]; None: the bundle's.
+        view: The camera that it will see through.
+
+    Raises:
+        RuleError: Something differs; the error names all of it.
+    """
+    found = differences(contract, of_bundle(bundle, view, rate_hz))
+    if found:
+        raise RuleError(
+            f"the policy does not fit the task bundle: {', '.join(found)}",
+            code="DXB-B502",
+            facts=found,
+            hint="train a policy for this bundle, or choose the bundle that it was trained for",
+        )
+
+
+def check_data(bundle: TaskBundle, episodes: Episodes) -> None:
+    """Refuse a data set that was not recorded in this task with this robot.
+
+    Raises:
+        RuleError: Something differs; the error names all of it.
+    """
+    here = of_bundle(bundle)
+    there = of_episodes(episodes, here.goal)
+    found: dict[str, str] = {}
+    _compare(found, "another task", there.task, here.task)
+    _compare_actions(found, there.joints, there.embodiment, here)
+    _compare(found, "another rate", f"{there.rate_hz:g} Hz", f"{here.rate_hz:g} Hz")
+    for name in ("objects", "displacement"):
+        _compare(found, f"other `{name}`", _listed(there.names(name) or ()), _listed(here.names(name) or ()))
+    if found:
+        raise RuleError(
+            f"the data set does not fit the task bundle: {', '.join(found)}",
+            code="DXB-B503",
+            facts={name: text.replace("the policy has", "the data set has") for name, text in found.items()},
+            hint="record or synthesise demonstrations in this bundle",
+        )
+
+
+def differences(contract: PolicyContract, here: Layout) -> dict[str, str]:
+    """What differs between a contract and what there is: name of the difference -> both sides."""
+    found: dict[str, str] = {}
+    _compare(found, "another task", contract.task, here.task)
+    _compare_actions(found, contract.action.names, contract.embodiment, here)
+    _compare(found, "another rate", f"{contract.rate_hz:g} Hz", f"{here.rate_hz:g} Hz")
+    for wanted in contract.inputs:
+        if wanted.name == "rgb":
+            _compare_view(found, wanted, here)
+        else:
+            _compare_channel(found, wanted, here)
+    return found
+
+
+def _compare(found: dict[str, str], what: str, policy: str, world: str) -> None:
+    if policy != world:
+        found[what] = f"the policy has {policy}, the bundle has {world}"
+
+
+def _compare_actions(found: dict[str, str], names: tuple[str, ...], digest: str, here: Layout) -> None:
+    if digest == here.embodiment and names == here.joints:
+        return
+    if sorted(names) == sorted(here.joints) and names != here.joints:
+        place = next(n for n, pair in enumerate(zip(names, here.joints, strict=True)) if pair[0] != pair[1])
+        found["actions in another order"] = (
+            f"component {place} is `{names[place]}` for the policy, `{here.joints[place]}` in the bundle"
+        )
+    elif names != here.joints:
+        found["other actions"] = f"the policy has {_listed(names)}, the bundle has {_listed(here.joints)}"
+    if digest != here.embodiment:
+        why = "; the names agree, the limits do not" if names == here.joints else ""
+        found["another embodiment"] = f"the policy has {digest[:12]}, the bundle has {here.embodiment[:12]}{why}"
+
+
+def _compare_channel(found: dict[str, str], wanted: Channel, here: Layout) -> None:
+    names = here.names(wanted.name)
+    if names is None:
+        found[f"no channel `{wanted.name}`"] = f"the bundle has {listing(offered(here))}"
+        return
+    lost = [part for part in wanted.names if part not in names]
+    if wanted.name in ("joints", "previous_action") and wanted.names != here.joints:
+        found[f"other `{wanted.name}`"] = f"the policy has {_listed(wanted.names)}, the bundle has {_listed(names)}"
+    elif lost and len(wanted.names) != len(names):
+        found[f"another size of `{wanted.name}`"] = (
+            f"the policy has {_listed(wanted.names)}, the bundle has {_listed(names)}"
+        )
+    elif lost:
+        found[f"other `{wanted.name}`"] = f"the bundle has no {listing(lost)}, but {listing(names)}"
+
+
+def _compare_view(found: dict[str, str], wanted: Channel, here: Layout) -> None:
+    height, width = wanted.shape[:2]
+    if here.picture is None:
+        found["no view"] = f"the policy looks at {width} x {height} px"
+    elif here.picture != (height, width):
+        there = f"{here.picture[1]} x {here.picture[0]} px"
+        found["a view of another size"] = f"the policy has {width} x {height} px, the bundle has {there}"
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    """Names in their order, shortened, with how many they are."""
+    shown = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+    return f"{len(names)} ({shown})" if names else "none"

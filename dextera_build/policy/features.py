@@ -1,0 +1,107 @@
+"""From observation fields to the numbers that networks take; one way for training and for running.
+
+`recorded` reads the fields out of an episode, `observed` out of a live observation; a `Reader` makes inputs of either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episode
+from dextera_build.artifacts.policy import Channel
+from dextera_build.policy.layout import Layout
+
+if TYPE_CHECKING:
+    from dextera_build.policy.observation import DeployableObservation
+
+Fields = dict[str, np.ndarray]
+"""Field of the deployable observation -> its samples, stacked along the first axis."""
+
+
+def recorded(episode: Episode) -> Fields:
+    """What a policy would have observed at each of the T steps of an episode, without pictures.
+
+    Returns:
+        `joints`, `previous_action` (T, A) [rad]; `objects` (T, O, 7); `displacement` (T, K); `goal` (T, G).
+    """
+    steps = len(episode.action)
+    sent = np.concatenate([episode.start.ctrl[None].astype(np.float32), episode.executed])[:steps]
+    return {
+        "joints": episode.joints,
+        "previous_action": sent,
+        "objects": episode.objects,
+        "displacement": episode.displacement,
+        "goal": np.broadcast_to(episode.goal, (steps, len(episode.goal))),
+    }
+
+
+def observed(observation: DeployableObservation) -> Fields:
+    """One live observation as a stack of one sample."""
+    fields = {
+        "joints": observation.joints,
+        "previous_action": observation.previous_action,
+        "objects": observation.objects,
+        "displacement": observation.displacement,
+        "goal": observation.goal,
+    }
+    if observation.rgb is not None:
+        fields["rgb"] = observation.rgb
+    return {name: np.asarray(field)[None] for name, field in fields.items()}
+
+
+class Reader:
+    """Reads the vector inputs of a policy out of observation fields.
+
+    Components are picked by name, so objects that the policy does not know may stand among those that it does.
+
+    Args:
+        channels: Inputs of the policy, of which pictures are left out.
+        layout: Where the fields come from.
+    """
+
+    def __init__(self, channels: tuple[Channel, ...], layout: Layout) -> None:
+        self._channels = [channel for channel in channels if channel.encoding != "picture"]
+        self._rows = {
+            channel.name: [(layout.names(channel.name) or ()).index(name) for name in channel.names]
+            for channel in self._channels
+        }
+
+    def read(self, fields: Mapping[str, np.ndarray]) -> Fields:
+        """Encoded and normalised inputs, float32 (N, tokens, features) each.
+
+        Objects are a token each; every other channel is one token.
+        """
+        return {channel.name: normalised(channel, self.encoded(channel, fields)) for channel in self._channels}
+
+    def encoded(self, channel: Channel, fields: Mapping[str, np.ndarray]) -> np.ndarray:
+        """One channel before normalisation, float32 (N, tokens, features)."""
+        picked = fields[channel.name][:, self._rows[channel.name]].astype(np.float32)
+        if channel.encoding == "pose":
+            return np.concatenate([picked[..., :3], rotation_columns(picked[..., 3:])], axis=-1)
+        return picked[:, None, :]
+
+
+def tokens(channel: Channel) -> tuple[int, int]:
+    """(tokens, features per token) of a vector channel."""
+    return (channel.shape[0], 9) if channel.encoding == "pose" else (1, channel.shape[0])
+
+
+def normalised(channel: Channel, samples: np.ndarray) -> np.ndarray:
+    """(N, tokens, features) minus the channel's mean, over its scale."""
+    if not channel.scale:
+        return samples
+    shape = samples.shape[1:]
+    mean, scale = (np.array(part, np.float32).reshape(shape) for part in (channel.mean, channel.scale))
+    return np.asarray((samples - mean) / scale)
+
+
+def rotation_columns(quaternions: np.ndarray) -> np.ndarray:
+    """(..., 6): the first two columns of the rotations of (..., 4) quaternions w x y z; the same for q and -q."""
+    unit = quaternions / np.maximum(np.linalg.norm(quaternions, axis=-1, keepdims=True), 1e-9)
+    w, x, y, z = np.moveaxis(unit, -1, 0)
+    first = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
+    second = (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x))
+    return np.stack([*first, *second], axis=-1)

@@ -1,0 +1,77 @@
+"""What a task bundle or a data set offers to policies: which channels, and what their components are called."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dextera_build import digest
+from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.task import TaskBundle, View
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The two sides of a policy as one world, or one data set, has them."""
+
+    task: str
+    """Name of the task."""
+    embodiment: str
+    """Digest of joint names and limits."""
+    rate_hz: float
+    """Control rate [Hz]."""
+    joints: tuple[str, ...]
+    """Components of actions, `joints` and `previous_action`."""
+    objects: tuple[str, ...]
+    """Rows of `objects`."""
+    displacement: tuple[str, ...]
+    """Components of `displacement`."""
+    goal: tuple[str, ...]
+    """Components of `goal`."""
+    picture: tuple[int, int] | None = None
+    """(height, width) of `rgb` [px], or None where there is no camera."""
+
+    def names(self, channel: str) -> tuple[str, ...] | None:
+        """What the components along the first axis of a vector channel are, or None where it does not exist."""
+        known = {
+            "joints": self.joints,
+            "previous_action": self.joints,
+            "objects": self.objects,
+            "displacement": self.displacement,
+            "goal": self.goal,
+        }
+        return known.get(channel)
+
+
+def embodiment(robot: RobotModel) -> str:
+    """Digest of a robot's action space: names of its joints, in order, and their limits [rad or m]."""
+    return digest.of_value([[joint.name, float(joint.lower), float(joint.upper)] for joint in robot.joints])
+
+
+def of_bundle(bundle: TaskBundle, view: View | None = None, rate_hz: float | None = None) -> Layout:
+    """What a task bundle offers, seen through `view`, at its own rate or at `rate_hz`."""
+    task = bundle.task
+    return Layout(
+        task=task.name,
+        embodiment=embodiment(bundle.robot),
+        rate_hz=task.control_hz if rate_hz is None else rate_hz,
+        joints=tuple(joint.name for joint in bundle.robot.joints),
+        objects=tuple(bundle.objects),
+        displacement=tuple(name for thing in bundle.objects.values() for name in thing.joints),
+        goal=tuple(task.joints) if task.primitive == "articulate" else ("rise",),
+        picture=(view.camera.height, view.camera.width) if view else None,
+    )
+
+
+def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | None = None) -> Layout:
+    """What a data set offers; what its goal means, `goal`, only the task knows."""
+    return Layout(
+        task=episodes.task,
+        embodiment=episodes.embodiment,
+        rate_hz=episodes.rate_hz,
+        joints=episodes.joint_names,
+        objects=episodes.object_names,
+        displacement=episodes.displacement_names,
+        goal=goal,
+        picture=(film.height, film.width) if film else None,
+    )

@@ -1,0 +1,76 @@
+"""What policies may see, and what only a simulator knows: two types, so that one cannot pass for the other.
+
+Table I of the paper. `Deployable` holds what sensors and a tracker of objects give on hardware too; `Privileged` is
+read off the simulator's state and goes to teachers and critics alone (mission rows D16-D25). Poses and forces are
+expressed in the robot's base frame, which hardware knows without a world.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What a robot cell measures in one control period; a simulated cell and a real one fill in the same fields."""
+
+    joints: np.ndarray
+    """Positions of the robot's joints (A,) [rad]."""
+    objects: np.ndarray
+    """Tracked poses of the objects (O, 7): position [m], unit quaternion w x y z with w >= 0, in the base frame."""
+    displacement: np.ndarray
+    """Positions of the objects' joints (K,) [rad or m]."""
+    rgb: np.ndarray | None = None
+    """Picture (H, W, 3) uint8 sRGB, or None where the task has no view."""
+
+
+@dataclass(frozen=True)
+class DeployableObservation:
+    """Everything that a policy may be given. It is made of a `Measurement`, never of a simulator's state."""
+
+    previous_action: np.ndarray
+    """Joint targets that were sent last (A,) float32 [rad]."""
+    joints: np.ndarray
+    """Positions of the robot's joints (A,) float32 [rad]."""
+    objects: np.ndarray
+    """Poses of the objects (O, 7) float32 in the base frame."""
+    displacement: np.ndarray
+    """Positions of the objects' joints (K,) float32 [rad or m]."""
+    goal: np.ndarray
+    """Goal (G,) float32: rise [m], or commanded joint positions [rad or m]."""
+    rgb: np.ndarray | None = None
+    """Picture (H, W, 3) uint8 sRGB, or None."""
+
+
+@dataclass(frozen=True)
+class PrivilegedObservation:
+    """What only a simulator knows."""
+
+    contact: np.ndarray
+    """Force on each fingertip (F, 3) float32 [N] in the base frame."""
+    joint_velocities: np.ndarray
+    """Speeds of the robot's joints (A,) float32 [rad/s]."""
+    object_velocities: np.ndarray
+    """Velocities of the objects' origins (O, 6) float32: linear [m/s], angular [rad/s], in the base frame."""
+    hand_pose: np.ndarray
+    """Pose of the palm (7,) float32 in the base frame."""
+    tip_poses: np.ndarray
+    """Poses of the fingertips (F, 7) float32 in the base frame."""
+    tip_velocities: np.ndarray
+    """Velocities of the fingertips (F, 6) float32: linear [m/s], angular [rad/s], in the base frame."""
+    points: np.ndarray
+    """Points on the surface of the task's object (P, 3) float32 [m] in the base frame."""
+
+
+def deployable(measured: Measurement, previous_action: np.ndarray, goal: np.ndarray) -> DeployableObservation:
+    """The observation that a policy gets for one measurement; the only way to make one at run time."""
+    return DeployableObservation(
+        previous_action=np.asarray(previous_action, np.float32),
+        joints=np.asarray(measured.joints, np.float32),
+        objects=np.asarray(measured.objects, np.float32),
+        displacement=np.asarray(measured.displacement, np.float32),
+        goal=np.asarray(goal, np.float32),
+        rgb=measured.rgb,
+    )

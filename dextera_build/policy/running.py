@@ -1,0 +1,112 @@
+"""Running a policy: one deployable observation in, one set of joint targets out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.errors import RuleError
+from dextera_build.policy.features import Fields, Reader, observed
+from dextera_build.policy.layout import Layout
+from dextera_build.policy.observation import DeployableObservation
+
+Predict = Callable[[Fields], np.ndarray]
+"""Inputs, one sample of each, to joint targets (C, A) float64 [rad] for this step and the C - 1 after it. `rgb` comes
+as (1, H, W, 3) uint8, the others as `Reader` gives them."""
+
+
+class PolicyFault(RuleError):  # noqa: N818 - the fault is the policy's, not dxb's
+    """A policy gave something that cannot be sent to a robot; the trial has failed, the evaluation goes on."""
+
+
+class Ensemble:
+    """Joint targets from overlapping chunks (temporal ensembling, Zhao et al. 2023).
+
+    All chunks that reach the present step are averaged with weights exp(-forget * i), i = 0 for the oldest.
+
+    Args:
+        every: A new chunk is asked for after this many steps; 1: at every step.
+        forget: How much more the oldest chunk counts; 0: all alike, below 0: the newest counts most.
+    """
+
+    def __init__(self, every: int, forget: float) -> None:
+        self.every = every
+        self.forget = forget
+        self._chunks: list[np.ndarray] = []
+
+    def due(self, step: int) -> bool:
+        """Whether a new chunk is needed at `step`."""
+        return step % self.every == 0 or not self._chunks
+
+    def add(self, chunk: np.ndarray) -> None:
+        """A new chunk (C, A) that begins at the present step."""
+        self._chunks.append(chunk)
+
+    def take(self) -> np.ndarray:
+        """Targets (A,) for the present step; the chunks move on by one."""
+        weights = np.exp(-self.forget * np.arange(len(self._chunks)))
+        mean = np.einsum("n,na->a", weights, np.stack([chunk[0] for chunk in self._chunks])) / weights.sum()
+        self._chunks = [chunk[1:] for chunk in self._chunks if len(chunk) > 1]
+        return np.asarray(mean)
+
+
+class Policy:
+    """A trained policy that runs in one world.
+
+    Args:
+        contract: What it expects and gives.
+        layout: What the world offers; it fits the contract.
+        predict: The network.
+        limits: Joint limits (A, 2) [rad].
+    """
+
+    def __init__(self, contract: PolicyContract, layout: Layout, predict: Predict, limits: np.ndarray) -> None:
+        self.contract = contract
+        self._reader = Reader(contract.inputs, layout)
+        self._predict = predict
+        self._limits = limits
+        self._sees = any(channel.encoding == "picture" for channel in contract.inputs)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the episode before."""
+        settings = self.contract.settings
+        self._step = 0
+        self._ensemble = Ensemble(int(settings.get("every", 1)), float(settings.get("forget", 0.0)))
+
+    def act(self, observation: DeployableObservation) -> np.ndarray:
+        """Joint targets (A,) float64 [rad], within limits, in the order of the contract's action.
+
+        Raises:
+            PolicyFault: The observation or the network's answer is not finite, or the picture has another size.
+        """
+        if self._ensemble.due(self._step):
+            self._ensemble.add(self._finite(self._predict(self._inputs(observation))))
+        targets = self._ensemble.take()
+        self._step += 1
+        return np.asarray(np.clip(targets, self._limits[:, 0], self._limits[:, 1]))
+
+    def _inputs(self, observation: DeployableObservation) -> Fields:
+        fields = observed(observation)
+        inputs = self._reader.read(fields)
+        bad = [name for name, samples in inputs.items() if not np.isfinite(samples).all()]
+        if bad:
+            raise PolicyFault(f"the policy was given NaN in `{bad[0]}` at step {self._step}", code="DXB-B509")
+        if self._sees:
+            inputs["rgb"] = self._picture(fields)
+        return inputs
+
+    def _picture(self, fields: Fields) -> np.ndarray:
+        wanted = next(channel.shape for channel in self.contract.inputs if channel.encoding == "picture")
+        picture = fields.get("rgb")
+        if picture is None or picture.shape[1:] != wanted:
+            shown = "no picture" if picture is None else f"a picture {picture.shape[1:]}"
+            raise PolicyFault(f"the policy was given {shown} at step {self._step}, it needs {wanted}", code="DXB-B510")
+        return picture
+
+    def _finite(self, chunk: np.ndarray) -> np.ndarray:
+        if not np.isfinite(chunk).all():
+            raise PolicyFault(f"the policy gave NaN at step {self._step}", code="DXB-B511")
+        return chunk

@@ -1,0 +1,69 @@
+"""Staged rewards of the task primitives: pure functions of how far an episode has come (mission row D11).
+
+A stage function gives the value of one moment. A learner is paid the change of that value from step to step, so what
+an episode earns is fixed by where it ends: there is nothing to gain by hovering before the goal, by going back and
+forth, or by letting an object fly, because a stage counts only while the one before it holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.sim.success import GraspState
+
+NEAR_M = 0.2
+"""Distance that costs as much as the stage of reaching is worth [m]; even, so that it draws from far away too."""
+REACH, HOLD, MOVE, DONE = 1.0, 1.0, 4.0, 5.0
+"""What the stages are worth: at the object, in the hand, moved to the goal, held there until it counts."""
+
+
+@dataclass(frozen=True)
+class LiftProgress:
+    """How far lifting has come."""
+
+    reach_m: float
+    """Mean distance of the fingertips from the object's surface [m]."""
+    grasp: GraspState
+    """The hold on the object."""
+    rise: float
+    """Rise of the object as a share of the height that is asked for."""
+    success: bool
+    """The task is done."""
+
+
+@dataclass(frozen=True)
+class ArticulateProgress:
+    """How far moving joints has come."""
+
+    reach_m: float
+    """Distance of the nearest fingertip from where it has to push [m]."""
+    left: float
+    """Distance of the joints from their commands as a share of what it was at the start."""
+    success: bool
+    """The task is done."""
+
+
+def lift(progress: LiftProgress) -> float:
+    """Value of a moment: reach, then hold with forces that oppose one another, then rise, then success."""
+    grasp = progress.grasp
+    hold = 0.5 * min(grasp.fingers, 2) / 2 + 0.5 * float(grasp.opposing)
+    held = grasp.fingers >= 2 and grasp.opposing
+    rise = float(np.clip(progress.rise, 0.0, 1.0)) if held else 0.0
+    return REACH * near(progress.reach_m) + HOLD * hold + MOVE * rise + DONE * float(progress.success)
+
+
+def articulate(progress: ArticulateProgress) -> float:
+    """Value of a moment: reach, then bring the joints to their commands, then success.
+
+    The hand counts for less the nearer the joints are, so that it is free to let go of what has arrived.
+    """
+    moved = 1.0 - float(np.clip(progress.left, 0.0, 2.0))
+    reach = 1.0 - (1.0 - near(progress.reach_m)) * min(1.0, progress.left)
+    return REACH * reach + MOVE * moved + DONE * float(progress.success)
+
+
+def near(distance_m: float) -> float:
+    """1 at no distance, 0 at `NEAR_M`, and less beyond."""
+    return 1.0 - max(0.0, distance_m) / NEAR_M

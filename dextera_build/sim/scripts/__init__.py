@@ -1,0 +1,1 @@
+"""Scripted operators: one file per primitive."""

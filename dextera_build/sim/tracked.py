@@ -1,0 +1,77 @@
+"""Which thing of a reference world is which body of a twin, as a tracker of the twin's assets would tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.world import Thing, World
+from dextera_build.errors import RuleError, listing
+from dextera_build.geometry import metrics, transforms
+
+SAMPLES = 2000
+"""Points on each true surface."""
+
+
+def twin_from_truth(bundle: TaskBundle, world: World) -> np.ndarray:
+    """(4, 4) motion from the reference world's frame to the twin's, through the robot, which stands in both.
+
+    It carries every error of the twin: of its support plane, and of the calibration that placed the robot.
+
+    Raises:
+        RuleError: No robot stands in the world.
+    """
+    if world.stand is None:
+        raise RuleError(
+            "no robot stands in the reference world",
+            code="DXB-B240",
+            hint="give `capture.world` option `robot` with the robot's place",
+        )
+    return np.asarray(bundle.world_from_base @ transforms.invert(world.stand.matrix()))
+
+
+def match(
+    bundle: TaskBundle, things: Mapping[str, Thing], twin_from_world: np.ndarray, farthest_m: float
+) -> dict[str, str]:
+    """Body of the task -> the thing that stands where the twin has the body, one to one.
+
+    Surfaces are compared by Chamfer-L1: half the sum of both mean nearest distances.
+
+    Args:
+        bundle: The task in the twin.
+        things: Movable things of the reference world.
+        twin_from_world: See `twin_from_truth`.
+        farthest_m: Pairs farther apart than this are no pairs [m].
+
+    Raises:
+        RuleError: A body has no thing.
+    """
+    truth = {name: _points(thing, twin_from_world) for name, thing in things.items()}
+    apart = np.full((len(bundle.objects), len(truth)), np.inf)
+    for row, thing in enumerate(bundle.objects.values()):
+        found = transforms.apply(thing.world_from_object, thing.points.astype(np.float64))
+        for column, points in enumerate(truth.values()):
+            apart[row, column] = metrics.chamfer_and_f(found, points, farthest_m)[0]
+    near = np.where(apart <= farthest_m, 1.0 - apart / farthest_m, 0.0)
+    names = list(truth)
+    bodies = list(bundle.objects)
+    pairs = {bodies[row]: names[column] for row, column in metrics.match(near, 1e-9)} if names else {}
+    for row, body in enumerate(bodies):
+        if body not in pairs:
+            best = int(np.argmin(apart[row])) if names else -1
+            nearest = f"`{names[best]}`, {100 * apart[row, best]:.1f} cm away" if names else "none"
+            raise RuleError(
+                f"nothing in the reference world is `{body}` of the twin",
+                code="DXB-B241",
+                facts={"nearest thing": nearest, "things": listing(names)},
+                hint="check where the robot stands in both, or leave the asset out of the twin",
+            )
+    return {body: pairs[body] for body in bodies}
+
+
+def _points(thing: Thing, twin_from_world: np.ndarray) -> np.ndarray:
+    pose = twin_from_world @ thing.world_from_thing
+    surface = metrics.sample_surface(thing.surface.vertices.astype(np.float64), thing.surface.faces, SAMPLES, seed=0)
+    return transforms.apply(pose, surface)

@@ -1,0 +1,74 @@
+"""Folders in which long calls keep their progress: one per key, on this machine alone.
+
+What lies there enters no key and no result: the call that made it goes on from it in the next build, and when the
+call's result is in the store the folder goes.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from dextera_build.store import files
+from dextera_build.store.locks import Locks
+
+
+class Keep:
+    """Folders by key below one folder.
+
+    Args:
+        root: The folder; made when the first call asks for its own.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+
+    def path(self, key: str) -> Path:
+        """The folder of a key; it need not be there."""
+        return self.root / key
+
+    def drop(self, key: str) -> None:
+        """Remove the folder of a key. Whoever looks meanwhile, or after a kill, sees all of it or none."""
+        folder = self.path(key)
+        if not folder.is_dir():
+            return
+        aside = self.root / f"{files.TEMPORARY}-{key[:16]}-{os.getpid()}-{time.monotonic_ns()}"
+        # A store that cannot be written keeps it: nothing can be published there either.
+        with suppress(OSError):
+            os.rename(folder, aside)
+            shutil.rmtree(aside, ignore_errors=True)
+
+    def all(self) -> Iterator[tuple[str, int]]:
+        """Every folder as (key, bytes)."""
+        if self.root.is_dir():
+            for folder in sorted(self.root.iterdir()):
+                if not folder.name.startswith(files.TEMPORARY):
+                    yield folder.name, _bytes_below(folder)
+
+    def sweep(self, locks: Locks) -> tuple[int, int]:
+        """Remove the folder of every key that nobody builds now, and what kills left behind: (folders, bytes)."""
+        count = freed = 0
+        for key, size in list(self.all()):
+            if locks.take(key):
+                try:
+                    self.drop(key)
+                finally:
+                    locks.release(key)
+                count, freed = count + 1, freed + size
+        for left in self.root.glob(f"{files.TEMPORARY}-*"):
+            freed += _bytes_below(left)
+            shutil.rmtree(left, ignore_errors=True)
+        return count, freed
+
+
+def _bytes_below(folder: Path) -> int:
+    total = 0
+    for place, _, names in os.walk(folder):
+        for name in names:
+            with suppress(OSError):
+                total += os.lstat(os.path.join(place, name)).st_size
+    return total

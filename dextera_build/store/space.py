@@ -1,0 +1,83 @@
+"""What a full disk looks like from where it was met: one error that says which disk, how full, and what to do."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from dextera_build.errors import StoreError
+
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+"""Error numbers of a disk, a quota or a file that has no more room."""
+
+_WORDS = ("No space left on device", "Disk quota exceeded")
+_NEARLY = 1 << 20
+"""Free space [bytes] below which a failed write needs no other reason."""
+_HINTS = {
+    "store": "`dxb cache size` shows what the store holds; free space there, or set `DXB_CACHE` to a larger disk",
+    "scratch": "free space there, or set `TMPDIR` to a folder on a larger disk",
+}
+
+
+def explain(error: BaseException, store: Path, scratch: Path) -> StoreError | None:
+    """The error to show where `error` came from a full disk, else None.
+
+    Libraries wrap what the system says, or lose it (`4096 requested and 0 written`), so its text and the free space
+    count too.
+
+    Args:
+        error: What escaped from a rule.
+        store: Folder of the store.
+        scratch: Folder for temporary files.
+    """
+    places = {"store": store, "scratch": scratch}
+    found = next((one for one in _chain(error) if _says_full(one)), None)
+    if found is None and not (_is_foreign(error) and any(free_bytes(place) < _NEARLY for place in places.values())):
+        return None
+    file = getattr(found, "filename", None)
+    tight = min(places, key=lambda name: (not _holds(places[name], file), free_bytes(places[name])))
+    facts = {"file": str(file)} if file else {}
+    facts |= {"it says": str(found or error).splitlines()[0]} if str(found or error) else {}
+    facts |= {f"free in {name}": f"{free(place)} ({place})" for name, place in places.items()}
+    return StoreError("the disk is full", code="DXB-S106", facts=facts, hint=_HINTS[tight])
+
+
+def free(path: Path | str) -> str:
+    """Free space on the disk of a path, as messages say it: `12 MiB`."""
+    return f"{free_bytes(path) / 2**20:,.0f} MiB"
+
+
+def free_bytes(path: Path | str) -> int:
+    """Free space on the disk of a path that need not exist [bytes]."""
+    folder = os.path.abspath(path)
+    while not os.path.isdir(folder):
+        folder = os.path.dirname(folder)
+    with suppress(OSError):
+        state = os.statvfs(folder)
+        return state.f_bavail * state.f_frsize
+    return 0
+
+
+def _chain(error: BaseException) -> Iterator[BaseException]:
+    seen: set[int] = set()
+    here: BaseException | None = error
+    while here is not None and id(here) not in seen:
+        seen.add(id(here))
+        yield here
+        here = here.__cause__ or here.__context__
+
+
+def _says_full(error: BaseException) -> bool:
+    return (isinstance(error, OSError) and error.errno in FULL) or any(word in str(error) for word in _WORDS)
+
+
+def _is_foreign(error: BaseException) -> bool:
+    """Whether it may come from a library that writes files: no programming error of the rule's own."""
+    return isinstance(error, OSError | RuntimeError) or type(error).__module__ != "builtins"
+
+
+def _holds(place: Path, file: object) -> bool:
+    return file is not None and os.path.abspath(str(file)).startswith(os.path.abspath(place) + os.sep)

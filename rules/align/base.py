@@ -1,0 +1,55 @@
+"""align.base: where the robot stands in the twin."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Transform
+from dextera_build.artifacts.object import Support
+from dextera_build.geometry import registration, transforms
+from dextera_build.rule import Context, Options, rule
+
+
+class BaseOptions(Options):
+    """Options of align.base: the robot's place where no calibration measured it."""
+
+    position_m: tuple[float, float, float] | None = None
+    """Origin of the base in the twin's world [m]; looked at only where nothing was measured."""
+    yaw_deg: float = 0.0
+    """Rotation of the base about z [deg]; looked at only where nothing was measured."""
+
+
+@rule(version=1, packages=("numpy",))
+def base(
+    ctx: Context, support: Support, measured: Transform | None = None, *, options: BaseOptions | None = None
+) -> Transform:
+    """Return T_world_base [m] in the twin's world: T_world_camera @ T_camera_base where the latter was measured."""
+    options = options or BaseOptions()
+    if measured is None:
+        if options.position_m is None:
+            ctx.fail(
+                "nobody says where the robot stands",
+                hint="give input `measured` from a robot-camera calibration, or option `position_m`",
+            )
+        turn = registration.rotation(np.array([0.0, 0.0, np.radians(options.yaw_deg)]))
+        placed = Transform(parent="world", child="base", matrix=transforms.rigid(turn, np.array(options.position_m)))
+        ctx.say(f"{_place(placed.matrix)}, chosen")
+        return placed
+    frames = (measured.parent, measured.child)
+    ctx.check(
+        frames == ("camera", "base"),
+        f"the measured transform is T_{frames[0]}_{frames[1]}, but T_camera_base is needed",
+        hint="take it from `capture.mount` or a calibration rule",
+    )
+    placed = Transform(parent="world", child="camera", matrix=support.world_from_camera) @ measured
+    lean = float(np.degrees(np.arccos(np.clip(placed.matrix[2, 2], -1.0, 1.0))))
+    ctx.metric("base height", 1000 * float(placed.matrix[2, 3]), "mm")
+    ctx.metric("base lean", lean, "deg")
+    ctx.say(f"{_place(placed.matrix)}, leaning {lean:.2f} deg, measured")
+    return placed
+
+
+def _place(matrix: np.ndarray) -> str:
+    x, y, z = (float(value) + 0.0 for value in matrix[:3, 3])
+    yaw = float(np.degrees(np.arctan2(matrix[1, 0], matrix[0, 0])))
+    return f"base at {x:.3f}, {y:.3f}, {z:.3f} m, yaw {yaw:.1f} deg"

@@ -1,0 +1,52 @@
+"""capture.mount: where the robot stands, as a robot-camera calibration would find it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Transform
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.world import World
+from dextera_build.errors import listing
+from dextera_build.geometry import registration, transforms
+from dextera_build.rule import Context, Options, rule
+
+BASE = "base"
+"""Root body of every robot model."""
+
+
+class MountOptions(Options):
+    """Options of capture.mount: how wrong the simulated calibration is."""
+
+    seed: int = 0
+    """Seed of the one draw of both errors."""
+    position_sigma_m: float = 0.001
+    """Standard deviation of the base's position along each axis [m]."""
+    rotation_sigma_deg: float = 0.1
+    """Standard deviation of the base's rotation about each axis [deg]."""
+
+
+@rule(version=1, packages=("numpy",))
+def mount(ctx: Context, world: World, robot: RobotModel, *, options: MountOptions | None = None) -> Transform:
+    """Return T_camera_base [m]: the truth of a reference world with the declared error of a calibration.
+
+    This is a simulated stand-in. It takes the place of a calibration that is solved from what the camera saw of the
+    moving robot, and hands on nothing but its result: one draw of normal errors on top of the true pose.
+    """
+    options = options or MountOptions()
+    if world.stand is None:
+        ctx.fail("no robot stands in this world", hint="give `capture.world` option `robot`, or leave `measured` out")
+    if BASE not in robot.links:
+        ctx.fail(f"the robot has no body `{BASE}`", bodies=listing(robot.links))
+    rng = np.random.default_rng(options.seed)
+    shift = rng.normal(size=3) * options.position_sigma_m
+    turn = rng.normal(size=3) * np.radians(options.rotation_sigma_deg)
+    truth = transforms.invert(world.world_from_camera) @ world.stand.matrix()
+    rotation = truth[:3, :3] @ registration.rotation(turn)
+    found = Transform(parent="camera", child=BASE, matrix=transforms.rigid(rotation, truth[:3, 3] + shift))
+    off, angle = 1000 * float(np.linalg.norm(shift)), float(np.degrees(np.linalg.norm(turn)))
+    ctx.metric("simulated position error", off, "mm")
+    ctx.metric("simulated rotation error", angle, "deg")
+    away = float(np.linalg.norm(found.matrix[:3, 3]))
+    ctx.say(f"base {away:.2f} m from the camera; simulated, with an error of {off:.1f} mm and {angle:.2f} deg")
+    return found

@@ -1,0 +1,45 @@
+"""demonstrate.film: what a camera would have seen of recorded episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.rule import Context, Options, rule
+
+from .film_strip import strip
+
+
+class FilmOptions(Options):
+    """Options of demonstrate.film."""
+
+    strip_frames: int = 8
+    """Frames in the preview of the first episode."""
+
+
+@rule(version=1, packages=("numpy",))
+def film(ctx: Context, bundle: TaskBundle, episodes: Episodes, view: View, *, options: FilmOptions) -> Film:
+    """Return one frame (H, W, 3) uint8 sRGB per step of every episode that counts, seen through `view`.
+
+    Recorded states are shown again, nothing is simulated; frame t is what was seen before action t.
+    """
+    camera = view.camera
+    packed: dict[str, bytes] = {}
+    count = 0
+    taken: Iterator[tuple[str, np.ndarray]] = ctx.backend.frames(bundle, episodes, view)
+    for index, pixels in taken:
+        expected = (len(episodes.items[index].joints), camera.height, camera.width, 3)
+        ctx.check(pixels.shape == expected, "an episode has another number of frames than steps", episode=index)
+        if not packed:
+            ctx.preview(strip(pixels, options.strip_frames), f"{episodes.task}, episode {index}")
+        packed[index] = Film.packed(pixels)
+        count += len(pixels)
+        ctx.progress(len(packed), len(episodes.items), "episodes")
+    ctx.check(packed.keys() == episodes.items.keys(), "an episode has no frames")
+    megabytes = sum(map(len, packed.values())) / 1e6
+    ctx.metric("size", megabytes, "MB")
+    ctx.say(f"{len(packed)} episodes, {count:,} frames of {camera.width} x {camera.height} px, {megabytes:.1f} MB")
+    return Film(frames=packed, width=camera.width, height=camera.height)

@@ -1,0 +1,19 @@
+"""demonstrate.film rendered by MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.rule import Backend
+from dextera_build.sim import filming
+
+BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu", "gpu"), packages=("mujoco",), extra="twin")
+
+
+def frames(bundle: TaskBundle, episodes: Episodes, view: View) -> Iterator[tuple[str, np.ndarray]]:
+    """Index and frames (T, H, W, 3) uint8 of each episode."""
+    return filming.frames(bundle, episodes, view)

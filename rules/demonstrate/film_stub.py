@@ -1,0 +1,23 @@
+"""demonstrate.film without a renderer: a picture in which only a bar grows with time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.rule import Backend
+
+BACKEND = Backend(summary="no rendering: a bar that grows with time", profiles=("stub",))
+
+
+def frames(bundle: TaskBundle, episodes: Episodes, view: View) -> Iterator[tuple[str, np.ndarray]]:
+    """Index and frames (T, H, W, 3) uint8 of each episode."""
+    for index, episode in episodes.items.items():
+        steps = len(episode.joints)
+        pixels = np.full((steps, view.camera.height, view.camera.width, 3), 128, np.uint8)
+        for step in range(steps):
+            pixels[step, :, : (step + 1) * view.camera.width // steps] = 200
+        yield index, pixels

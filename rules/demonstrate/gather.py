@@ -1,0 +1,36 @@
+"""demonstrate.gather: the shards of a data set as one."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.rule import Context, rule
+
+SAME = ("task", "embodiment", "rate_hz", "joint_names", "object_names", "displacement_names", "tip_names")
+"""What all parts must agree in."""
+
+
+@rule(version=1)
+def gather(ctx: Context, shards: Collection[Episodes]) -> Episodes:
+    """Return all episodes of the shards in the order of their indices, with everything that was sorted out."""
+    parts = [shards.items[label] for label in sorted(shards.items)]
+    ctx.check(bool(parts), "there is no shard to gather", hint="set `episodes` above 0")
+    items: dict[str, Episode] = {}
+    failures: dict[str, Episode] = {}
+    for part in parts:
+        for field in SAME:
+            one, other = getattr(parts[0], field), getattr(part, field)
+            ctx.check(one == other, f"the shards differ in `{field}`", first=one, other=other)
+        twice = sorted(set(items) & set(part.items))
+        ctx.check(not twice, f"two shards hold episode `{twice[0] if twice else ''}`")
+        items |= part.items
+        failures |= part.failures
+    attempts = sum(part.attempts for part in parts)
+    ctx.metric("episodes", len(items))
+    ctx.metric("yield", len(items) / max(1, attempts))
+    for reason, count in Counter(episode.reason for episode in failures.values()).most_common():
+        ctx.log(f"{count} x {reason}")
+    ctx.say(f"{len(items)} episodes from {attempts} attempts ({100 * len(items) / max(1, attempts):.0f} %)")
+    return parts[0].model_copy(update={"items": items, "failures": failures, "attempts": attempts})

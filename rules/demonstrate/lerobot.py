@@ -1,0 +1,67 @@
+"""demonstrate.lerobot: episodes as a LeRobotDataset v3.0."""
+
+from __future__ import annotations
+
+import json
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.rule import Context, Options, rule
+
+from .film_of import check_film
+
+
+class LerobotOptions(Options):
+    """Options of demonstrate.lerobot."""
+
+    instruction: str = ""
+    """The task in words, for policies that read; empty: the task's name, `CloseLaptop` as `close laptop`."""
+    camera: str = "workspace"
+    """Name of the camera: the pictures are feature `observation.images.<camera>`."""
+    data_file_mb: float = 100.0
+    """A data file is closed before it holds more than this many megabytes of numbers."""
+    video_file_mb: float = 200.0
+    """A video file is closed before it is larger than this many megabytes."""
+    files_per_chunk: int = 1000
+    """Files per folder."""
+    crf: int = 18
+    """Quality of H.264: 0 keeps everything but chroma, 23 is ffmpeg's default, 51 is worst."""
+    keyframe_every: int = 5
+    """Frames from one key frame to the next; a reader decodes at most so many frames to get one."""
+
+
+@rule(version=1, packages=("numpy",))
+def lerobot(
+    ctx: Context,
+    bundle: TaskBundle,
+    episodes: Episodes,
+    film: Film | None = None,
+    view: View | None = None,
+    *,
+    options: LerobotOptions,
+) -> Folder:
+    """Return a folder that LeRobot's loader opens: data, videos where there is a film, statistics, episodes, tasks.
+
+    Beyond LeRobot's own columns every episode keeps its start (`start/...` in `meta/episodes`), its origin and its
+    segments, so that it can be run again; what counts for the whole set is in `meta/dextera.json`.
+    """
+    if not episodes.items:
+        ctx.fail("no episode counts", failures=len(episodes.failures), hint="look at their reasons in the episodes")
+    check_film(ctx, episodes, film)
+    if film is not None and (film.width % 2 or film.height % 2):
+        ctx.fail(
+            "videos need an even width and height",
+            film=f"{film.width} x {film.height} px",
+            hint="choose an even `width_px` and `height_px` in simulate.view",
+        )
+    files: dict[str, bytes] = ctx.backend.write(ctx, bundle, episodes, film, view, options)
+    info = json.loads(files["meta/info.json"])
+    steps = sum(len(episode.joints) for episode in episodes.items.values())
+    ctx.check(info["total_episodes"] == len(episodes.items), "episodes were lost")
+    ctx.check(info["total_frames"] == steps, "steps were lost")
+    megabytes = sum(map(len, files.values())) / 1e6
+    ctx.metric("size", megabytes, "MB")
+    videos = sum(name.endswith(".mp4") for name in files)
+    ctx.say(f"{len(episodes.items)} episodes, {steps:,} steps, {videos} video files, {megabytes:.1f} MB")
+    return Folder(files=files)

@@ -1,0 +1,92 @@
+"""What a step of an episode is in LeRobot's words: features and their columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episode, Episodes
+
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+"""Parts of a pose in the robot's base frame: metres, unit quaternion."""
+FORCE = ("fx", "fy", "fz")
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One column of the data set."""
+
+    dtype: str
+    names: tuple[str, ...] | None
+    """Names of the components; None: a number without one."""
+
+    @property
+    def width(self) -> int:
+        """Numbers per step."""
+        return len(self.names) if self.names else 1
+
+    def facts(self) -> dict[str, object]:
+        """As it stands in `meta/info.json`."""
+        return {"dtype": self.dtype, "shape": [self.width], "names": list(self.names) if self.names else None}
+
+
+def features(episodes: Episodes, goal: tuple[str, ...]) -> dict[str, Feature]:
+    """Feature by name; those that would be empty are left out.
+
+    LeRobot's policies take what begins with `observation` or `action`, so what they must not see begins otherwise:
+    `executed_action` is `action` with the noise that was sent, `target.hand` the palm pose that `action` was made for,
+    `privileged.contact` the force on the fingertips.
+
+    Args:
+        episodes: Says what there is.
+        goal: Names of the goal's components.
+    """
+    objects = tuple(f"{name}.{part}" for name in episodes.object_names for part in POSE)
+    forces = tuple(f"{name}.{part}" for name in episodes.tip_names for part in FORCE)
+    vectors = {
+        "observation.state": episodes.joint_names,
+        "observation.environment_state": (*objects, *episodes.displacement_names),
+        "observation.goal": goal,
+        "action": episodes.joint_names,
+        "executed_action": episodes.joint_names,
+        "target.hand": POSE,
+        "privileged.contact": forces,
+    }
+    found = {name: Feature("float32", parts) for name, parts in vectors.items() if parts}
+    found |= {"next.done": Feature("bool", None), "next.success": Feature("bool", None)}
+    found["timestamp"] = Feature("float32", None)
+    return found | {name: Feature("int64", None) for name in ("frame_index", "episode_index", "index", "task_index")}
+
+
+def columns(rate_hz: float, episode: Episode, number: int, first: int) -> dict[str, np.ndarray]:
+    """Arrays (T, N) by feature; features without a component are among them.
+
+    Args:
+        rate_hz: Steps per second.
+        episode: The episode.
+        number: Its position among those that count.
+        first: Steps in the episodes before it.
+    """
+    steps = len(episode.joints)
+    frame = np.arange(steps)
+    last = frame == steps - 1
+    values: dict[str, np.ndarray] = {
+        "observation.state": episode.joints,
+        "observation.environment_state": np.concatenate(
+            [episode.objects.reshape(steps, -1), episode.displacement], axis=1
+        ),
+        "observation.goal": np.tile(episode.goal, (steps, 1)),
+        "action": episode.action,
+        "executed_action": episode.executed,
+        "target.hand": episode.hand,
+        "privileged.contact": episode.contact.reshape(steps, -1),
+        "next.done": last,
+        "next.success": last & episode.success,
+        "timestamp": (frame / rate_hz).astype(np.float32),
+        "frame_index": frame,
+        "episode_index": np.full(steps, number),
+        "index": first + frame,
+        "task_index": np.zeros(steps, np.int64),
+    }
+    return {name: value.reshape(steps, -1) for name, value in values.items()}

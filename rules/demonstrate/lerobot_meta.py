@@ -1,0 +1,155 @@
+"""What LeRobot keeps beside the steps: facts about the set, and a row for every episode."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build import digest
+from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.geometry import transforms
+
+from .lerobot_features import Feature
+
+if TYPE_CHECKING:
+    from .lerobot import LerobotOptions
+
+DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+TASKS = "meta/tasks.parquet"
+
+
+def instruction(bundle: TaskBundle, options: LerobotOptions) -> str:
+    """The task in words."""
+    return options.instruction or " ".join(re.findall(r"[A-Z]?[^A-Z]+|[A-Z]+", bundle.task.name)).lower()
+
+
+def picture_key(options: LerobotOptions) -> str:
+    """Name of the camera's feature."""
+    return f"observation.images.{options.camera}"
+
+
+def info(
+    bundle: TaskBundle,
+    episodes: Episodes,
+    features: dict[str, Feature],
+    video: dict[str, object],
+    options: LerobotOptions,
+) -> dict[str, object]:
+    """`meta/info.json`.
+
+    Args:
+        bundle: The task.
+        episodes: What is written.
+        features: Columns of the data files.
+        video: Facts about each video feature, as `video_feature` gives them.
+        options: Sizes of files.
+    """
+    steps = sum(len(episode.joints) for episode in episodes.items.values())
+    return {
+        "codebase_version": "v3.0",
+        "robot_type": robot_type(bundle),
+        "total_episodes": len(episodes.items),
+        "total_frames": steps,
+        "total_tasks": 1,
+        "chunks_size": options.files_per_chunk,
+        "data_files_size_in_mb": math.ceil(options.data_file_mb),
+        "video_files_size_in_mb": math.ceil(options.video_file_mb),
+        "fps": rate(episodes),
+        "splits": {"train": f"0:{len(episodes.items)}"},
+        "data_path": DATA,
+        "video_path": VIDEO if video else None,
+        "features": {name: feature.facts() for name, feature in features.items()} | video,
+    }
+
+
+def video_feature(episodes: Episodes, width: int, height: int) -> dict[str, object]:
+    """Facts about one camera."""
+    return {
+        "dtype": "video",
+        "shape": [height, width, 3],
+        "names": ["height", "width", "channels"],
+        "info": {
+            "video.height": height,
+            "video.width": width,
+            "video.codec": "h264",
+            "video.pix_fmt": "yuv420p",
+            "video.is_depth_map": False,
+            "video.fps": rate(episodes),
+            "video.channels": 3,
+            "has_audio": False,
+        },
+    }
+
+
+def rate(episodes: Episodes) -> float | int:
+    """Control rate [Hz], whole where it is: LeRobot declares an integer."""
+    return int(episodes.rate_hz) if episodes.rate_hz == int(episodes.rate_hz) else episodes.rate_hz
+
+
+def robot_type(bundle: TaskBundle) -> str:
+    """The name that the robot's MJCF gives it."""
+    head = bundle.robot.model.files.get("robot.xml", b"")[:4096].decode(errors="replace")
+    named = re.search(r'<mujoco[^>]*\smodel="([^"]+)"', head)
+    return named[1] if named else "unknown"
+
+
+def start(label: str, episode: Episode) -> dict[str, object]:
+    """Columns from which the episode can be begun again, and what it is made of."""
+    begin = episode.start
+    dynamics = {"mass_scale": begin.mass_scale, "friction": begin.friction, "gain_scale": begin.gain_scale}
+    return {
+        "label": label,
+        "origin": episode.origin,
+        "success": episode.success,
+        "segments": _line([segment.model_dump() for segment in episode.segments]),
+        "start/seed": begin.seed,
+        "start/qpos": begin.qpos.tolist(),
+        "start/ctrl": begin.ctrl.tolist(),
+        "start/dynamics": _line(dynamics),
+    }
+
+
+def about(bundle: TaskBundle, episodes: Episodes) -> dict[str, object]:
+    """`meta/dextera.json`: what the columns mean, and what became of the tries that do not count."""
+    return {
+        "task": bundle.task.model_dump(mode="json"),
+        "world": bundle.kind,
+        "embodiment": episodes.embodiment,
+        "model": digest.of_bytes(bundle.model.files.get("scene.xml", b"")),
+        "world_from_base": bundle.world_from_base.tolist(),
+        "frames": "poses and forces are in the robot's base frame; metres, radians, newtons; quaternions w x y z",
+        "start": "start/qpos is MuJoCo's qpos of the task's model, start/ctrl its targets; set both to begin again",
+        "attempts": episodes.attempts,
+        "failures": {label: failed.reason for label, failed in sorted(episodes.failures.items())},
+    }
+
+
+def cameras(bundle: TaskBundle, view: View, name: str) -> dict[str, object]:
+    """`meta/cameras.json`: intrinsics [px] and poses of the cameras, OpenCV axes, integer pixel centres."""
+    base = transforms.invert(bundle.world_from_base) @ view.world_from_camera
+    return {
+        name: view.camera.model_dump(mode="json")
+        | {"base_from_camera": base.tolist(), "world_from_camera": view.world_from_camera.tolist()}
+    }
+
+
+def document(value: object) -> bytes:
+    """Indented JSON, always the same bytes."""
+    return (json.dumps(value, indent=4, ensure_ascii=False, default=_number) + "\n").encode()
+
+
+def _line(value: object) -> str:
+    return json.dumps(value, sort_keys=True)
+
+
+def _number(value: object) -> object:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} is not plain")

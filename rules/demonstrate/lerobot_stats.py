@@ -1,0 +1,60 @@
+"""Statistics as LeRobot keeps them: per feature min, max, mean, std, count and quantiles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+Stats = dict[str, np.ndarray]
+QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+
+
+def of_numbers(values: np.ndarray) -> Stats:
+    """Statistics (N,) of samples (T, N), in double precision."""
+    exact = values.astype(np.float64)
+    found = {
+        "min": exact.min(axis=0),
+        "max": exact.max(axis=0),
+        "mean": exact.mean(axis=0),
+        "std": exact.std(axis=0),
+        "count": np.array([len(exact)], np.int64),
+    }
+    quantiles = np.quantile(exact, list(QUANTILES.values()), axis=0)
+    return found | dict(zip(QUANTILES, quantiles, strict=True))
+
+
+def histogram(pixels: np.ndarray) -> np.ndarray:
+    """How often each of 256 values occurs in frames (T, H, W, 3), per channel: (3, 256)."""
+    return np.stack([np.bincount(pixels[..., channel].ravel(), minlength=256) for channel in range(3)])
+
+
+def of_pictures(counts: np.ndarray, frames: int) -> Stats:
+    """Statistics (3, 1, 1) of all pixels, scaled to 0..1, from their `histogram`.
+
+    Sums of histograms are exact, so the statistics of a data set do not depend on how it is cut into episodes.
+    """
+    levels = np.arange(256) / 255.0
+    total = counts.sum(axis=1)
+    mean = counts @ levels / total
+    seen = [np.flatnonzero(row) for row in counts]
+    found = {
+        "min": levels[[row[0] for row in seen]],
+        "max": levels[[row[-1] for row in seen]],
+        "mean": mean,
+        "std": np.sqrt((counts * (levels - mean[:, None]) ** 2).sum(axis=1) / total),
+    }
+    for name, part in QUANTILES.items():
+        found[name] = np.array([_quantile(row, part) for row in counts]) / 255.0
+    return {name: value.reshape(3, 1, 1) for name, value in found.items()} | {"count": np.array([frames], np.int64)}
+
+
+def _quantile(counts: np.ndarray, part: float) -> float:
+    """Quantile with linear interpolation between neighbours in order, as NumPy's default."""
+    upto = np.cumsum(counts)
+    rank = part * (upto[-1] - 1)
+    low, high = (np.searchsorted(upto, side, side="right") for side in (np.floor(rank), np.ceil(rank)))
+    return float(low + (high - low) * (rank - np.floor(rank)))
+
+
+def plain(stats: dict[str, Stats]) -> dict[str, dict[str, object]]:
+    """Statistics as JSON holds them."""
+    return {feature: {name: value.tolist() for name, value in own.items()} for feature, own in stats.items()}

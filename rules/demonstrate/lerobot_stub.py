@@ -1,0 +1,42 @@
+"""demonstrate.lerobot without Parquet and video: its JSON files alone."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.policy import layout
+from dextera_build.rule import Backend, Context
+
+from . import lerobot_features, lerobot_meta, lerobot_stats
+
+if TYPE_CHECKING:
+    from .lerobot import LerobotOptions
+
+BACKEND = Backend(summary="facts and statistics only, no data files", profiles=("stub",))
+
+
+def write(
+    ctx: Context,
+    bundle: TaskBundle,
+    episodes: Episodes,
+    film: Film | None,
+    view: View | None,
+    options: LerobotOptions,
+) -> dict[str, bytes]:
+    """`meta/info.json`, `meta/stats.json` and `meta/dextera.json`."""
+    features = lerobot_features.features(episodes, layout.of_bundle(bundle).goal)
+    parts = [
+        lerobot_features.columns(episodes.rate_hz, episode, number, 0)
+        for number, (_, episode) in enumerate(episodes.in_order())
+    ]
+    whole = {name: np.concatenate([columns[name] for columns in parts]) for name in features}
+    stats = {name: lerobot_stats.of_numbers(values) for name, values in whole.items()}
+    return {
+        "meta/info.json": lerobot_meta.document(lerobot_meta.info(bundle, episodes, features, {}, options)),
+        "meta/stats.json": lerobot_meta.document(lerobot_stats.plain(stats)),
+        "meta/dextera.json": lerobot_meta.document(lerobot_meta.about(bundle, episodes)),
+    }

@@ -1,0 +1,64 @@
+"""Parquet files as LeRobot's loader reads them, with their footers, in memory."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from .lerobot_features import Feature
+
+INDEX = "task"
+"""Column of `meta/tasks.parquet` that pandas takes as its index."""
+
+
+def steps(features: dict[str, Feature], episodes: list[dict[str, np.ndarray]]) -> bytes:
+    """A data file: one row per step, one row group per episode; arrays (T, N) by feature."""
+    schema = pa.schema([(name, _kind(feature)) for name, feature in features.items()])
+    sink = pa.BufferOutputStream()
+    with pq.ParquetWriter(sink, schema, compression="snappy") as writer:
+        for columns in episodes:
+            arrays = [_array(feature, columns[name]) for name, feature in features.items()]
+            writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+    return bytes(sink.getvalue())
+
+
+def episodes(rows: list[dict[str, object]]) -> bytes:
+    """`meta/episodes`: one row per episode."""
+    return _file(pa.table({name: [row[name] for row in rows] for name in rows[0]}))
+
+
+def tasks(words: str) -> bytes:
+    """`meta/tasks.parquet`: task texts as a pandas index, and their numbers."""
+    table = pa.table({"task_index": pa.array([0], pa.int64()), INDEX: pa.array([words])})
+    column = {"metadata": None}
+    pandas = {
+        "index_columns": [INDEX],
+        "column_indexes": [],
+        "columns": [
+            column | {"name": "task_index", "field_name": "task_index", "pandas_type": "int64", "numpy_type": "int64"},
+            column | {"name": INDEX, "field_name": INDEX, "pandas_type": "unicode", "numpy_type": "object"},
+        ],
+        "pandas_version": "2.3.0",
+    }
+    return _file(table.replace_schema_metadata({"pandas": json.dumps(pandas)}))
+
+
+def _file(table: Any) -> bytes:
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="snappy")
+    return bytes(sink.getvalue())
+
+
+def _kind(feature: Feature) -> Any:
+    scalar = pa.bool_() if feature.dtype == "bool" else pa.from_numpy_dtype(np.dtype(feature.dtype))
+    # LeRobot reads a feature of one component as a number, not as a list.
+    return scalar if feature.width == 1 else pa.list_(scalar, feature.width)
+
+
+def _array(feature: Feature, values: np.ndarray) -> Any:
+    flat = pa.array(np.ascontiguousarray(values, feature.dtype).ravel())
+    return flat if feature.width == 1 else pa.FixedSizeListArray.from_arrays(flat, feature.width)

@@ -1,0 +1,54 @@
+"""demonstrate.mcap: episodes as ROS 2 recordings."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.rule import Context, Options, rule
+
+from .film_of import check_film
+
+
+class McapOptions(Options):
+    """Options of demonstrate.mcap."""
+
+    camera: str = "workspace"
+    """Name of the camera in topics and frames."""
+    picture: Literal["png", "jpeg"] = "png"
+    """How pictures are packed; `png` loses nothing."""
+    compression: Literal["zstd", "none"] = "zstd"
+    """How the file's chunks are packed."""
+
+
+@rule(version=1, packages=("numpy",))
+def mcap(
+    ctx: Context,
+    bundle: TaskBundle,
+    episodes: Episodes,
+    film: Film | None = None,
+    view: View | None = None,
+    *,
+    options: McapOptions,
+) -> Folder:
+    """Return one MCAP file per episode that counts, profile `ros2`, with joints, commands, frames, forces and pictures.
+
+    Time begins at 0 with every episode. Frames are ROS's: quaternions x y z w, camera frames with z forward.
+    """
+    if not episodes.items:
+        ctx.fail("no episode counts", failures=len(episodes.failures), hint="look at their reasons in the episodes")
+    check_film(ctx, episodes, film)
+    if film is not None and view is not None and (film.width, film.height) != (view.camera.width, view.camera.height):
+        ctx.fail(
+            "the film was not shot through this view",
+            film=f"{film.width} x {film.height} px",
+            view=f"{view.camera.width} x {view.camera.height} px",
+        )
+    files: dict[str, bytes] = ctx.backend.write(ctx, bundle, episodes, film, view, options)
+    ctx.check(len(files) == len(episodes.items), "episodes were lost")
+    megabytes = sum(map(len, files.values())) / 1e6
+    ctx.metric("size", megabytes, "MB")
+    ctx.say(f"{len(files)} recordings, {'with' if film else 'without'} pictures, {megabytes:.1f} MB")
+    return Folder(files=files)

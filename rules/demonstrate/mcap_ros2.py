@@ -1,0 +1,171 @@
+"""demonstrate.mcap with ROS 2 messages in CDR."""
+
+from __future__ import annotations
+
+import io
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+
+from dextera_build.artifacts.episode import Episode, Episodes, Film
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.geometry import transforms
+from dextera_build.rule import Backend, Context
+
+from . import ros_messages, ros_types
+
+if TYPE_CHECKING:
+    from .mcap import McapOptions
+
+BACKEND = Backend(
+    summary="ROS 2 messages in CDR, schemas as ros2msg",
+    profiles=("cpu", "gpu"),
+    packages=("mcap", "zstandard"),
+    extra="learn",
+)
+BASE = "base"
+"""The robot's base frame."""
+FOREVER = "{sec: 9223372036, nsec: 854775807}"
+LATCHED = (
+    "- {history: 1, depth: 1, reliability: 1, durability: 1, liveliness: 1, avoid_ros_namespace_conventions: false, "
+    f"deadline: {FOREVER}, lifespan: {FOREVER}, liveliness_lease_duration: {FOREVER}}}"
+)
+"""Quality of service of what is sent once: the last one, reliable, transient local, so that late comers get it too."""
+
+
+def write(
+    ctx: Context,
+    bundle: TaskBundle,
+    episodes: Episodes,
+    film: Film | None,
+    view: View | None,
+    options: McapOptions,
+) -> dict[str, bytes]:
+    """Path -> content of each recording."""
+    files = {}
+    for number, (label, episode) in enumerate(episodes.in_order()):
+        pixels = film.pixels(label) if film is not None else None
+        recording = Recording(episodes, options)
+        recording.describe(bundle, label, episode)
+        recording.once(bundle, view)
+        for step in range(len(episode.joints)):
+            recording.step(episode, step)
+            if pixels is not None:
+                recording.picture(step, pixels[step], view)
+        files[f"episode-{number:06d}.mcap"] = recording.close()
+        ctx.progress(number + 1, len(episodes.items), "recordings")
+    return files
+
+
+class Recording:
+    """One MCAP file in memory.
+
+    Args:
+        episodes: Names and rate of what is recorded.
+        options: Name of the camera, packing.
+    """
+
+    def __init__(self, episodes: Episodes, options: McapOptions) -> None:
+        self._episodes, self._options = episodes, options
+        self._buffer = io.BytesIO()
+        packed = CompressionType.ZSTD if options.compression == "zstd" else CompressionType.NONE
+        self._writer = Writer(self._buffer, compression=packed)
+        self._writer.start(profile="ros2", library="dextera-build")
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._optical = f"{options.camera}_color_optical_frame"
+
+    def describe(self, bundle: TaskBundle, label: str, episode: Episode) -> None:
+        """What was tried, how it ended, and all that is needed to begin it again."""
+        begin = episode.start
+        facts = {
+            "task": bundle.task.name,
+            "world": bundle.kind,
+            "episode": label,
+            "seed": str(begin.seed),
+            "origin": episode.origin,
+            "outcome": "success" if episode.success else "failure",
+            "reason": episode.reason,
+            "rate_hz": str(self._episodes.rate_hz),
+            "units": "m, rad, N; forces along the axes of `base`, torques not recorded",
+        }
+        self._writer.add_metadata("episode", facts)
+        start = begin.model_dump(mode="python") | {"qpos": begin.qpos.tolist(), "ctrl": begin.ctrl.tolist()}
+        self._attach("start.json", start)
+        self._attach("task.json", bundle.task.model_dump(mode="json"))
+        self._attach("segments.json", [segment.model_dump() for segment in episode.segments])
+
+    def once(self, bundle: TaskBundle, view: View | None) -> None:
+        """Frames that do not move."""
+        edges = [("world", BASE, ros_messages.seven(bundle.world_from_base))]
+        if view is not None:
+            camera = transforms.invert(bundle.world_from_base) @ view.world_from_camera
+            edges.append((BASE, self._optical, ros_messages.seven(camera)))
+        # In one message: a late comer gets the last one only.
+        self._send("/tf_static", "tf2_msgs/TFMessage", 0, ros_messages.transforms(0, edges), LATCHED)
+
+    def step(self, episode: Episode, step: int) -> None:
+        """What was measured at a step, and what was commanded then."""
+        names, t, reach = self._episodes.joint_names, self._time(step), self._time(1)
+        self._send(
+            "/joint_states", "sensor_msgs/JointState", t, ros_messages.joint_state(t, names, episode.joints[step])
+        )
+        for topic, targets in (("/joint_trajectory", episode.action), ("/executed/joint_trajectory", episode.executed)):
+            message = ros_messages.joint_trajectory(t, names, targets[step], reach)
+            self._send(topic, "trajectory_msgs/JointTrajectory", t, message)
+        hand = ros_messages.pose(t, BASE, episode.hand[step])
+        self._send("/target/hand", "geometry_msgs/PoseStamped", t, hand)
+        objects = zip(self._episodes.object_names, episode.objects[step], strict=True)
+        edges = [(BASE, name, pose) for name, pose in objects]
+        self._send("/tf", "tf2_msgs/TFMessage", t, ros_messages.transforms(t, edges))
+        if self._episodes.displacement_names:
+            inner = ros_messages.joint_state(t, self._episodes.displacement_names, episode.displacement[step])
+            self._send("/objects/joint_states", "sensor_msgs/JointState", t, inner)
+        for tip, force in zip(self._episodes.tip_names, episode.contact[step], strict=True):
+            message = ros_messages.wrench(t, BASE, force)
+            self._send(f"/wrench/{tip}", "geometry_msgs/WrenchStamped", t, message)
+
+    def picture(self, step: int, pixels: np.ndarray, view: View | None) -> None:
+        """A frame (H, W, 3) uint8 sRGB, and the camera's intrinsics where they are known."""
+        t, topic = self._time(step), f"/{self._options.camera}/color"
+        image = ros_messages.compressed_image(t, self._optical, self._options.picture, packed(pixels, self._options))
+        self._send(f"{topic}/image_raw/compressed", "sensor_msgs/CompressedImage", t, image)
+        if view is not None:
+            info = ros_messages.camera_info(t, self._optical, view.camera)
+            self._send(f"{topic}/camera_info", "sensor_msgs/CameraInfo", t, info)
+
+    def close(self) -> bytes:
+        """The complete file."""
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        return self._buffer.getvalue()
+
+    def _time(self, step: int) -> int:
+        return round(step * ros_messages.SECOND / self._episodes.rate_hz)
+
+    def _attach(self, name: str, value: object) -> None:
+        data = (json.dumps(value, indent=1, sort_keys=True) + "\n").encode()
+        self._writer.add_attachment(0, 0, name, "application/json", data)
+
+    def _send(self, topic: str, kind: str, time: int, message: bytes, quality: str = "") -> None:
+        if kind not in self._schemas:
+            name = ros_types.full_name(kind)
+            self._schemas[kind] = self._writer.register_schema(name, "ros2msg", ros_types.schema(kind))
+        if topic not in self._channels:
+            about = {"offered_qos_profiles": quality}
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], about)
+        self._writer.add_message(self._channels[topic], log_time=time, publish_time=time, data=message)
+
+
+def packed(pixels: np.ndarray, options: McapOptions) -> bytes:
+    """A frame as PNG or JPEG."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    picture = Image.fromarray(np.ascontiguousarray(pixels))
+    if options.picture == "png":
+        picture.save(buffer, format="PNG", compress_level=3)
+    else:
+        picture.save(buffer, format="JPEG", quality=92, subsampling=0)
+    return buffer.getvalue()

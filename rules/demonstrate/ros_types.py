@@ -1,0 +1,55 @@
+"""Definitions of the ROS 2 messages that an episode is written in, as `ros2msg` schemas."""
+
+from __future__ import annotations
+
+DEFINITIONS = {
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Quaternion": "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1",
+    "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
+    "geometry_msgs/TransformStamped": "std_msgs/Header header\nstring child_frame_id\n"
+    "geometry_msgs/Transform transform",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+    "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose",
+    "geometry_msgs/Wrench": "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque",
+    "geometry_msgs/WrenchStamped": "std_msgs/Header header\ngeometry_msgs/Wrench wrench",
+    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "sensor_msgs/JointState": "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\n"
+    "float64[] effort",
+    "trajectory_msgs/JointTrajectoryPoint": "float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\n"
+    "float64[] effort\nbuiltin_interfaces/Duration time_from_start",
+    "trajectory_msgs/JointTrajectory": "std_msgs/Header header\nstring[] joint_names\n"
+    "trajectory_msgs/JointTrajectoryPoint[] points",
+    "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data",
+    "sensor_msgs/RegionOfInterest": "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify",
+    "sensor_msgs/CameraInfo": "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\n"
+    "float64[] d\nfloat64[9] k\nfloat64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\n"
+    "sensor_msgs/RegionOfInterest roi",
+}
+"""Type without `/msg/` -> its fields, one a line."""
+
+
+def full_name(kind: str) -> str:
+    """`sensor_msgs/JointState` -> `sensor_msgs/msg/JointState`, as channels name it."""
+    package, _, name = kind.partition("/")
+    return f"{package}/msg/{name}"
+
+
+def schema(kind: str) -> bytes:
+    """Definition of a type followed by those of all types that it is made of, each once."""
+    parts = [DEFINITIONS[kind]]
+    for needed in _needed(kind, []):
+        parts.append(f"{'=' * 80}\nMSG: {needed}\n{DEFINITIONS[needed]}")
+    return ("\n".join(parts) + "\n").encode()
+
+
+def _needed(kind: str, found: list[str]) -> list[str]:
+    for line in DEFINITIONS[kind].splitlines():
+        inner = line.split()[0].partition("[")[0]
+        if inner in DEFINITIONS and inner not in found:
+            found.append(inner)
+            _needed(inner, found)
+    return found

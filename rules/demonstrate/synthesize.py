@@ -1,0 +1,69 @@
+"""demonstrate.synthesize: many episodes from few demonstrations (Eq. 4, mission rows E4-E9)."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from dextera_build.artifacts.episode import Episodes, Shard
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.errors import listing
+from dextera_build.rule import Context, Options, rule
+
+
+class SynthesizeOptions(Options):
+    """Options of demonstrate.synthesize."""
+
+    noise_position_m: float = 0.003
+    """Standard deviation of the noise on the palm's position, per axis [m]."""
+    noise_rotation_deg: float = 0.8
+    """Standard deviation of the noise on the palm's rotation vector, per axis [deg]."""
+    noise_finger_deg: float = 1.0
+    """Standard deviation of the noise on every finger joint [deg]."""
+    noise_correlation: float = 0.8
+    """Correlation of the noise of one control step with that of the step before, 0..1."""
+    noise_in_contact: bool = False
+    """Whether segments that mean to touch the object are disturbed too."""
+    speed_m_s: float = 0.35
+    """Speed of interpolated motion [m/s]."""
+    turn_deg_s: float = 70.0
+    """Turning speed of interpolated motion [deg/s]."""
+    nearest: int = 3
+    """The source is drawn among this many whose object stood most alike."""
+    lag_m: float = 0.02
+    """Sorted out: joint targets that limits keep farther than this from the commanded palm [m]."""
+    press_n: float = 2.0
+    """Sorted out: an unintended contact with more force than this [N]."""
+    tries: int = 6
+    """Attempts per wanted episode before the shard is given up."""
+
+
+@rule(version=1)
+def synthesize(
+    ctx: Context, bundle: TaskBundle, sources: Episodes, shard: Shard, *, options: SynthesizeOptions
+) -> Episodes:
+    """Return the shard's episodes in the base frame of the robot [m, rad], and what was sorted out, with its reason.
+
+    Every attempt has a start and a noise of its own, drawn from a seed that is derived from (data set, attempt). The
+    label is the clean target; what was executed stands beside it.
+    """
+    ctx.check(bool(sources.items), "there is no demonstration to start from", hint="look at `dxb log` of the operator")
+    ctx.check(
+        sources.task == bundle.task.name,
+        f"the demonstrations show `{sources.task}`, but the task is `{bundle.task.name}`",
+        hint="give both the same task bundle",
+    )
+    found: Episodes = ctx.backend.synthesize(bundle, sources, shard, options, ctx.progress)
+    reasons = Counter(episode.reason for episode in found.failures.values())
+    done = len(found.items)
+    ctx.check(
+        done == shard.count,
+        f"only {done} of {shard.count} episodes of `{bundle.task.name}` came out",
+        attempts=found.attempts,
+        reasons=listing([f"{count} x {reason}" for reason, count in reasons.most_common()], most=5),
+        hint="add demonstrations, lower the noise or raise `tries`",
+    )
+    ctx.metric("yield", done / max(1, found.attempts))
+    ctx.say(f"{done} episodes from {found.attempts} attempts ({100 * done / max(1, found.attempts):.0f} %)")
+    for reason, count in reasons.most_common():
+        ctx.log(f"{count} x {reason}")
+    return found

@@ -1,0 +1,83 @@
+"""demonstrate.synthesize in MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episode, Episodes, Shard
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.errors import RuleError
+from dextera_build.policy import layout
+from dextera_build.rule import Backend
+from dextera_build.sim import recorder, starts, synthesis
+from dextera_build.sim.drive import Driver, Filters, Noise
+from dextera_build.sim.environment import Environment
+from dextera_build.sim.seeds import seed_of
+
+if TYPE_CHECKING:
+    from .synthesize import SynthesizeOptions
+
+BACKEND = Backend(
+    summary="MuJoCo; inverse kinematics by mink",
+    profiles=("cpu", "gpu"),
+    packages=("mujoco", "mink", "daqp"),
+    extra="twin",
+)
+
+
+def synthesize(
+    bundle: TaskBundle,
+    sources: Episodes,
+    shard: Shard,
+    options: SynthesizeOptions,
+    progress: Callable[[int, int, str], None],
+) -> Episodes:
+    """Attempts until the shard is full or given up."""
+    driver = Driver(Environment(bundle))
+    manner = _manner(options)
+    items: dict[str, Episode] = {}
+    failures: dict[str, Episode] = {}
+    attempts = 0
+    while len(items) < shard.count and attempts < options.tries * shard.count:
+        seed = seed_of(shard.seed, shard.first, attempts)
+        attempts += 1
+        try:
+            start = starts.draw(bundle, driver.environment.model, seed)
+        except RuleError:
+            if attempts == 1:
+                raise
+            continue
+        episode = synthesis.synthesise(driver, sources, start, seed, manner)
+        if episode.success:
+            items[f"{shard.first + len(items):05d}"] = episode
+        else:
+            failures[f"{shard.first:05d}-{attempts:03d}"] = episode
+        progress(len(items), shard.count, f"{attempts} attempts")
+    return Episodes(
+        items=items,
+        failures=failures,
+        attempts=attempts,
+        task=bundle.task.name,
+        embodiment=layout.embodiment(bundle.robot),
+        rate_hz=bundle.task.control_hz,
+        **recorder.names(bundle),
+    )
+
+
+def _manner(options: SynthesizeOptions) -> synthesis.Manner:
+    noise = Noise(
+        position_m=options.noise_position_m,
+        rotation_rad=float(np.radians(options.noise_rotation_deg)),
+        finger_rad=float(np.radians(options.noise_finger_deg)),
+        correlation=options.noise_correlation,
+        in_contact=options.noise_in_contact,
+    )
+    return synthesis.Manner(
+        noise=noise,
+        filters=Filters(lag_m=options.lag_m, press_n=options.press_n),
+        timing=synthesis.Timing(options.speed_m_s, float(np.radians(options.turn_deg_s))),
+        nearest=options.nearest,
+    )

@@ -1,0 +1,33 @@
+"""demonstrate.synthesize without a simulator: the demonstrations over again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from dextera_build.artifacts.episode import Episodes, Shard
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.rule import Backend
+
+if TYPE_CHECKING:
+    from .synthesize import SynthesizeOptions
+
+BACKEND = Backend(summary="no simulation: the demonstrations over again", profiles=("stub",))
+
+
+def synthesize(
+    bundle: TaskBundle,
+    sources: Episodes,
+    shard: Shard,
+    options: SynthesizeOptions,
+    progress: Callable[[int, int, str], None],
+) -> Episodes:
+    """As many episodes as the shard wants."""
+    demonstrations = list(sources.items.values())
+    items = {
+        f"{shard.first + number:05d}": demonstrations[number % len(demonstrations)].model_copy(
+            update={"origin": "synthesis"}
+        )
+        for number in range(shard.count)
+    }
+    return sources.model_copy(update={"items": items, "failures": {}, "attempts": shard.count})

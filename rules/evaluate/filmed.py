@@ -1,0 +1,14 @@
+"""Pictures of tries, drawn by MuJoCo."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episode
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.sim.stills import Stills
+
+
+def stills(bundle: TaskBundle, episode: Episode, rows: np.ndarray, view: View | None) -> np.ndarray | None:
+    """Pictures (len(rows), H, W, 3) uint8 of an episode of `bundle` at `rows`."""
+    return Stills(bundle, view).at(episode, rows)

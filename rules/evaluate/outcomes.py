@@ -1,0 +1,71 @@
+"""evaluate.outcomes: every set of trials with its numbers: rate, interval, time, and why tries failed."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.table import Cell, Column, Table
+from dextera_build.artifacts.trials import Trials
+from dextera_build.rule import Context, rule
+
+from .series import Series, SeriesOptions
+
+
+class OutcomesOptions(SeriesOptions):
+    """Options of evaluate.outcomes."""
+
+    reasons: int = 4
+    """Reasons that are named, the most frequent first."""
+
+
+@rule(version=1, packages=("numpy",))
+def outcomes(ctx: Context, trials: Collection[Trials], *, options: OutcomesOptions) -> Table:
+    """Return one row per set of trials: successes [%] with 95 % Wilson interval, mean time [s], reasons of failures."""
+    series = Series(ctx, trials, options.robots)
+    rows: list[tuple[Cell, ...]] = []
+    for cell in series.cells:
+        low, high = cell.rate.interval()
+        rows.append(
+            (
+                str(cell.pair),
+                cell.label,
+                cell.world,
+                cell.rate.trials,
+                cell.rate.successes,
+                100 * cell.rate.value,
+                100 * low,
+                100 * high,
+                cell.trials.mean_time_s,
+                counted(cell.trials.reasons, options.reasons) or None,
+                counted(cell.trials.excluded, options.reasons) or None,
+            )
+        )
+    tried = sum(cell.rate.trials for cell in series.cells)
+    done = sum(cell.rate.successes for cell in series.cells)
+    ctx.say(f"{len(rows)} sets of trials, {tried:,} tries, {done:,} succeeded")
+    return Table(
+        title="Outcomes of all trials",
+        columns=(
+            *(Column(name=name) for name in ("task", "actor", "world", "trials", "successes")),
+            Column(name="success", unit="%", digits=1, better="higher"),
+            Column(name="low", unit="%", digits=1),
+            Column(name="high", unit="%", digits=1),
+            Column(name="mean time", unit="s", digits=2, better="lower"),
+            Column(name="failures"),
+            Column(name="left out"),
+        ),
+        rows=tuple(rows),
+        notes=(
+            "low, high: 95 % Wilson interval",
+            "mean time: of the successes, from the start to the verdict, the time that success must hold included",
+            "left out: starts that brought no trial, because no start without collisions was found, or because nothing"
+            " succeeded in the twin that could be replayed; they are no failures and do not enter the rate",
+        ),
+    )
+
+
+def counted(reasons: dict[str, int], most: int) -> str:
+    """`12 x slipped, 3 x out of reach, 2 x others`, the most frequent first."""
+    ordered = sorted(reasons.items(), key=lambda item: (-item[1], item[0]))
+    rest = sum(count for _, count in ordered[most:])
+    shown = [f"{count} x {reason}" for reason, count in ordered[:most]]
+    return ", ".join([*shown, *([f"{rest} x others"] if rest else [])])

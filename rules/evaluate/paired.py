@@ -1,0 +1,88 @@
+"""evaluate.paired: two sets of trials from the same starts, try by try."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.table import Cell as Entry
+from dextera_build.artifacts.table import Column, Table
+from dextera_build.artifacts.trials import Trials
+from dextera_build.policy.statistics import Paired
+from dextera_build.policy.statistics import paired as counts_of
+from dextera_build.rule import Context, rule
+
+from .series import Cell, Series, SeriesOptions
+
+NEAR_M = 0.001
+"""Objects that stood within this [m] and ..."""
+NEAR = 0.01
+"""... this distance of unit quaternions (about 1 deg) were placed alike."""
+
+
+class PairedOptions(SeriesOptions):
+    """Options of evaluate.paired."""
+
+
+@rule(version=1, packages=("numpy",))
+def paired(ctx: Context, trials: Collection[Trials], *, options: PairedOptions) -> Table:
+    """Return one row per two sets of trials of a task, of two actors or in two worlds, with McNemar's exact p.
+
+    Trials are matched by the seed of their start; those that only one side has are left out.
+    """
+    series = Series(ctx, trials, options.robots)
+    rows = [_row(one, other) for one, other in combinations(series.cells, 2) if _comparable(one, other)]
+    rows = [row for row in rows if row[3]]
+    ctx.check(
+        bool(rows),
+        "no two sets of trials share a start",
+        hint="give `evaluate.rollouts` of one task the same `seed`",
+        sets=", ".join(f"{cell.label} in {cell.pair} ({cell.world})" for cell in series.cells[:6]),
+    )
+    clear = sum(isinstance(row[-1], float) and row[-1] < 0.05 for row in rows)
+    ctx.say(f"{len(rows)} comparisons on the same starts, {clear} with p below 0.05")
+    return Table(
+        title="Comparisons on the same starts",
+        columns=(
+            *(Column(name=name) for name in ("task", "first", "second", "starts", "placed alike")),
+            *(Column(name=name) for name in ("both", "only first", "only second", "neither")),
+            Column(name="p", digits=4),
+        ),
+        rows=tuple(rows),
+        notes=(
+            "starts: seeds that both sides tried",
+            "placed alike: starts at which every object stood within 1 mm and about 1° of the same place",
+            "p: McNemar's exact test, two-sided, not corrected for the number of comparisons",
+        ),
+    )
+
+
+def _comparable(one: Cell, other: Cell) -> bool:
+    """One task, and either the same world or the same actor; replays were chosen by success, policies were not."""
+    alike = one.pair == other.pair and one.trials.actor == other.trials.actor
+    return alike and (one.world == other.world or one.label == other.label)
+
+
+def _row(one: Cell, other: Cell) -> tuple[Entry, ...]:
+    first = {trial.seed: number for number, trial in enumerate(one.trials.items)}
+    second = {trial.seed: number for number, trial in enumerate(other.trials.items)}
+    shared = [(number, second[seed]) for seed, number in first.items() if seed in second]
+    verdicts: Paired = counts_of(
+        [one.trials.items[here].success for here, _ in shared],
+        [other.trials.items[there].success for _, there in shared],
+    )
+    alike = sum(_alike(one.trials.placed[here], other.trials.placed[there]) for here, there in shared)
+    names = (f"{one.label}, {one.world}", f"{other.label}, {other.world}")
+    counts = (verdicts.both, verdicts.first, verdicts.second, verdicts.neither)
+    return (str(one.pair), *names, len(shared), alike, *counts, verdicts.p)
+
+
+def _alike(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether poses (O, 7) are the same; q and -q are one rotation."""
+    if one.shape != other.shape:
+        return False
+    apart = np.linalg.norm(one[:, :3] - other[:, :3], axis=1)
+    turned = 1.0 - np.abs((one[:, 3:] * other[:, 3:]).sum(axis=1))
+    return bool((apart < NEAR_M).all() and (turned < NEAR**2 / 2).all())

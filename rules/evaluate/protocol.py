@@ -1,0 +1,160 @@
+"""What rollouts and replays share: seeds of the starts, the record of every try, and the line about it."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dextera_build import digest
+from dextera_build.artifacts.base import Artifact
+from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.trials import Actor, Trial, Trials
+from dextera_build.policy.layout import embodiment, of_bundle
+from dextera_build.policy.statistics import Rate
+from dextera_build.rule import Context
+from dextera_build.sim.seeds import seed_of
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What came of one seed."""
+
+    seed: int
+    """Seed of the start."""
+    episode: Episode | None = None
+    """The try, or None where none came about."""
+    placed: np.ndarray | None = None
+    """Poses (O, 7) of the bundle's objects at the start, in the base frame."""
+    excluded: str = ""
+    """Why there is no try."""
+    rehearsal: Episode | None = None
+    """The rollout in the twin that a replay repeats."""
+
+
+def seeds(seed: int, count: int) -> list[int]:
+    """Seeds of the starts; the i-th is a function of `seed` and i alone, so that every policy faces the same ones."""
+    return [seed_of("trial", seed, number) for number in range(count)]
+
+
+@dataclass
+class Record:
+    """Takes down the tries of one actor in one world.
+
+    Args:
+        bundle: The world.
+    """
+
+    bundle: TaskBundle
+    items: list[Trial] = field(default_factory=list)
+    placed: list[np.ndarray] = field(default_factory=list)
+    excluded: Counter[str] = field(default_factory=Counter)
+    examples: dict[bool, tuple[int, Attempt]] = field(default_factory=dict)
+
+    def add(self, attempt: Attempt) -> None:
+        """One attempt; the first success and the first failure are kept whole."""
+        episode = attempt.episode
+        if episode is None or attempt.placed is None:
+            self.excluded[attempt.excluded] += 1
+            return
+        self.examples.setdefault(episode.success, (len(self.items), attempt))
+        self.placed.append(attempt.placed)
+        self.items.append(
+            Trial(
+                seed=attempt.seed,
+                start=digest_of(episode.start),
+                success=episode.success,
+                reason=episode.reason,
+                steps=len(episode.action),
+            )
+        )
+
+    @property
+    def rate(self) -> Rate:
+        """Successes so far."""
+        return Rate(sum(trial.success for trial in self.items), len(self.items))
+
+    def trials(self, actor: Actor, *, label: str, source: Artifact, algorithm: str = "") -> Trials:
+        """All of it as an artifact."""
+        return Trials(
+            actor=actor,
+            label=label,
+            algorithm=algorithm,
+            source=digest_of(source),
+            task=self.bundle.task,
+            embodiment=embodiment(self.bundle.robot),
+            robot=robot_name(self.bundle),
+            world=self.bundle.kind,
+            items=tuple(self.items),
+            placed=np.array(self.placed, np.float32).reshape(len(self.items), len(self.bundle.objects), 7),
+            excluded=dict(self.excluded),
+            examples=self.kept(),
+        )
+
+    def kept(self) -> Episodes:
+        """The examples, readable without the task's model."""
+        layout = of_bundle(self.bundle)
+        roles = self.bundle.robot.frames
+        kept = {
+            success: {str(number): attempt.episode}
+            for success, (number, attempt) in self.examples.items()
+            if attempt.episode is not None
+        }
+        return Episodes(
+            items=kept.get(True, {}),
+            failures=kept.get(False, {}),
+            attempts=len(self.items),
+            task=layout.task,
+            embodiment=layout.embodiment,
+            rate_hz=layout.rate_hz,
+            joint_names=layout.joints,
+            object_names=layout.objects,
+            displacement_names=layout.displacement,
+            tip_names=tuple(role for role in roles if role.startswith("tip_")),
+        )
+
+
+def close(ctx: Context, record: Record) -> None:
+    """Say how it went; refuse a record without tries."""
+    ctx.check(
+        bool(record.items),
+        f"no trial of `{record.bundle.task.name}` came about",
+        **reasons(record.excluded),
+        hint="make the ranges of `reset` smaller, or look at the demonstrations",
+    )
+    rate, without = record.rate, sum(record.excluded.values())
+    low, high = rate.interval()
+    ctx.metric("success", 100 * rate.value, "%")
+    ctx.metric("success, low", 100 * low, "%")
+    ctx.metric("success, high", 100 * high, "%")
+    if without:
+        ctx.metric("without a trial", without, f"of {len(record.items) + without}")
+    ctx.say(f"{rate} in the {record.bundle.kind}" + (f", {without} starts left out" if without else ""))
+    for reason, count in Counter(trial.reason for trial in record.items if not trial.success).most_common():
+        ctx.log(f"{count} x {reason}")
+    for reason, count in record.excluded.most_common():
+        ctx.log(f"{count} x left out: {reason}")
+
+
+def reasons(counts: Counter[str], most: int = 3) -> dict[str, str]:
+    """The most frequent reasons as a fact of an error."""
+    listed: Sequence[tuple[str, int]] = counts.most_common(most)
+    return {"reasons": "; ".join(f"{count} x {reason}" for reason, count in listed)} if listed else {}
+
+
+def digest_of(artifact: Artifact) -> str:
+    """Digest of an artifact, which is the one that the store gives it."""
+    return artifact.encode(digest.of_bytes)
+
+
+def robot_name(bundle: TaskBundle) -> str:
+    """What the robot's own MJCF calls it."""
+    try:
+        root = ET.fromstring(bundle.robot.model.files.get("robot.xml", b"<mujoco/>"))
+    except ET.ParseError:
+        root = ET.Element("mujoco")
+    return root.get("model") or "robot"

@@ -1,0 +1,127 @@
+"""evaluate.replay: send what succeeds in the twin to another world (paper, Table IV; mission row G9)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from pydantic import Field
+
+from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.trials import Trials
+from dextera_build.policy.contract import check_data
+from dextera_build.policy.layout import embodiment
+from dextera_build.rule import Context, Options, rule
+
+from .protocol import Attempt, Record, close, seeds
+from .strip import moments, strip
+
+
+class ReplayOptions(Options):
+    """Options of evaluate.replay."""
+
+    trials: int = Field(50, ge=1)
+    """Rollouts that succeeded in the twin and are sent to the other world."""
+    resets: int = Field(100, ge=1)
+    """Starts that are drawn for them at most."""
+    seed: int = Field(0, ge=0)
+    """Seed of the starts."""
+    tries: int = Field(5, ge=1)
+    """Syntheses in the twin per start, until one succeeds."""
+    nearest: int = Field(5, ge=1)
+    """The demonstration is drawn among this many whose object stood most alike."""
+    tracker_m: float = Field(0.0, ge=0)
+    """Standard deviation of the object tracker's positions, per axis [m]."""
+    tracker_deg: float = Field(0.0, ge=0)
+    """Standard deviation of the object tracker's rotations, per axis [deg]."""
+    lag_m: float = 0.02
+    """A synthesis is sorted out where limits keep its joint targets farther than this from the commanded palm [m]."""
+    press_n: float = 2.0
+    """... or where the robot presses harder than this on what it is not meant to touch [N]."""
+    linger_s: float = Field(1.0, ge=0)
+    """The last joint targets are held for so long after the trajectory [s]."""
+    strip_frames: int = Field(6, ge=2)
+    """Pictures in each film strip."""
+
+
+@rule(version=1, packages=("numpy",), memory_gb=2.0)
+def replay(
+    ctx: Context,
+    twin: TaskBundle,
+    world: TaskBundle,
+    sources: Episodes,
+    view: View | None = None,
+    *,
+    options: ReplayOptions,
+) -> Trials:
+    """Return how rollouts that succeed in the twin do in another world, joint targets [rad] sent open loop.
+
+    At every reset of `world` its tracked objects and joints are set into the twin, `sources` are adapted to them there
+    by object-centric synthesis (Eq. 4) without action noise, and a rollout that succeeds in the twin is then sent to
+    `world`. Resets for which none succeeds in the twin are counted as excluded, not as failures.
+    """
+    _agree(ctx, twin, world)
+    check_data(twin, sources)
+    ctx.check(
+        bool(sources.items), "there is no demonstration to replay", hint="look at `dxb log` of the demonstrations"
+    )
+    record = Record(world)
+    resets = seeds(options.seed, max(options.resets, options.trials))
+    attempts: Iterator[Attempt] = ctx.backend.replays(twin, world, sources, resets, options)
+    for attempt in attempts:
+        record.add(attempt)
+        ctx.progress(len(record.items), options.trials, f"{record.rate.successes} succeeded")
+        if len(record.items) == options.trials:
+            break
+    close(ctx, record)
+    for success in (True, False):
+        if success in record.examples:
+            number, attempt = record.examples[success]
+            title = f"{world.task.name}, replay {number}"
+            _show(ctx, (twin, world), attempt, view, options.strip_frames, title)
+    return record.trials("replay", label="replay", source=sources)
+
+
+def _agree(ctx: Context, twin: TaskBundle, world: TaskBundle) -> None:
+    ctx.check(
+        twin.kind == "twin",
+        f"the input `twin` is a {twin.kind} world",
+        hint="give the twin's task bundle as `twin`, the other world's as `world`",
+    )
+    sides = {
+        "task": (twin.task.name, world.task.name),
+        "robot": (embodiment(twin.robot)[:12], embodiment(world.robot)[:12]),
+        "control rate": (f"{twin.task.control_hz:g} Hz", f"{world.task.control_hz:g} Hz"),
+        "objects": (", ".join(sorted(twin.objects)), ", ".join(sorted(world.objects))),
+        "joints": (_joints(twin), _joints(world)),
+    }
+    found = {
+        what: f"{here} in the twin, {there} in the world" for what, (here, there) in sides.items() if here != there
+    }
+    ctx.check(
+        not found,
+        f"the two worlds do not hold the same task: {', '.join(found)}",
+        hint="make the other world from the twin's task bundle",
+        **found,
+    )
+
+
+def _joints(bundle: TaskBundle) -> str:
+    return ", ".join(sorted(name for thing in bundle.objects.values() for name in thing.joints)) or "none"
+
+
+def _show(
+    ctx: Context, worlds: tuple[TaskBundle, TaskBundle], attempt: Attempt, view: View | None, count: int, title: str
+) -> None:
+    """Two film strips, one below the other: the rollout in the twin and its replay at the same moments."""
+    episodes = [episode for episode in (attempt.rehearsal, attempt.episode) if episode is not None]
+    rows = moments(max(len(episode.action) for episode in episodes), count)
+    shown: dict[str, np.ndarray] = {
+        world.kind: pictures
+        for world, episode in zip(worlds, episodes, strict=True)
+        if (pictures := ctx.backend.stills(world, episode, rows, view)) is not None
+    }
+    if shown:
+        verdict = "success" if episodes[-1].success else f"failure: {episodes[-1].reason}"
+        ctx.preview(strip(shown, rows / worlds[0].task.control_hz), f"{title}, {verdict}")

@@ -1,0 +1,54 @@
+"""evaluate.replay in MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episode, Episodes, Start
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.rule import Backend
+from dextera_build.sim import synthesis
+from dextera_build.sim.drive import Driver, Filters
+from dextera_build.sim.environment import Environment
+from dextera_build.sim.reconstruction import Tracker
+from dextera_build.sim.replay import Replay
+from dextera_build.sim.synthesis import Manner
+
+from .filmed import stills as stills
+from .protocol import Attempt
+
+if TYPE_CHECKING:
+    from .replay import ReplayOptions
+
+BACKEND = Backend(
+    summary="MuJoCo; inverse kinematics by mink",
+    profiles=("cpu", "gpu"),
+    packages=("mujoco", "mink", "daqp"),
+    extra="twin",
+)
+
+
+def replays(
+    twin: TaskBundle, world: TaskBundle, sources: Episodes, seeds: list[int], options: ReplayOptions
+) -> Iterator[Attempt]:
+    """One attempt per seed, in order."""
+    driver = Driver(Environment(twin))
+    manner = Manner(filters=Filters(lag_m=options.lag_m, press_n=options.press_n), nearest=options.nearest)
+
+    def synthesise(start: Start, seed: int) -> Episode:
+        return synthesis.synthesise(driver, sources, start, seed, manner)
+
+    replay = Replay(
+        driver.environment,
+        Environment(world),
+        synthesise,
+        tries=options.tries,
+        tracker=Tracker(options.tracker_m, float(np.radians(options.tracker_deg))),
+        linger_s=options.linger_s,
+    )
+    for seed in seeds:
+        there = replay.attempt(seed)
+        yield Attempt(seed, there.episode, there.placed, there.reason, there.rehearsal)

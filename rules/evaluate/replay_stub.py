@@ -1,0 +1,35 @@
+"""evaluate.replay without a simulator: every rollout succeeds in the twin, nine of ten elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.rule import Backend
+
+from .pretence import pretended
+from .protocol import Attempt
+
+if TYPE_CHECKING:
+    from .replay import ReplayOptions
+
+BACKEND = Backend(summary="no simulation: nine of ten replays succeed", profiles=("stub",))
+
+
+def replays(
+    twin: TaskBundle, world: TaskBundle, sources: Episodes, seeds: list[int], options: ReplayOptions
+) -> Iterator[Attempt]:
+    """One attempt per seed, in order."""
+    for seed in seeds:
+        rehearsal = pretended(twin, seed, "synthesis", success=True)
+        episode = pretended(world, seed, "replay", success=seed % 10 > 0)
+        yield Attempt(seed, episode, episode.objects[0], rehearsal=rehearsal)
+
+
+def stills(bundle: TaskBundle, episode: Episode, rows: np.ndarray, view: View | None) -> np.ndarray | None:
+    """No pictures."""
+    return None

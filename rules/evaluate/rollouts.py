@@ -1,0 +1,71 @@
+"""evaluate.rollouts: let a policy try a task from many starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pydantic import Field
+
+from dextera_build.artifacts.episode import Episode
+from dextera_build.artifacts.policy import Checkpoint, PolicyContract
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.trials import Trials
+from dextera_build.policy import contract as contracts
+from dextera_build.rule import Context, Options, rule
+
+from .protocol import Attempt, Record, close, seeds
+from .strip import moments, strip
+
+
+class RolloutsOptions(Options):
+    """Options of evaluate.rollouts."""
+
+    trials: int = Field(100, ge=1)
+    """Starts."""
+    seed: int = Field(0, ge=0)
+    """Seed of the starts; the same for all policies that are compared."""
+    label: str = ""
+    """What tables call the policy; empty: after its algorithm, `ACT`, and `ACT image` where it sees."""
+    strip_frames: int = Field(6, ge=2)
+    """Pictures in each film strip."""
+
+
+@rule(version=1, packages=("numpy",), memory_gb=2.0)
+def rollouts(
+    ctx: Context, bundle: TaskBundle, checkpoint: Checkpoint, view: View | None = None, *, options: RolloutsOptions
+) -> Trials:
+    """Return how the policy did in the bundle's world, try by try, with poses at the starts in the base frame [m].
+
+    The loop is closed: at every control period the policy sees a deployable observation and answers with joint targets.
+    A policy that gives no usable action has failed that try, and the next one goes on. A state policy does not look
+    through `view`; film strips do.
+    """
+    contracts.check(checkpoint.contract, bundle, view=view)
+    record = Record(bundle)
+    attempts: Iterator[Attempt] = ctx.backend.rollouts(bundle, checkpoint, view, seeds(options.seed, options.trials))
+    for done, attempt in enumerate(attempts, 1):
+        record.add(attempt)
+        ctx.progress(done, options.trials, f"{record.rate.successes} succeeded")
+    close(ctx, record)
+    for success in (True, False):
+        if success in record.examples:
+            number, attempt = record.examples[success]
+            if attempt.episode is not None:
+                _show(ctx, bundle, attempt.episode, number, view, options.strip_frames)
+    label = options.label or _label(checkpoint.contract)
+    return record.trials("policy", label=label, source=checkpoint, algorithm=checkpoint.contract.algorithm)
+
+
+def _show(ctx: Context, bundle: TaskBundle, episode: Episode, number: int, view: View | None, count: int) -> None:
+    """A film strip of one try, where the backend can draw."""
+    rows = moments(len(episode.action), count)
+    pictures = ctx.backend.stills(bundle, episode, rows, view)
+    if pictures is not None:
+        verdict = "success" if episode.success else f"failure: {episode.reason}"
+        times = rows / bundle.task.control_hz
+        ctx.preview(strip({bundle.kind: pictures}, times), f"{bundle.task.name}, trial {number}, {verdict}")
+
+
+def _label(contract: PolicyContract) -> str:
+    sees = any(channel.encoding == "picture" for channel in contract.inputs)
+    return contract.algorithm.upper() + (" image" if sees else "")

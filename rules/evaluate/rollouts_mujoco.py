@@ -1,0 +1,47 @@
+"""evaluate.rollouts in MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import nullcontext
+
+import numpy as np
+
+from dextera_build.artifacts.policy import Checkpoint
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.errors import RuleError
+from dextera_build.policy.load import load
+from dextera_build.rule import Backend
+from dextera_build.sim import starts
+from dextera_build.sim.environment import Environment
+from dextera_build.sim.rendering import Eye
+from dextera_build.sim.rollout import closed_loop
+
+from .filmed import stills as stills
+from .protocol import Attempt
+
+BACKEND = Backend(
+    summary="MuJoCo; networks by torch on one thread",
+    profiles=("cpu", "gpu"),
+    packages=("mujoco", "torch", "safetensors"),
+    extra="learn",
+)
+
+
+def rollouts(bundle: TaskBundle, checkpoint: Checkpoint, view: View | None, seeds: list[int]) -> Iterator[Attempt]:
+    """One attempt per seed, in order."""
+    policy = load(checkpoint, bundle, view)
+    environment = Environment(bundle)
+    sees = view is not None and any(channel.name == "rgb" for channel in checkpoint.contract.inputs)
+    opened = Eye(environment.model, view.camera, view.world_from_camera) if view and sees else nullcontext()
+    with opened as eye:
+        look = (lambda: np.asarray(eye.rgb(environment.data))) if eye is not None else None
+        for seed in seeds:
+            try:
+                start = starts.draw(bundle, environment.model, seed)
+            except RuleError as error:
+                yield Attempt(seed, excluded=error.message)
+                continue
+            environment.begin(start)
+            placed = environment.object_poses()
+            yield Attempt(seed, closed_loop(environment, policy, start, look), placed)

@@ -1,0 +1,129 @@
+"""Trials sorted for tables: which cells there are, and which belong together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pydantic import Field
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.trials import Trials
+from dextera_build.policy.statistics import Rate
+from dextera_build.rule import Context, Options
+
+JUDGED = ("primitive", "object", "height_m", "joints", "tolerance", "hold_s", "timeout_s", "control_hz")
+"""Fields of a task that say what counts as success; starts may be drawn differently in another world."""
+
+
+class SeriesOptions(Options):
+    """How tables call robots."""
+
+    robots: dict[str, str] = Field(default_factory=lambda: {"kuka_leap": "KL", "openarm_revo": "OB"})
+    """Name of a robot's model -> what tables call it; the paper says KL and OB."""
+
+
+@dataclass(frozen=True, order=True)
+class Pair:
+    """A task and an embodiment: a row of the paper's tables."""
+
+    robot: str
+    """What tables call the robot."""
+    task: str
+    """Name of the task."""
+
+    def __str__(self) -> str:
+        return f"{self.robot}: {self.task}"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """All tries of one actor in one world of one pair."""
+
+    pair: Pair
+    """Task and embodiment."""
+    label: str
+    """What tables call the actor."""
+    trials: Trials
+    """The tries."""
+
+    @property
+    def world(self) -> str:
+        """Kind of world."""
+        return self.trials.world
+
+    @property
+    def rate(self) -> Rate:
+        """Successes of all tries."""
+        return Rate(self.trials.successes, len(self.trials.items))
+
+
+class Series:
+    """Cells in the order of pair, actor (replays last) and world (the twin first); labels of the inputs do not matter.
+
+    Args:
+        ctx: Refuses what cannot stand in one table.
+        trials: In any order.
+        robots: Name of a robot's model -> what tables call it.
+    """
+
+    def __init__(self, ctx: Context, trials: Collection[Trials], robots: dict[str, str]) -> None:
+        ctx.check(bool(trials.items), "there are no trials", hint="give the outputs of `evaluate.rollouts`")
+        self.cells: list[Cell] = []
+        for part in trials.items.values():
+            cell = Cell(Pair(robots.get(part.robot, part.robot), part.task.name), part.label, part)
+            ctx.check(
+                self.find(cell.pair, cell.label, cell.world) is None,
+                f"two sets of trials are both `{cell.label}` in the {cell.world} world of `{cell.pair}`",
+                hint="set `label` of `evaluate.rollouts`",
+            )
+            self.cells.append(cell)
+        self.cells.sort(key=_order)
+        for pair in self.pairs:
+            _agree(ctx, [cell for cell in self.cells if cell.pair == pair])
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """All pairs, in order."""
+        return sorted({cell.pair for cell in self.cells})
+
+    @property
+    def policies(self) -> list[str]:
+        """Labels of all policies, in order, without replays."""
+        return sorted({cell.label for cell in self.cells if cell.trials.actor == "policy"})
+
+    def worlds(self, pair: Pair) -> list[str]:
+        """Kinds of worlds beside the twin in which a pair was tried."""
+        return sorted({cell.world for cell in self.cells if cell.pair == pair} - {"twin"}, reverse=True)
+
+    def find(self, pair: Pair, label: str, world: str) -> Cell | None:
+        """A cell, if there is one."""
+        wanted = (pair, label, world)
+        return next((cell for cell in self.cells if (cell.pair, cell.label, cell.world) == wanted), None)
+
+    def rate(self, pair: Pair, label: str, world: str) -> Rate | None:
+        """Successes of a cell, if there is one."""
+        cell = self.find(pair, label, world)
+        return cell.rate if cell else None
+
+
+def _order(cell: Cell) -> tuple[Pair, bool, str, bool, str]:
+    return cell.pair, cell.trials.actor == "replay", cell.label, cell.world != "twin", cell.world
+
+
+def _agree(ctx: Context, cells: list[Cell]) -> None:
+    """The same robot under the same name, and one meaning of success (mission row D26)."""
+    first = cells[0]
+    for cell in cells[1:]:
+        ctx.check(
+            cell.trials.embodiment == first.trials.embodiment,
+            f"robots with other joints or limits are both called `{first.pair.robot}`",
+            hint="give each a name of its own in `robots`",
+        )
+        one, other = first.trials.task, cell.trials.task
+        differs = [name for name in JUDGED if getattr(one, name) != getattr(other, name)]
+        ctx.check(
+            not differs,
+            f"success in `{first.pair}` was not judged alike: `{'`, `'.join(differs)}`",
+            hint="make all worlds of a task from one task bundle",
+            **{name: f"{getattr(one, name)} and {getattr(other, name)}" for name in differs},
+        )

@@ -1,0 +1,33 @@
+"""Film strips: pictures of one or more episodes at the same moments, each with its time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import reduce
+
+import numpy as np
+
+from .panels import GAP, PAPER, beside, titled
+
+
+def moments(steps: int, count: int) -> np.ndarray:
+    """`count` evenly spaced rows of an episode of `steps` rows, the first and the last among them."""
+    return np.linspace(0, max(0, steps - 1), max(2, count)).round().astype(int)
+
+
+def strip(rows: Mapping[str, np.ndarray], times_s: np.ndarray) -> np.ndarray:
+    """One row of pictures per label, one below the other.
+
+    Args:
+        rows: Label -> pictures (N, H, W, 3) uint8.
+        times_s: (N,) times since the start [s].
+    """
+    lines = []
+    for label, pictures in rows.items():
+        tiles = [
+            titled(pixels, f"{label}  {time:.1f} s" if number == 0 else f"{time:.1f} s")
+            for number, (pixels, time) in enumerate(zip(pictures, times_s, strict=True))
+        ]
+        lines.append(reduce(lambda left, right: beside(left, right, axis=1), tiles))
+    sheet = reduce(lambda upper, lower: beside(upper, lower, axis=0), lines)
+    return np.pad(sheet, ((GAP, GAP), (GAP, GAP), (0, 0)), constant_values=PAPER[0])

@@ -1,0 +1,70 @@
+"""evaluate.yields: how many attempts a data set took, and why the others were sorted out."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.table import Cell, Column, Table
+from dextera_build.policy.statistics import Rate
+from dextera_build.rule import Context, Options, rule
+
+from .outcomes import counted
+
+
+class YieldsOptions(Options):
+    """Options of evaluate.yields."""
+
+    reasons: int = 4
+    """Reasons that are named, the most frequent first."""
+
+
+@rule(version=1, packages=("numpy",))
+def yields(ctx: Context, episodes: Collection[Episodes], *, options: YieldsOptions) -> Table:
+    """Return one row per data set: attempts, yield [%] with 95 % Wilson interval, length [s], reasons of failures."""
+    ctx.check(bool(episodes.items), "there are no episodes", hint="give the outputs of `demonstrate.gather`")
+    rows: list[tuple[Cell, ...]] = []
+    total = Rate(0, 0)
+    for label, part in sorted(episodes.items.items(), key=lambda item: (item[1].task, item[0])):
+        ctx.check(
+            part.attempts >= len(part.items),
+            f"`{label}` has more episodes than attempts",
+            episodes=len(part.items),
+            attempts=part.attempts,
+        )
+        rate = Rate(len(part.items), part.attempts)
+        total = Rate(total.successes + rate.successes, total.trials + rate.trials)
+        rows.append(_row(label, part, rate, options.reasons))
+    ctx.metric("yield", 100 * total.value, "%")
+    ctx.say(f"{total.successes:,} episodes from {total.trials:,} attempts ({100 * total.value:.0f} %)")
+    return Table(
+        title="Yield of demonstrations",
+        columns=(
+            *(Column(name=name) for name in ("episodes", "task", "actor", "attempts", "successes")),
+            Column(name="yield", unit="%", digits=1, better="higher"),
+            Column(name="low", unit="%", digits=1),
+            Column(name="high", unit="%", digits=1),
+            Column(name="mean length", unit="s", digits=2),
+            Column(name="sorted out"),
+        ),
+        rows=tuple(rows),
+        notes=(
+            "yield: episodes that count, of all attempts; low, high: 95 % Wilson interval",
+            "sorted out: attempts that failed or that a filter refused, with the reason that came first",
+        ),
+    )
+
+
+def _row(label: str, part: Episodes, rate: Rate, most: int) -> tuple[Cell, ...]:
+    low, high = rate.interval()
+    actors = sorted({episode.origin for episode in part.items.values()})
+    steps = [len(episode.action) for episode in part.items.values()]
+    length = sum(steps) / len(steps) / part.rate_hz if steps else None
+    reasons = Counter(episode.reason for episode in part.failures.values())
+    lost = part.attempts - len(part.items) - len(part.failures)
+    if lost > 0:
+        reasons["not kept"] += lost
+    percent = [100 * number for number in (rate.value, low, high)]
+    sorted_out = counted(dict(reasons), most) or None
+    return (label, part.task, ", ".join(actors), rate.trials, rate.successes, *percent, length, sorted_out)

@@ -1,0 +1,27 @@
+"""learn.act without a training: no weights, and a curve that falls."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.rule import Backend, Context
+
+from .trained import Trained
+
+if TYPE_CHECKING:
+    from .act import ActOptions
+    from .demonstrations import Demonstrations
+
+BACKEND = Backend(summary="no training: weights that no network takes", profiles=("stub",))
+
+NOTHING = (2).to_bytes(8, "little") + b"{}"
+"""A safetensors file without tensors."""
+
+
+def train(ctx: Context, data: Demonstrations, options: ActOptions) -> Trained:
+    """A training that did nothing."""
+    steps = np.array([1, max(2, options.steps)], np.int64)
+    curve = np.array([1.0, 0.5], np.float32)
+    return Trained(NOTHING, steps, curve, (steps[:0], curve[:0]), 0.0)

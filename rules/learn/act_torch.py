@@ -1,0 +1,186 @@
+"""learn.act with torch on one core."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from dextera_build import digest
+from dextera_build.policy import act, reproducible, weights
+from dextera_build.policy.sampling import Deck
+from dextera_build.rule import Backend, Context
+
+from .trained import Trained
+from .training_state import Kept, restore, save
+
+if TYPE_CHECKING:
+    from .act import ActOptions
+    from .demonstrations import Demonstrations
+
+BACKEND = Backend(
+    summary="torch on one core, deterministic; goes on after an interruption",
+    profiles=("cpu", "gpu"),
+    packages=("torch", "safetensors"),
+    extra="learn",
+)
+
+SAVE_EVERY_S = 20.0
+"""The state of a training is written this often [s]."""
+WARM_UP = 100
+"""Steps over which the learning rate rises."""
+POINTS = 100
+"""Points of the loss curve."""
+MEASURED = 512
+"""Most held-out samples that an error is measured with."""
+
+
+def train(ctx: Context, data: Demonstrations, options: ActOptions) -> Trained:
+    """Train, or go on with a training that was interrupted."""
+    with reproducible.one_thread():
+        return Training(ctx, data, options).run()
+
+
+class Training:
+    """One training: network, optimiser, and what is measured.
+
+    Randomness depends on seed and step alone, so that going on needs no generator's state.
+    """
+
+    def __init__(self, ctx: Context, data: Demonstrations, options: ActOptions) -> None:
+        self._ctx, self._data, self._options = ctx, data, options
+        self._network = act.of_contract(data.contract, options.seed)
+        self._optimiser = torch.optim.AdamW(
+            self._network.parameters(), lr=options.rate, weight_decay=options.decay, fused=True
+        )
+        self._inputs = {name: torch.from_numpy(field) for name, field in data.inputs.items()}
+        self._actions, self._last = torch.from_numpy(data.actions), torch.from_numpy(data.last)
+        self._frames = torch.from_numpy(data.frames) if data.frames is not None else None
+        self._deck = Deck(len(data.train_rows), options.seed, 2)
+        self._batch = min(options.batch, len(data.train_rows))
+        self._kept = Kept(digest.of_value([data.contract.model_dump(mode="json"), options.model_dump(mode="json")]))
+        self._stride = max(1, options.steps // POINTS)
+
+    def run(self) -> Trained:
+        """All steps that are left, and the result."""
+        kept, file = self._kept, self._ctx.keep / "training.safetensors"
+        if restore(file, kept, self._network, self._optimiser):
+            self._ctx.log(f"goes on after step {kept.step:,}")
+            for _ in range(kept.step):
+                self._deck.draw(self._batch)
+        saved = time.monotonic()
+        while kept.step < self._options.steps:
+            kept.sum += self._step(kept.step)
+            kept.step += 1
+            self._measure()
+            if time.monotonic() - saved >= SAVE_EVERY_S:
+                self._save(file)
+                saved = time.monotonic()
+            self._ctx.progress(kept.step, self._options.steps, self._what())
+        return self._result()
+
+    def _save(self, file: Path) -> None:
+        try:
+            save(file, self._kept, self._network, self._optimiser)
+        except OSError as error:  # a full disk must not end a training that would still succeed
+            self._ctx.log(f"the state of the training could not be kept: {error.strerror or error}")
+
+    def _step(self, step: int) -> float:
+        options = self._options
+        random = torch.Generator().manual_seed(options.seed * 1_000_003 + step)
+        rows = torch.from_numpy(self._data.train_rows[self._deck.draw(self._batch)])
+        inputs, actions, keep = self._samples(rows)
+        if options.jitter:
+            for name in self._inputs:
+                inputs[name] = inputs[name] + options.jitter * torch.randn(inputs[name].shape, generator=random)
+        if "rgb" in inputs and options.shift:
+            inputs["rgb"] = shifted(inputs["rgb"], options.shift, random)
+        noise = torch.randn(len(rows), options.latent, generator=random)
+        loss, error = act.loss_of(self._network, inputs, actions, keep, noise, options.kl_weight)
+        self._optimiser.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(self._network.parameters(), 1.0)
+        self._optimiser.param_groups[0]["lr"] = rate_at(step, options.steps, options.rate)
+        self._optimiser.step()
+        return float(error.detach())
+
+    def _samples(self, rows: Tensor) -> tuple[dict[str, Tensor], Tensor, Tensor]:
+        """Inputs, chunks (B, C, A), and which of their steps exist (B, C)."""
+        ahead = rows[:, None] + torch.arange(self._options.chunk)
+        last = self._last[rows][:, None]
+        inputs = {name: field[rows] for name, field in self._inputs.items()}
+        if self._frames is not None:
+            inputs["rgb"] = act.pixels(self._frames[rows])
+        return inputs, self._actions[torch.minimum(ahead, last)], ahead <= last
+
+    def _measure(self) -> None:
+        kept = self._kept
+        if kept.step % self._stride and kept.step != self._options.steps:
+            return
+        count = kept.step - (kept.steps[-1] if kept.steps else 0)
+        kept.steps.append(kept.step)
+        kept.curve.append(kept.sum / count)
+        if not math.isfinite(kept.sum):
+            rate = self._options.rate
+            self._ctx.fail(f"the training diverged before step {kept.step:,}", rate=rate, hint=f"rate: {rate / 3:.0e}")
+        kept.sum = 0.0
+        if len(kept.steps) % 10 == 0 or kept.step == self._options.steps:
+            self._measure_held_out()
+
+    def _measure_held_out(self) -> None:
+        rows = self._data.held_out_rows
+        if not len(rows):
+            return
+        rows = rows[:: -(-len(rows) // MEASURED)]
+        total = np.zeros(2)
+        scale = torch.tensor(self._data.contract.action.scale)
+        self._network.eval()
+        with torch.inference_mode():
+            for first in range(0, len(rows), 64):
+                inputs, actions, keep = self._samples(torch.from_numpy(rows[first : first + 64]))
+                error = (self._network(inputs) - actions).abs() * keep[:, :, None]
+                parts = error.sum(), (error * scale).sum()
+                total += np.array([float(part) for part in parts]) / float(keep.sum() * actions.shape[2]) * len(keep)
+        self._network.train()
+        self._kept.held_steps.append(self._kept.step)
+        self._kept.held_curve.append(float(total[0] / len(rows)))
+        self._kept.error_rad = float(total[1] / len(rows))
+        self._ctx.log(
+            f"step {self._kept.step:,}: loss {self._kept.curve[-1]:.4f}, held out {self._kept.held_curve[-1]:.4f}"
+            f" ({self._kept.error_rad * 1000:.1f} mrad)"
+        )
+
+    def _what(self) -> str:
+        kept = self._kept
+        return f"loss {kept.curve[-1]:.3f}" if kept.curve else "first steps"
+
+    def _result(self) -> Trained:
+        kept = self._kept
+        return Trained(
+            weights=weights.to_bytes(self._network.state_dict()),
+            steps=np.array(kept.steps, np.int64),
+            curve=np.array(kept.curve, np.float32),
+            held_out=(np.array(kept.held_steps, np.int64), np.array(kept.held_curve, np.float32)),
+            error_rad=kept.error_rad,
+        )
+
+
+def rate_at(step: int, steps: int, highest: float) -> float:
+    """Learning rate: up over `WARM_UP` steps, then down to 0 along a cosine."""
+    rise = min(1.0, (step + 1) / WARM_UP)
+    return highest * rise * 0.5 * (1 + math.cos(math.pi * step / steps))
+
+
+def shifted(pixels: Tensor, most: int, random: torch.Generator) -> Tensor:
+    """(B, 3, H, W) pictures, each moved by up to `most` pixels, its border repeated."""
+    height, width = pixels.shape[2:]
+    wide = F.pad(pixels, (most,) * 4, mode="replicate")
+    offsets = torch.randint(0, 2 * most + 1, (len(pixels), 2), generator=random).tolist()
+    moved = [one[:, y : y + height, x : x + width] for one, (y, x) in zip(wide, offsets, strict=True)]
+    return torch.stack(moved)

@@ -1,0 +1,138 @@
+"""What imitation learns from: normalised inputs and actions, split by episode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build import digest
+from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.policy import Channel, PolicyContract
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.policy import contract as contracts
+from dextera_build.policy import features, normalisation
+from dextera_build.policy.layout import Layout, of_bundle, of_episodes
+from dextera_build.rule import Context
+
+if TYPE_CHECKING:
+    from .act import ActOptions
+
+SETTINGS = ("chunk", "width", "heads", "style_layers", "encoder_layers", "decoder_layers", "latent", "every", "forget")
+"""Options that say the network's form and how it is run; the contract keeps them."""
+
+
+@dataclass(frozen=True)
+class Demonstrations:
+    """All steps of all episodes, one row each, one episode after another."""
+
+    contract: PolicyContract
+    """What the policy will expect and give, with the normalisation that the training episodes gave."""
+    inputs: dict[str, np.ndarray]
+    """Vector channel -> (N, tokens, features) float32, normalised."""
+    actions: np.ndarray
+    """Normalised joint targets as they were meant, (N, A) float32."""
+    last: np.ndarray
+    """Last row of the episode that a row belongs to, (N,) int64."""
+    train: tuple[str, ...]
+    """Episodes that are trained on."""
+    held_out: tuple[str, ...]
+    """Episodes that are only measured with."""
+    train_rows: np.ndarray
+    """Their rows, (n,) int64."""
+    held_out_rows: np.ndarray
+    """Rows of the others, (m,) int64."""
+    frames: np.ndarray | None
+    """Pictures (N, H, W, 3) uint8, or None."""
+
+
+def prepare(
+    ctx: Context, bundle: TaskBundle, episodes: Episodes, film: Film | None, options: ActOptions
+) -> Demonstrations:
+    """Check the data and make numbers of them; the normalisation comes from the training episodes alone."""
+    _check(ctx, episodes, film, options)
+    layout = of_episodes(episodes, of_bundle(bundle).goal, film)
+    train, held_out = split(tuple(episodes.items), options.held_out, options.seed)
+    lengths = [len(episode.action) for episode in episodes.items.values()]
+    chosen = np.repeat([name in train for name in episodes.items], lengths)
+    recorded = [features.recorded(episode) for episode in episodes.items.values()]
+    fields = {name: np.concatenate([part[name] for part in recorded]) for name in recorded[0]}
+    actions = np.concatenate([episode.action for episode in episodes.items.values()])
+    channels = _channels(bundle, layout, options)
+    if not channels:
+        ctx.fail(f"none of the inputs has a component: {', '.join(options.inputs)}", hint="objects: all")
+    reader = features.Reader(channels, layout)
+    channels = tuple(
+        normalisation.fitted(one, [reader.encoded(one, fields)[chosen]]) if one.encoding != "picture" else one
+        for one in channels
+    )
+    action = Channel(name="action", shape=(actions.shape[1],), names=episodes.joint_names)
+    action = normalisation.fitted(action, [actions[chosen]])
+    rows = np.arange(len(actions))
+    return Demonstrations(
+        contract=_contract(episodes, film, channels, action, options),
+        inputs=features.Reader(channels, layout).read(fields),
+        actions=features.normalised(action, actions),
+        last=np.repeat(np.cumsum(lengths) - 1, lengths),
+        train=train,
+        held_out=held_out,
+        train_rows=rows[chosen],
+        held_out_rows=rows[~chosen],
+        frames=np.concatenate([film.pixels(name) for name in episodes.items]) if film else None,
+    )
+
+
+def split(names: tuple[str, ...], share: float, seed: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """(training, held out) episodes, in their order; at least one is trained on."""
+    count = min(round(share * len(names)), len(names) - 1)
+    drawn = set(np.random.default_rng([seed, 1]).permutation(len(names))[:count].tolist())
+    return (
+        tuple(name for number, name in enumerate(names) if number not in drawn),
+        tuple(name for number, name in enumerate(names) if number in drawn),
+    )
+
+
+def _check(ctx: Context, episodes: Episodes, film: Film | None, options: ActOptions) -> None:
+    if not episodes.items:
+        ctx.fail("there is no successful episode to learn from", attempts=episodes.attempts)
+    if not options.inputs or len(set(options.inputs)) < len(options.inputs):
+        ctx.fail("`inputs` must name one channel or more, each once", inputs=", ".join(options.inputs) or "none")
+    if film is None:
+        return
+    if "rgb" not in options.inputs:
+        ctx.fail("a film is given, but `rgb` is not among the inputs", hint="inputs: [joints, goal, rgb]")
+    lost = [name for name in episodes.items if name not in film.frames]
+    if lost:
+        ctx.fail(f"the film lacks {len(lost)} of {len(episodes.items)} episodes", first=lost[0])
+    for name, episode in episodes.items.items():
+        steps = len(film.pixels(name))
+        if steps != len(episode.action):
+            ctx.fail(f"episode `{name}` has {len(episode.action)} steps, but {steps} frames")
+
+
+def _channels(bundle: TaskBundle, layout: Layout, options: ActOptions) -> tuple[Channel, ...]:
+    only: dict[str, tuple[str, ...]] = {}
+    if options.objects == "task":
+        name = bundle.task.object
+        only = {"objects": (name,), "displacement": bundle.objects[name].joints}
+    made = [contracts.channel(layout, name, only.get(name)) for name in contracts.CHANNELS if name in options.inputs]
+    unknown = [name for name in options.inputs if name not in contracts.CHANNELS]
+    made += [contracts.channel(layout, name) for name in unknown]  # refuses it
+    return tuple(one for one in made if one.shape[0])
+
+
+def _contract(
+    episodes: Episodes, film: Film | None, inputs: tuple[Channel, ...], action: Channel, options: ActOptions
+) -> PolicyContract:
+    parts = [episodes.encode(digest.of_bytes), film.encode(digest.of_bytes) if film else None]
+    return PolicyContract(
+        algorithm="act",
+        task=episodes.task,
+        embodiment=episodes.embodiment,
+        inputs=inputs,
+        action=action,
+        rate_hz=episodes.rate_hz,
+        dataset=digest.of_value(parts),
+        settings={name: getattr(options, name) for name in SETTINGS},
+    )

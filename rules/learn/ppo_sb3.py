@@ -1,0 +1,151 @@
+"""learn.ppo with stable-baselines3 on MuJoCo."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from stable_baselines3 import PPO
+from stable_baselines3.common.policies import ActorCriticPolicy
+from torch import Tensor, nn
+
+from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.errors import RuleError
+from dextera_build.policy import reproducible, weights
+from dextera_build.policy.ppo import Actor
+from dextera_build.rule import Backend, Context
+from dextera_build.sim.environment import Environment
+from dextera_build.sim.mechanism import Mechanism
+
+from .ppo_state import Watch, own_generators
+from .ppo_worlds import Worlds
+from .practised import Practised
+
+if TYPE_CHECKING:
+    from .ppo import PpoOptions
+
+BACKEND = Backend(
+    summary="stable-baselines3 on MuJoCo in threads, deterministic; goes on after an interruption",
+    profiles=("cpu", "gpu"),
+    packages=("stable-baselines3", "gymnasium", "torch", "mujoco", "safetensors"),
+    extra="learn",
+)
+
+NEVER = 1 << 30
+"""Iterations between logs of stable-baselines3, which print nothing here."""
+
+
+def heading(bundle: TaskBundle) -> float | None:
+    """Where the task's link is to be pushed at first, about the vertical in the base [rad]; None for a lift."""
+    if bundle.task.primitive != "articulate":
+        return None
+    environment = Environment(bundle)
+    name, goal = next(iter(bundle.task.joints.items()))
+    joint = environment.data.joint(name)
+    mechanism = Mechanism(environment.model, name)
+    _, along = mechanism.pushed_at(goal - float(joint.qpos[0]), 1.0)
+    link = int(environment.model.jnt_bodyid[joint.id])
+    ahead = bundle.world_from_base[:3, :3].T @ environment.data.xmat[link].reshape(3, 3) @ along
+    return float(np.arctan2(ahead[1], ahead[0]))
+
+
+def practise(ctx: Context, bundle: TaskBundle, contract: PolicyContract, options: PpoOptions) -> Practised:
+    """Train, or go on with a training that was interrupted."""
+    threads = min(options.worlds, len(os.sched_getaffinity(0)), 2)
+    worlds = Worlds(bundle, contract, options.worlds, options.seed, threads)
+    try:
+        with reproducible.one_thread(), own_generators(options.seed):
+            model = _model(worlds, options)
+            watch = Watch(ctx, worlds, contract, options)
+            watch.restore(model)
+            _learn(model, watch, options)
+        return watch.practised(actor_weights(model.policy))
+    finally:
+        worlds.close()
+
+
+def _learn(model: PPO, watch: Watch, options: PpoOptions) -> None:
+    left = max(0, options.steps - model.num_timesteps)
+    try:
+        model.learn(left, callback=watch, log_interval=NEVER, reset_num_timesteps=False)
+    except ValueError as error:
+        # Torch's distributions refuse parameters that are not finite, or a spread of 0.
+        if "distribution" not in str(error):
+            raise
+        raise RuleError(
+            f"the training diverged before decision {model.num_timesteps:,}",
+            code="DXB-B513",
+            hint=f"rate: {options.rate * 0.3:g}",
+        ) from None
+
+
+def actor_weights(policy: ActorCriticPolicy) -> bytes:
+    """The part of a policy that runs, under the names of `dextera_build.policy.ppo.Actor`."""
+    extractor, head = cast(Extractor, policy.mlp_extractor), policy.action_net
+    tensors = {f"body.{name}": tensor for name, tensor in extractor.actor.state_dict().items()}
+    return weights.to_bytes(tensors | {f"head.{name}": tensor for name, tensor in head.state_dict().items()})
+
+
+def _model(worlds: Worlds, options: PpoOptions) -> PPO:
+    return PPO(
+        TwoSighted,
+        worlds,
+        learning_rate=lambda left: options.rate * (0.1 + 0.9 * left),
+        n_steps=options.rollout,
+        batch_size=options.batch,
+        n_epochs=options.epochs,
+        gamma=options.discount,
+        gae_lambda=0.95,
+        clip_range=0.2,
+        ent_coef=options.entropy,
+        max_grad_norm=0.5,
+        target_kl=0.05,
+        policy_kwargs={
+            "public": worlds.public,
+            "width": options.width,
+            "layers": options.layers,
+            "log_std_init": float(np.log(options.spread)),
+        },
+        seed=None,
+        device="cpu",
+    )
+
+
+class TwoSighted(ActorCriticPolicy):
+    """An actor that sees the first `public` numbers of an observation, and a critic that sees all."""
+
+    def __init__(self, *args: Any, public: int, width: int, layers: int, **kwargs: Any) -> None:
+        self._public, self._width, self._layers = public, width, layers
+        super().__init__(*args, **kwargs)
+
+    def _build_mlp_extractor(self) -> None:
+        self.mlp_extractor = Extractor(  # type: ignore[assignment]
+            self._public, self.features_dim, self._width, self._layers
+        )
+
+
+class Extractor(nn.Module):
+    """Features for actor and critic, in the form that stable-baselines3 asks for."""
+
+    def __init__(self, public: int, seen: int, width: int, layers: int) -> None:
+        super().__init__()
+        self._public = public
+        self.latent_dim_pi = self.latent_dim_vf = width
+        self.actor = Actor(public, width, layers, 1).body
+        self.critic = Actor(seen, width, layers, 1).body
+
+    def forward(self, numbers: Tensor) -> tuple[Tensor, Tensor]:
+        """Features of both."""
+        return self.forward_actor(numbers), self.forward_critic(numbers)
+
+    def forward_actor(self, numbers: Tensor) -> Tensor:
+        """Features (B, width) of the numbers that a robot can observe."""
+        found: Tensor = self.actor(numbers[:, : self._public])
+        return found
+
+    def forward_critic(self, numbers: Tensor) -> Tensor:
+        """Features (B, width) of everything."""
+        found: Tensor = self.critic(numbers)
+        return found

@@ -1,0 +1,182 @@
+"""Follows a reinforcement: its curve, and its state on disk, so that an interrupted one goes on."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+
+from dextera_build import digest
+from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.errors import RuleError
+from dextera_build.policy import weights
+from dextera_build.rule import Context
+from dextera_build.sim.seeds import seed_of
+
+from .ppo_worlds import Worlds
+from .practised import Practised
+
+if TYPE_CHECKING:
+    from .ppo import PpoOptions
+
+SAVE_EVERY_S = 30.0
+"""The state is written about this often [s], between two rollouts."""
+WINDOW = 100
+"""Episodes that means are taken over."""
+
+
+class Watch(BaseCallback):
+    """Called by stable-baselines3.
+
+    All randomness of a rollout and of the update after it follows from the seed and from how many decisions came
+    before, and an environment is where its decisions since the start of its episode lead to. So neither generators nor
+    simulators need be kept, and going on gives the bits that one go would have given.
+
+    Args:
+        ctx: Of the rule.
+        worlds: The environments.
+        contract: Of the policy.
+        options: Of the rule.
+    """
+
+    def __init__(self, ctx: Context, worlds: Worlds, contract: PolicyContract, options: PpoOptions) -> None:
+        super().__init__()
+        self._ctx, self._worlds, self._options = ctx, worlds, options
+        self._file = ctx.keep / "practice.safetensors"
+        self._of = digest.of_value([contract.model_dump(mode="json"), options.model_dump(mode="json")])
+        self._earned = np.zeros(options.worlds)
+        self._recent: deque[tuple[float, bool]] = deque(maxlen=WINDOW)
+        self._curve: list[tuple[int, float, float]] = []
+        self._episodes = 0
+        self._saved = time.monotonic()
+
+    def _on_rollout_start(self) -> None:
+        self._note()
+        if time.monotonic() - self._saved >= SAVE_EVERY_S:
+            self.save()
+        random = seed_of(self._options.seed, "rollout", self.model.num_timesteps)
+        torch.manual_seed(random)
+        np.random.seed(random % 2**32)  # stable-baselines3 draws its batches from it
+
+    def _on_step(self) -> bool:
+        self._earned += self.locals["rewards"]
+        for number in np.flatnonzero(self.locals["dones"]):
+            self._recent.append((float(self._earned[number]), bool(self.locals["infos"][number]["is_success"])))
+            self._earned[number] = 0.0
+            self._episodes += 1
+        self._ctx.progress(min(self.model.num_timesteps, self._options.steps), self._options.steps, self._what())
+        return True
+
+    def _on_training_end(self) -> None:
+        if not self._recent:
+            self._recent.append((float(self._earned.mean()), False))
+        self._note()
+
+    def practised(self, data: bytes) -> Practised:
+        """The result with the weights `data`."""
+        steps, reward, success = zip(*self._curve, strict=True) if self._curve else ((), (), ())
+        return Practised(
+            data,
+            np.array(steps, np.int64),
+            np.array(reward, np.float32),
+            np.array(success, np.float32),
+            self._episodes,
+        )
+
+    def save(self) -> None:
+        """Write everything to one file that is whole at any time."""
+        model: Any = self.model
+        tensors = {f"weight.{name}": tensor for name, tensor in model.policy.state_dict().items()}
+        for number, moments in model.policy.optimizer.state_dict()["state"].items():
+            tensors |= {f"moment.{number}.{name}": torch.as_tensor(tensor) for name, tensor in moments.items()}
+        places = self._worlds.places()
+        for number, (_, decisions) in enumerate(places):
+            tensors[f"place.{number}"] = torch.from_numpy(np.array(decisions, np.float32))
+        notes = {
+            "of": self._of,
+            "decisions": model.num_timesteps,
+            "episode": [episode for episode, _ in places],
+            "first": [bool(first) for first in model._last_episode_starts],
+            "earned": self._earned.tolist(),
+            "recent": list(self._recent),
+            "curve": self._curve,
+            "episodes": self._episodes,
+        }
+        self._saved = time.monotonic()
+        fresh = self._file.with_suffix(".new")
+        try:
+            fresh.write_bytes(weights.to_bytes(tensors, {"kept": json.dumps(notes)}))
+            os.replace(fresh, self._file)
+        except OSError as error:
+            self._ctx.log(f"the state of the training could not be kept: {error.strerror}")
+
+    def restore(self, model: PPO) -> None:
+        """Bring `model` and the environments to where an interrupted training was; else to the beginning."""
+        found = self._read()
+        if found is None or found[0].get("of") != self._of:
+            model._last_obs = self._worlds.reset()  # type: ignore[assignment]
+            model._last_episode_starts = np.ones(self._options.worlds, bool)
+            return
+        notes, tensors = found
+        self._ctx.log(f"goes on after decision {notes['decisions']:,}")
+        model.policy.load_state_dict({name[7:]: part for name, part in tensors.items() if name.startswith("weight.")})
+        moments: dict[int, dict[str, torch.Tensor]] = {}
+        for name, tensor in tensors.items():
+            if name.startswith("moment."):
+                _, number, moment = name.split(".")
+                moments.setdefault(int(number), {})[moment] = tensor
+        optimiser = model.policy.optimizer
+        optimiser.load_state_dict(optimiser.state_dict() | {"state": moments})
+        model.num_timesteps = notes["decisions"]
+        decisions = [list(tensors[f"place.{number}"].numpy()) for number in range(self._options.worlds)]
+        model._last_obs = self._worlds.go_to(list(zip(notes["episode"], decisions, strict=True)))
+        model._last_episode_starts = np.array(notes["first"])
+        self._earned = np.array(notes["earned"])
+        self._recent.extend((reward, done) for reward, done in notes["recent"])
+        self._curve = [(step, reward, success) for step, reward, success in notes["curve"]]
+        self._episodes = notes["episodes"]
+
+    def _note(self) -> None:
+        """A point of the curve, once per rollout."""
+        step = self.model.num_timesteps
+        if self._recent and (not self._curve or self._curve[-1][0] < step):
+            rewards, successes = zip(*self._recent, strict=True)
+            self._curve.append((step, float(np.mean(rewards)), float(np.mean(successes))))
+
+    def _what(self) -> str:
+        if not self._recent:
+            return "first episodes"
+        rewards, successes = zip(*self._recent, strict=True)
+        return f"reward {np.mean(rewards):.1f}, success {100 * np.mean(successes):.0f} %"
+
+    def _read(self) -> tuple[dict[str, Any], dict[str, torch.Tensor]] | None:
+        from safetensors import SafetensorError, safe_open
+
+        try:
+            with safe_open(str(self._file), framework="pt") as opened:
+                notes: dict[str, Any] = json.loads((opened.metadata() or {})["kept"])
+            return notes, weights.from_bytes(self._file.read_bytes())
+        except (OSError, SafetensorError, RuleError, KeyError, ValueError):
+            return None
+
+
+@contextmanager
+def own_generators(seed: int) -> Iterator[None]:
+    """Torch's and NumPy's global generators seeded within the block, and afterwards as they were."""
+    kept = torch.get_rng_state(), np.random.get_state()
+    torch.manual_seed(seed)
+    np.random.seed(seed % 2**32)
+    try:
+        yield
+    finally:
+        torch.set_rng_state(kept[0])
+        np.random.set_state(kept[1])

@@ -1,0 +1,33 @@
+"""learn.ppo without a training: no weights, and a curve that rises."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.rule import Backend, Context
+
+from .practised import Practised
+
+if TYPE_CHECKING:
+    from .ppo import PpoOptions
+
+BACKEND = Backend(summary="no training: weights that no network takes", profiles=("stub",))
+
+NOTHING = (2).to_bytes(8, "little") + b"{}"
+"""A safetensors file without tensors."""
+
+
+def heading(bundle: TaskBundle) -> float | None:
+    """No direction, because nothing is simulated."""
+    return None
+
+
+def practise(ctx: Context, bundle: TaskBundle, contract: PolicyContract, options: PpoOptions) -> Practised:
+    """A training that did nothing."""
+    steps = np.array([1, max(2, options.steps)], np.int64)
+    rising = np.array([0.0, 1.0], np.float32)
+    return Practised(NOTHING, steps, rising, rising, 0)

@@ -1,0 +1,67 @@
+"""Several environments side by side in threads: MuJoCo lets go of Python's lock while it steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.vec_env import DummyVecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
+
+from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.sim.practice import Practice
+
+Place = tuple[int, list[np.ndarray]]
+"""Where one environment is: number of its episode, decisions since that began."""
+
+
+class Worlds(DummyVecEnv):
+    """Environments whose results do not depend on how many threads step them.
+
+    Args:
+        bundle: The task.
+        contract: What the policy expects and gives.
+        count: Environments.
+        seed: Seed of their starts.
+        threads: Threads.
+    """
+
+    def __init__(self, bundle: TaskBundle, contract: PolicyContract, count: int, seed: int, threads: int) -> None:
+        self.practices = [Practice(bundle, contract, seed, number) for number in range(count)]
+        super().__init__([lambda practice=practice: practice for practice in self.practices])  # type: ignore[misc]
+        self.public = self.practices[0].public
+        self._pool = ThreadPoolExecutor(threads)
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Step all, and begin anew where an episode ended."""
+        results = list(self._pool.map(_step, self.practices, self.actions))
+        for number, (observation, reward, done, info) in enumerate(results):
+            self._save_obs(number, observation)
+            self.buf_rews[number], self.buf_dones[number], self.buf_infos[number] = reward, done, info
+        return self._obs_from_buf(), np.copy(self.buf_rews), np.copy(self.buf_dones), list(self.buf_infos)
+
+    def places(self) -> list[Place]:
+        """Where every environment is."""
+        return [(practice.episode, list(practice.decisions)) for practice in self.practices]
+
+    def go_to(self, places: Sequence[Place]) -> np.ndarray:
+        """Be at `places`; the observations there (W, N + P)."""
+        found = list(self._pool.map(lambda pair: pair[0].go_to(*pair[1]), zip(self.practices, places, strict=True)))
+        return np.stack(found)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._pool.shutdown()
+        super().close()
+
+
+def _step(practice: Practice, decision: np.ndarray) -> tuple[np.ndarray, float, bool, dict[str, Any]]:
+    observation, reward, ended, late, info = practice.step(decision)
+    info["TimeLimit.truncated"] = late and not ended
+    if ended or late:
+        info["terminal_observation"] = observation
+        observation, _ = practice.reset()
+    return observation, reward, ended or late, info

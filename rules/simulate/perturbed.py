@@ -1,0 +1,63 @@
+"""simulate.perturbed: a twin's task in a disturbed copy of the twin, where no reference world exists."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.rule import Context, Options, rule
+
+
+class PerturbedOptions(Options):
+    """Options of simulate.perturbed: how far the copy is from the twin."""
+
+    seed: int = 0
+    """Seed of all draws."""
+    size_sigma: float = 0.02
+    """Standard deviation of the logarithm of an object's scale: along each axis, or of all if the object has joints."""
+    sizes: dict[str, tuple[float, float, float]] = Field(default_factory=dict)
+    """Body -> scale factors along x, y, z of its frame, instead of drawn ones."""
+    dynamics: float = 1.0
+    """Share of the twin's own intervals of mass and friction that is drawn from."""
+    hinge_sigma: float = 0.15
+    """Standard deviation of the logarithm of the factor on a hinge's friction."""
+    centre_m: float = 0.003
+    """Standard deviation of each coordinate of the centre of mass [m]."""
+    contact_sigma: float = 0.3
+    """Standard deviation of the logarithm of the factor on the contacts' natural frequency."""
+    gain_spread: float = 0.08
+    """Half range of the factors on stiffness and damping of every joint's controller."""
+    arm_friction: float = 0.01
+    """Dry friction of an arm joint, as a part of its largest torque."""
+    hand_friction: float = 0.03
+    """Dry friction of a hand joint, as a part of its largest torque."""
+    timestep_s: float = 0.001
+    """Step of the simulation [s]."""
+    latency_s: float = 0.01
+    """Time from a command to its effect [s]."""
+
+
+@rule(version=1, packages=("numpy",))
+def perturbed(ctx: Context, bundle: TaskBundle, *, options: PerturbedOptions | None = None) -> TaskBundle:
+    """Return the task in a disturbed copy of its twin: other sizes, masses, friction, gains and clock; simulated.
+
+    Masses and friction are drawn inside the twin's own intervals, everything else by the options. Names, frames,
+    joints, goal and success stay. Photographed poses and points stay too: they are what the twin believes.
+
+    The backend offers `build(bundle, options) -> (TaskBundle, body -> scale factors)` and `portraits(bundle)`.
+    """
+    options = options or PerturbedOptions()
+    ctx.check(
+        bundle.kind == "twin",
+        f"only the task in a twin is disturbed, but this one is `{bundle.kind}`",
+        hint="give the bundle of `simulate.task`",
+    )
+    built, sizes = ctx.backend.build(bundle, options)
+    ctx.check(list(built.objects) == list(bundle.objects), "the disturbed twin lost an object of the task")
+    largest = max((abs(factor - 1.0) for factors in sizes.values() for factor in factors), default=0.0)
+    ctx.metric("largest change of size", 100 * largest, "%")
+    ctx.say(f"{len(sizes)} objects disturbed, sizes by up to {100 * largest:.1f} %; simulated")
+    for caption, picture in ctx.backend.portraits(built):
+        ctx.preview(picture, caption)
+    result: TaskBundle = built
+    return result

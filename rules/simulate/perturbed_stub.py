@@ -1,0 +1,28 @@
+"""simulate.perturbed without a simulator: the twin under the disturbed twin's flag."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.rule import Backend
+
+if TYPE_CHECKING:
+    from .perturbed import PerturbedOptions
+
+BACKEND = Backend(summary="no simulation: nothing is disturbed", profiles=("stub",))
+
+
+def build(bundle: TaskBundle, options: PerturbedOptions) -> tuple[TaskBundle, dict[str, tuple[float, float, float]]]:
+    """The twin's model and objects, which do not vary."""
+    still = {"mass_scale": (1.0, 1.0), "friction_sigma": 0.0}
+    objects = {name: thing.model_copy(update=still) for name, thing in bundle.objects.items()}
+    changed = bundle.model_copy(update={"objects": objects, "kind": "perturbed", "latency_s": options.latency_s})
+    return changed, dict.fromkeys(bundle.objects, (1.0, 1.0, 1.0))
+
+
+def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
+    """No pictures."""
+    return []

@@ -1,0 +1,69 @@
+"""simulate.reference: a twin's task in the reference world that the twin was photographed in."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.world import World
+from dextera_build.rule import Context, Options, rule
+
+
+class ReferenceOptions(Options):
+    """Options of simulate.reference: the robot's own dynamics, which the twin does not know."""
+
+    seed: int = 0
+    """Seed of the draws."""
+    gain_spread: float = 0.08
+    """Half range of the factors on stiffness and damping of every joint's controller."""
+    arm_friction: float = 0.01
+    """Dry friction of an arm joint, as a part of its largest torque."""
+    hand_friction: float = 0.03
+    """Dry friction of a hand joint, as a part of its largest torque."""
+    contact_rate_rad_s: float = 200.0
+    """Natural frequency of contacts; the twin's is 100 [rad/s]."""
+    timestep_s: float = 0.001
+    """Step of the simulation [s]."""
+    latency_s: float = 0.01
+    """Time from a command to its effect [s]."""
+    match_m: float = 0.05
+    """An asset and a thing whose surfaces are farther apart are not the same [m]."""
+
+
+@rule(version=1, packages=("numpy", "scipy", "manifold3d"))
+def reference(
+    ctx: Context, bundle: TaskBundle, world: World, robot: RobotModel, *, options: ReferenceOptions | None = None
+) -> TaskBundle:
+    """Return the task in its reference world: true shapes, masses, friction and hinges, in the twin's world frame [m].
+
+    The stand-in for hardware, simulated and not real. Names, frames, joints, goal and success are the twin's, as if
+    its assets were tracked: a body's frame is where the twin has it in the photograph, carried along by the true thing.
+    Both worlds meet in the robot's base.
+
+    The backend offers `build(bundle, world, options) -> TaskBundle` and `portraits(bundle)`: captions and pixels.
+    """
+    options = options or ReferenceOptions()
+    ctx.check(
+        bundle.kind == "twin",
+        f"a reference world is made from the task in a twin, but this one is `{bundle.kind}`",
+        hint="give the bundle of `simulate.task`",
+    )
+    ctx.check(
+        bundle.robot == robot,
+        "the task is for another robot than the one that stands in the reference world",
+        hint="give both rules the same `robot`",
+    )
+    built: TaskBundle = ctx.backend.build(bundle, world, options)
+    ctx.check(list(built.objects) == list(bundle.objects), "the reference world lost an object of the task")
+    off = [
+        abs(true - seen)
+        for name, thing in built.objects.items()
+        for true, seen in zip(thing.positions, bundle.objects[name].positions, strict=True)
+    ]
+    if off:
+        ctx.metric("largest joint error of the twin", max(off), "rad")
+    extra = len(world.objects) - len(built.objects)
+    others = f", {extra} that the twin does not know" if extra else ""
+    ctx.say(f"{len(built.objects)} objects tracked{others}; step {1000 * options.timestep_s:g} ms; simulated")
+    for caption, picture in (*ctx.backend.portraits(bundle), *ctx.backend.portraits(built)):
+        ctx.preview(picture, caption)
+    return built

@@ -1,0 +1,44 @@
+"""simulate.reference with MuJoCo."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.world import World
+from dextera_build.rule import Backend
+from dextera_build.sim import model as models
+from dextera_build.sim import reference as builder
+from dextera_build.sim.machine import Machine
+from dextera_build.sim.portrait import portrait
+
+if TYPE_CHECKING:
+    from .reference import ReferenceOptions
+
+BACKEND = Backend(
+    summary="MuJoCo: the true things in the twin's place",
+    profiles=("cpu", "gpu"),
+    packages=("mujoco",),
+    extra="twin",
+)
+
+
+def build(bundle: TaskBundle, world: World, options: ReferenceOptions) -> TaskBundle:
+    """The task in the reference world."""
+    machine = Machine(
+        seed=options.seed,
+        gain_spread=options.gain_spread,
+        arm_friction=options.arm_friction,
+        hand_friction=options.hand_friction,
+        timestep_s=options.timestep_s,
+        latency_s=options.latency_s,
+    )
+    return builder.build(bundle, world, machine, contact_rate=options.contact_rate_rad_s, farthest_m=options.match_m)
+
+
+def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
+    """The configuration of the photograph."""
+    model = models.compile_folder(bundle.model)
+    return [(bundle.kind, portrait(model, models.at_home(model)))]

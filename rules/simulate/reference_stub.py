@@ -1,0 +1,28 @@
+"""simulate.reference without a simulator: the twin under the reference world's flag."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.world import World
+from dextera_build.rule import Backend
+
+if TYPE_CHECKING:
+    from .reference import ReferenceOptions
+
+BACKEND = Backend(summary="no simulation: the twin stands for the reference world", profiles=("stub",))
+
+
+def build(bundle: TaskBundle, world: World, options: ReferenceOptions) -> TaskBundle:
+    """The twin's model and objects, which do not vary."""
+    still = {"mass_scale": (1.0, 1.0), "friction_sigma": 0.0}
+    objects = {name: thing.model_copy(update=still) for name, thing in bundle.objects.items()}
+    return bundle.model_copy(update={"objects": objects, "kind": "reference", "latency_s": options.latency_s})
+
+
+def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
+    """No pictures."""
+    return []

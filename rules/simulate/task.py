@@ -1,0 +1,183 @@
+"""simulate.task: a scene, an embodiment and a primitive become a task that can be run."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.camera import Transform
+from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.task import Primitive, Reset, TaskBundle, TaskObject, TaskSpec
+from dextera_build.errors import listing
+from dextera_build.geometry import kinematics, metrics
+from dextera_build.rule import Context, Options, rule
+from dextera_build.sim import names
+
+
+class ResetOptions(Options):
+    """Start distribution: half ranges around the photograph's configuration."""
+
+    position_m: float = 0.05
+    """Half width of the square in which the task's object stands [m]."""
+    yaw_deg: float = 20.0
+    """Largest turn of the task's object about the vertical [deg]."""
+    clutter_m: float = 0.01
+    """Half width of the square in which every other object stands [m]."""
+    joint_deg: float = 0.0
+    """Half range of the joints of the task's object [deg]."""
+    robot_deg: float = 2.0
+    """Half range of every joint of the robot around home [deg]."""
+    dynamics: float = 1.0
+    """Share of the twin's own intervals that masses, friction and gains are drawn from."""
+
+
+class TaskOptions(Options):
+    """Options of simulate.task: what is to be done."""
+
+    name: str
+    """Name of the task: `CloseLaptop`."""
+    primitive: Primitive
+    """Kind of objective."""
+    object: str
+    """Label of the asset that the task is about."""
+    height_m: float = 0.10
+    """lift: how far it must rise [m]."""
+    joints_deg: dict[str, float] = Field(default_factory=dict)
+    """articulate: joint of the asset -> commanded position [deg]."""
+    tolerance_deg: float = 5.0
+    """articulate: largest distance from the command [deg]."""
+    hold_s: float = 0.5
+    """How long the condition must hold [s]."""
+    timeout_s: float = 8.0
+    """When an episode is given up [s]."""
+    control_hz: float = 20.0
+    """Rate of observations and actions [Hz]."""
+    reset: ResetOptions = ResetOptions()
+    """Start distribution."""
+    points: int = 256
+    """Points sampled on every object's surface."""
+
+
+@rule(version=1, packages=("numpy",))
+def task(
+    ctx: Context,
+    scene: Scene,
+    assets: Collection[Asset],
+    robot: RobotModel,
+    base: Transform,
+    *,
+    options: TaskOptions,
+) -> TaskBundle:
+    """Return the task in the twin: scene and robot as one MJCF in the world frame [m, kg, rad], and what success is.
+
+    The backend offers `fitted(options, joints) -> options`, `compose(scene, robot, world_from_base) -> Folder` and
+    `portraits(bundle) -> list of (caption, pixels)`. Masses and friction carry the twin's own uncertainty (90 %
+    interval, standard deviation), from which resets draw.
+    """
+    labels = names.body_names(assets.items)
+    bodies = {body: assets.items[label] for label, body in labels.items()}
+    options = ctx.backend.fitted(options, {name: _joint_labels(assets, label) for label, name in labels.items()})
+    ctx.check(
+        options.object in bodies,
+        f"the scene has no object `{options.object}`",
+        objects=listing(bodies, most=20),
+        hint=f"set `object: {next(iter(bodies), '')}`",
+    )
+    ctx.check(base.parent == "world", f"the robot's base is given in `{base.parent}`, not in the world")
+    spec = _spec(ctx, options, assets, labels)
+    bundle = TaskBundle(
+        model=ctx.backend.compose(scene.model, robot, base.matrix),
+        robot=robot,
+        world_from_base=base.matrix,
+        task=spec,
+        objects={body: _object(assets, label, options.points) for label, body in labels.items()},
+    )
+    reach = float(np.linalg.norm(bodies[options.object].world_from_object[:2, 3] - base.matrix[:2, 3]))
+    ctx.metric("distance of base and object", reach, "m")
+    ctx.say(
+        f"{options.name}: {options.primitive} `{options.object}`, {len(robot.joints)} joints, base {reach:.2f} m away"
+    )
+    for caption, picture in ctx.backend.portraits(bundle):
+        ctx.preview(picture, caption)
+    return bundle
+
+
+def _spec(ctx: Context, options: TaskOptions, assets: Collection[Asset], labels: dict[str, str]) -> TaskSpec:
+    label = next(label for label, body in labels.items() if body == options.object)
+    goals: dict[str, float] = {}
+    if options.primitive == "articulate":
+        known = dict(zip(_joint_labels(assets, label), _joint_names(assets, label), strict=True))
+        ctx.check(bool(options.joints_deg), f"`{options.name}` names no joint to move", joints=listing(known, most=20))
+        for joint, goal in options.joints_deg.items():
+            ctx.check(
+                joint in known, f"`{options.object}` has no joint `{joint}`", joints=listing(known, most=20) or "none"
+            )
+            goals[known[joint]] = float(np.radians(goal))
+            _check_reachable(
+                ctx, assets.items[label], joint, goals[known[joint]], float(np.radians(options.tolerance_deg))
+            )
+    else:
+        ctx.check(
+            options.height_m > 0, f"`{options.name}` lifts by {options.height_m:g} m", hint="set `height_m` above 0"
+        )
+    reset = options.reset
+    return TaskSpec(
+        name=options.name,
+        primitive=options.primitive,
+        object=options.object,
+        height_m=options.height_m if options.primitive == "lift" else 0.0,
+        joints=goals,
+        tolerance=float(np.radians(options.tolerance_deg)) if goals else 0.0,
+        hold_s=options.hold_s,
+        timeout_s=options.timeout_s,
+        control_hz=options.control_hz,
+        reset=Reset(
+            position_m=reset.position_m,
+            yaw_rad=float(np.radians(reset.yaw_deg)),
+            clutter_m=reset.clutter_m,
+            joint_rad=float(np.radians(reset.joint_deg)),
+            robot_rad=float(np.radians(reset.robot_deg)),
+            dynamics=reset.dynamics,
+        ),
+    )
+
+
+def _check_reachable(ctx: Context, asset: Asset, name: str, goal: float, tolerance: float) -> None:
+    joint = next(joint for joint in asset.body.joints if joint.name == name)
+    ctx.check(
+        joint.lower - tolerance <= goal <= joint.upper + tolerance,
+        f"joint `{name}` cannot reach {np.degrees(goal):.1f}°",
+        limits=f"{np.degrees(joint.lower):.1f}° to {np.degrees(joint.upper):.1f}°",
+        hint="set `joints_deg` inside the limits",
+    )
+
+
+def _joint_labels(assets: Collection[Asset], label: str) -> list[str]:
+    return [joint.name for joint in assets.items[label].body.joints]
+
+
+def _joint_names(assets: Collection[Asset], label: str) -> list[str]:
+    """Names in the MJCF: body of the child link and joint."""
+    links = names.link_names(assets.items)
+    return [f"{links[label, joint.child]}_{names.plain(joint.name)}" for joint in assets.items[label].body.joints]
+
+
+def _object(assets: Collection[Asset], label: str, count: int) -> TaskObject:
+    asset = assets.items[label]
+    low, high = 1.0, 1.0
+    total = sum(link.mass_kg for link in asset.physics.links.values())
+    if total > 0:
+        low = sum(link.mass_low_kg for link in asset.physics.links.values()) / total
+        high = sum(link.mass_high_kg for link in asset.physics.links.values()) / total
+    return TaskObject(
+        joints=tuple(_joint_names(assets, label)),
+        world_from_object=asset.world_from_object,
+        positions=tuple(joint.position for joint in asset.body.joints),
+        mass_scale=(low, high),
+        friction=asset.physics.friction,
+        friction_sigma=asset.physics.friction_sigma,
+        points=metrics.sample_surface(*kinematics.posed_surface(asset.body), count, seed=0).astype(np.float32),
+    )

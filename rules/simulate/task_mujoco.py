@@ -1,0 +1,48 @@
+"""simulate.task with MuJoCo: compose, and show where episodes begin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.rule import Backend
+from dextera_build.sim import compose as composer
+from dextera_build.sim.environment import Environment
+from dextera_build.sim.portrait import portrait
+
+if TYPE_CHECKING:
+    from .task import TaskOptions
+
+BACKEND = Backend(
+    summary="MuJoCo: scene and robot in one MJCF",
+    profiles=("cpu", "gpu"),
+    packages=("mujoco",),
+    extra="twin",
+)
+SHOWN = 3
+"""Starts that are drawn and shown."""
+
+
+def fitted(options: TaskOptions, joints: Mapping[str, list[str]]) -> TaskOptions:
+    """The options as they are."""
+    return options
+
+
+def compose(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) -> Folder:
+    """Scene and robot as one MJCF."""
+    return composer.with_robot(scene, robot, world_from_base)
+
+
+def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
+    """Captions and pictures of the photograph's configuration and of some starts; fails where no start can be drawn."""
+    environment = Environment(bundle)
+    found = [("as photographed", portrait(environment.model, environment.data))]
+    for seed in range(SHOWN):
+        environment.reset(seed)
+        found.append((f"start {seed}", portrait(environment.model, environment.data)))
+    return found

@@ -1,0 +1,73 @@
+"""simulate.view: the camera that policies and films look through."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.task import View
+from dextera_build.geometry import transforms
+from dextera_build.rule import Context, Options, rule
+
+Point = tuple[float, float, float]
+
+
+class ViewOptions(Options):
+    """Options of simulate.view."""
+
+    width_px: int = 128
+    """Width of a frame [px]."""
+    height_px: int = 96
+    """Height of a frame [px]."""
+    eye_m: Point | None = None
+    """Where the camera stands in the world [m]; absent: where the photograph was taken."""
+    target_m: Point | None = None
+    """What it looks at from `eye_m`, in the world [m]; image right is horizontal."""
+
+
+@rule(version=1, packages=("numpy",))
+def view(ctx: Context, scene: Scene, *, options: ViewOptions) -> View:
+    """Return the photograph's camera at another size, cropped evenly to the new shape, or one put elsewhere."""
+    if options.width_px < 1 or options.height_px < 1:
+        ctx.fail("a frame has at least one pixel", size=f"{options.width_px} x {options.height_px} px")
+    if (options.eye_m is None) != (options.target_m is None):
+        ctx.fail("`eye_m` and `target_m` go together", eye_m=options.eye_m, target_m=options.target_m)
+    camera = scaled(scene.camera, options.width_px, options.height_px)
+    pose = scene.world_from_camera
+    if options.eye_m is not None and options.target_m is not None:
+        pose = _looking(ctx, np.array(options.eye_m), np.array(options.target_m))
+    ctx.say(f"{camera.width} x {camera.height} px, {'as photographed' if options.eye_m is None else 'placed by hand'}")
+    return View(camera=camera, world_from_camera=pose)
+
+
+def scaled(camera: Camera, width: int, height: int) -> Camera:
+    """`camera` cropped evenly on two sides to the shape `width` : `height`, then scaled to that size [px].
+
+    Pixel centres are integers, so the left border of the picture lies at -0.5 before and after.
+    """
+    scale = max(width / camera.width, height / camera.height)
+    left, top = (camera.width - width / scale) / 2, (camera.height - height / scale) / 2
+    return Camera(
+        width=width,
+        height=height,
+        fx=camera.fx * scale,
+        fy=camera.fy * scale,
+        cx=(camera.cx + 0.5 - left) * scale - 0.5,
+        cy=(camera.cy + 0.5 - top) * scale - 0.5,
+    )
+
+
+def _looking(ctx: Context, eye: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """T_world_camera (4, 4) of an OpenCV camera at `eye` that looks at `target`; neither is above the other."""
+    forward = target - eye
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    if np.linalg.norm(right) < 1e-6:
+        ctx.fail(
+            "the camera would look straight up or down, where image right is not defined",
+            hint="move `eye_m` a little aside",
+            eye_m=tuple(eye),
+            target_m=tuple(target),
+        )
+    forward, right = forward / np.linalg.norm(forward), right / np.linalg.norm(right)
+    return transforms.rigid(np.stack([right, np.cross(forward, right), forward], axis=1), eye)

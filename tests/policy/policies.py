@@ -1,0 +1,53 @@
+"""Contracts and checkpoints of the hand-made task, without a training."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.policy import Channel, Checkpoint, PolicyContract
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.policy import contract as contracts
+from dextera_build.policy import layout
+from dextera_build.policy.observation import DeployableObservation, Measurement, deployable
+from tests import episodes
+
+INPUTS = ("joints", "objects", "displacement", "goal")
+
+
+def contract(
+    bundle: TaskBundle, inputs: tuple[str, ...] = INPUTS, view: View | None = None, **settings: float
+) -> PolicyContract:
+    """A contract for `bundle` with a very small network; its actions are not normalised."""
+    here = layout.of_bundle(bundle, view)
+    count = len(here.joints)
+    return PolicyContract(
+        algorithm="act",
+        task=here.task,
+        embodiment=here.embodiment,
+        inputs=tuple(contracts.channel(here, name) for name in inputs),
+        action=Channel(name="action", shape=(count,), names=here.joints, mean=(0.0,) * count, scale=(1.0,) * count),
+        rate_hz=here.rate_hz,
+        dataset="0" * 64,
+        settings={"chunk": 4, "width": 16, "heads": 2, "latent": 2} | settings,
+    )
+
+
+def checkpoint(made: PolicyContract, seed: int = 0) -> Checkpoint:
+    """Untrained weights for a contract."""
+    from dextera_build.policy import act, weights
+
+    data = weights.to_bytes(act.of_contract(made, seed).state_dict())
+    return Checkpoint(
+        weights=data,
+        contract=made,
+        steps=np.array([1], np.int64),
+        curve=np.array([1.0], np.float32),
+        curve_name="L1 loss",
+    )
+
+
+def observation(step: int = 0, **fields: np.ndarray) -> DeployableObservation:
+    """What the policy would see at one step of a hand-made episode."""
+    one = episodes.episode()
+    seen = {"joints": one.joints[step], "objects": one.objects[step], "displacement": one.displacement[step]}
+    return deployable(Measurement(**(seen | fields)), one.start.ctrl, one.goal)

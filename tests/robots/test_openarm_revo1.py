@@ -1,0 +1,122 @@
+"""Two OpenArms with Revo 1 hands, on the compiled model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.robot import RobotModel
+from tests.robots.robot_recipes import at, built, compiled, touching
+
+FINGERS = ("index", "middle", "ring", "little")
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
+    return built("openarm_revo1", tmp_path_factory.mktemp("robot"))
+
+
+@pytest.fixture(scope="module")
+def model(robot: RobotModel) -> Any:
+    return compiled(robot)
+
+
+def mirrored(robot: RobotModel, random: np.random.Generator) -> dict[str, float]:
+    """Joint positions [rad] at which the left arm and hand are the mirror image of the right."""
+    right = {j.name: float(random.uniform(j.lower, j.upper)) for j in robot.joints if j.name.startswith("right_")}
+    # OpenArm counts every joint but the elbow the other way round on the left.
+    turned = {f"right_joint_{number}" for number in (1, 2, 3, 5, 6, 7)}
+    left = {f"left_{name.removeprefix('right_')}": -p if name in turned else p for name, p in right.items()}
+    return {**right, **left}
+
+
+def test_each_side_has_seven_joints_and_six_motors(robot: RobotModel, model: Any) -> None:
+    for side in ("left", "right"):
+        assert sum(name.startswith(side) for name in robot.names("arm")) == 7
+        assert sum(name.startswith(side) for name in robot.names("hand")) == 6
+        assert sum(follower.name.startswith(side) for follower in robot.followers) == 4
+    assert [model.actuator(number).name for number in range(model.nu)] == [joint.name for joint in robot.joints]
+    assert (model.nu, model.nq) == (26, 34)
+
+
+def test_figures_of_the_data_sheets(robot: RobotModel, model: Any) -> None:
+    hand = [name for name, group in robot.links.items() if group == "hand" and name.startswith("left_")]
+    assert sum(model.body(name).mass[0] for name in hand) == pytest.approx(0.540, abs=0.005)
+    limits = {joint.name: np.degrees([joint.lower, joint.upper]) for joint in robot.joints}
+    np.testing.assert_allclose(limits["left_index_flexion"], [0, 70], atol=0.01)
+    np.testing.assert_allclose(limits["right_thumb_flexion"], [0, 55], atol=0.01)
+    np.testing.assert_allclose(limits["right_thumb_rotation"], [0, 90], atol=0.01)
+    data = at(model, dict.fromkeys(robot.home, 0.0))
+    reach = data.site("right_flange").xpos[2] - data.site("right_tip_middle").xpos[2]
+    assert reach + 0.006 == pytest.approx(0.183, abs=0.002)  # the pad goes on for 6 mm beyond the frame
+    arm = [name for name in robot.links if name in {f"right_link_{number}" for number in range(7)}]
+    assert sum(model.body(name).mass[0] for name in arm) == pytest.approx(5.362, abs=0.001)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_one_side_mirrors_the_other(robot: RobotModel, model: Any, seed: int) -> None:
+    joints = mirrored(robot, np.random.default_rng(seed))
+    data = at(model, robot.followed(joints))
+    for frame in ("flange", "palm", "tip_thumb", *(f"tip_{finger}" for finger in FINGERS)):
+        left, right = data.site(f"left_{frame}").xpos, data.site(f"right_{frame}").xpos
+        np.testing.assert_allclose(left * [1, -1, 1], right, atol=1e-6, err_msg=frame)
+        assert robot.frames[f"right_{frame}"] == f"right_{frame}"
+        np.testing.assert_array_equal(data.site(frame).xpos, right)  # without a side: the right hand
+
+
+def test_palms_face_each_other_and_thumbs_oppose(robot: RobotModel, model: Any) -> None:
+    data = at(model, robot.home)
+    across = data.site("left_palm").xpos - data.site("right_palm").xpos
+    normal = data.site("right_palm").xmat.reshape(3, 3)[:, 0]
+    assert normal @ across / np.linalg.norm(across) > 0.99
+    opposed = at(model, robot.home | {"right_thumb_rotation": 1.57})
+    ahead = (opposed.site("right_tip_thumb").xpos - opposed.site("right_palm").xpos) @ normal
+    assert ahead > 0.03
+
+
+@pytest.mark.parametrize("rotation", [0.0, 1.57])
+def test_nothing_touches_at_home_nor_while_the_fingers_close(robot: RobotModel, model: Any, rotation: float) -> None:
+    turned = {name: rotation for name in robot.home if name.endswith("rotation")}
+    for share in np.linspace(0, 0.8, 9):
+        bent = {name: 1.22 * share for name in robot.home if name.endswith(tuple(f"{f}_flexion" for f in FINGERS))}
+        data = at(model, robot.followed(robot.home | turned | bent))
+        assert not touching(model, data), share
+
+
+def test_it_holds_itself_at_home(robot: RobotModel, model: Any) -> None:
+    data = at(model, robot.followed(robot.home))
+    for name, position in robot.home.items():
+        data.actuator(name).ctrl[0] = position
+    worst = 0.0
+    for _ in range(int(5.0 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        worst = max(worst, *(abs(data.joint(name).qpos[0] - position) for name, position in robot.home.items()))
+    assert worst < 0.05
+    assert np.abs(data.qvel).max() < 1e-3
+
+
+def test_distal_joints_follow(robot: RobotModel, model: Any) -> None:
+    """While a finger closes as fast as it can, and when it is pushed at its tip."""
+    data = at(model, robot.followed(robot.home))
+    for name, position in robot.home.items():
+        data.actuator(name).ctrl[0] = 1.1 if name.endswith(tuple(f"{f}_flexion" for f in FINGERS)) else position
+    worst = 0.0
+    for step in range(1000):
+        if step > 600:
+            data.body("right_index_distal").xfrc_applied[:3] = [0.0, 3.0, 0.0]
+        mujoco.mj_step(model, data)
+        for follower in robot.followers:
+            wanted = follower.ratio * data.joint(follower.leader).qpos[0] + follower.offset
+            worst = max(worst, abs(data.joint(follower.name).qpos[0] - wanted))
+    assert worst < 0.02
+    assert data.joint("left_middle_flexion").qpos[0] == pytest.approx(1.1, abs=0.01)
+    assert data.joint("left_middle_bend").qpos[0] == pytest.approx(1.155 * 1.1, abs=0.02)
+
+
+def test_links_and_frames_exist(robot: RobotModel, model: Any) -> None:
+    assert {model.body(number).name for number in range(1, model.nbody)} == set(robot.links)
+    assert {model.site(number).name for number in range(model.nsite)} == set(robot.frames.values())
+    assert model.nmesh == 0

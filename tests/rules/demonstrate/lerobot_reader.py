@@ -1,0 +1,42 @@
+"""Opens a data set with LeRobot's own loader, in a process of its own: `lerobot_reader.py FOLDER OUT.npz`.
+
+LeRobot pins another torch. Its loader runs on this one all the same once torchvision finds the two operators that its
+CUDA build would bring.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import torch
+
+LIBRARY = torch.library.Library("torchvision", "DEF")
+for name in ("nms", "qnms"):
+    LIBRARY.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+
+from lerobot.datasets.lerobot_dataset import LeRobotDataset  # noqa: E402
+
+NUMBERS = ("observation.state", "observation.environment_state", "action", "timestamp", "index", "episode_index")
+
+
+def main(folder: str, out: str) -> None:
+    """Write every item of the data set, and a window of one in a selection of episodes."""
+    whole = LeRobotDataset("dextera/test", root=folder, video_backend="pyav")
+    (camera,) = whole.meta.video_keys
+    items = [whole[number] for number in range(len(whole))]
+    found = {key: np.stack([item[key].numpy() for item in items]) for key in NUMBERS}
+    found["pixels"] = np.stack([item[camera].numpy() for item in items])
+    found["task"] = np.array([item["task"] for item in items])
+    found["mean"] = whole.meta.stats["action"]["mean"]
+    period = 1.0 / whole.fps
+    wanted = {"action": [0.0, period, 2 * period], camera: [-period, 0.0]}
+    some = LeRobotDataset("dextera/test", root=folder, video_backend="pyav", episodes=[1, 3], delta_timestamps=wanted)
+    last = some[len(some) - 1]
+    found |= {"window": last["action"].numpy(), "padding": last["action_is_pad"].numpy()}
+    found |= {"window_pixels": last[camera].numpy(), "window_episode": last["episode_index"].numpy()}
+    np.savez(out, **found)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,289 @@
+"""learn.act: what it learns, that it is exact, and that an interruption loses nothing."""
+
+from __future__ import annotations
+
+import errno
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from dextera_build.artifacts.episode import Episode, Episodes, Film
+from dextera_build.artifacts.policy import Checkpoint
+from dextera_build.errors import RuleError
+from dextera_build.loader import choose_backend
+from dextera_build.policy import weights
+from dextera_build.policy.load import load
+from dextera_build.policy.observation import Measurement, deployable
+from dextera_build.rule import Context
+from dextera_build.testing import RuleRunner
+from tests import episodes
+
+BUNDLE = episodes.bundle()
+SMALL = {"steps": 30, "width": 16, "heads": 2, "chunk": 5, "batch": 16, "held_out": 0.25}
+
+
+def learn(tmp_path: Path, data: Episodes, backend: str = "torch", **more: Any) -> Checkpoint:
+    film = {"film": more.pop("film")} if "film" in more else {}
+    made = RuleRunner(tmp_path).run(
+        "learn.act", backend=backend, bundle=BUNDLE, episodes=data, options=SMALL | more, **film
+    )
+    assert isinstance(made, Checkpoint)
+    return made
+
+
+def filmed(data: Episodes, height: int = 32, width: int = 48) -> Film:
+    """A film in which a bright square stands where the box is."""
+    return Film(
+        frames={name: _frames(one, height, width) for name, one in data.items.items()}, width=width, height=height
+    )
+
+
+def _frames(one: Episode, height: int, width: int) -> bytes:
+    frames = np.zeros((len(one.action), height, width, 3), np.uint8)
+    for frame, position in zip(frames, one.objects[:, 0, :2], strict=True):
+        row, column = (
+            int(size / 2 + 100 * (value - 0.4)) for size, value in zip((height, width), position, strict=True)
+        )
+        frame[max(0, row - 4) : max(0, row + 4), max(0, column - 4) : max(0, column + 4)] = 255
+    return Film.packed(frames)
+
+
+def test_it_learns_what_was_shown(tmp_path: Path) -> None:
+    """A policy that saw 16 swings towards a box reaches boxes that stand elsewhere."""
+    made = learn(tmp_path, episodes.small(16, 30), steps=500, width=32, batch=32)
+    assert made.curve[-1] < 0.2 * made.curve[0]
+    policy = load(made, BUNDLE)
+    missed = []
+    for seed in range(100, 106):
+        shown = episodes.episode(30, seed=seed)
+        joints = sent = shown.start.ctrl
+        policy.reset()
+        for step in range(30):
+            seen = Measurement(joints, shown.objects[step], shown.displacement[step])
+            joints = sent = policy.act(deployable(seen, sent, shown.goal))
+        missed.append(np.abs(joints - shown.joints[-1]).max())
+    swing = np.abs(shown.joints[-1] - shown.joints[0]).max()
+    assert np.median(missed) < 0.1 * swing
+
+
+def test_the_same_inputs_give_the_same_bytes(tmp_path: Path) -> None:
+    data = episodes.small(4)
+    first = learn(tmp_path, data)
+    assert learn(tmp_path, data).weights == first.weights
+    assert learn(tmp_path, data, seed=1).weights != first.weights
+
+
+def test_neither_threads_nor_the_global_generator_matter(tmp_path: Path) -> None:
+    import torch
+
+    data, before = episodes.small(4), torch.get_num_threads()
+    first = learn(tmp_path, data)
+    torch.set_num_threads(2)
+    torch.manual_seed(7)
+    try:
+        state = torch.get_rng_state()
+        assert learn(tmp_path, data).weights == first.weights
+        assert torch.equal(torch.get_rng_state(), state)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+
+
+class Killed(Exception):  # noqa: N818 - it stands for a signal
+    """The process ends here."""
+
+
+def interrupted(folder: Path, data: Episodes, stop: int | None, monkeypatch: pytest.MonkeyPatch, **more: Any) -> Any:
+    """A training that is killed after `stop` steps; its logged lines and its checkpoint, if it got that far."""
+    runner = RuleRunner(folder)
+    found = runner.find("learn.act")
+    chosen = choose_backend(found, "torch", "cpu")
+    assert chosen
+    module = chosen.load()
+    monkeypatch.setattr(module, "SAVE_EVERY_S", 0.0)
+    lines: list[str] = []
+
+    def emit(kind: str, event: Mapping[str, object]) -> None:
+        if kind == "log":
+            lines.append(str(event["text"]))
+        elif event["done"] == stop:
+            raise Killed
+
+    ctx = Context(module, scratch=folder / "scratch", emit=emit, keep=folder / "keep")
+    options = found.rule.options.model_validate(SMALL | more)
+    try:
+        return found.rule(ctx, BUNDLE, data, **_film(data, more), options=options), lines
+    except Killed:
+        return None, lines
+
+
+def _film(data: Episodes, more: Mapping[str, Any]) -> dict[str, Film]:
+    return {"film": filmed(data)} if "rgb" in more.get("inputs", ()) else {}
+
+
+@pytest.mark.parametrize("more", [{"jitter": 0.02}, {"inputs": ("joints", "rgb"), "steps": 12}])
+def test_a_training_that_was_killed_ends_with_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: dict[str, Any]
+) -> None:
+    data = episodes.small(4)
+    whole, _ = interrupted(tmp_path / "whole", data, None, monkeypatch, **more)
+    for stop in (3, 7, 11):
+        nothing, _ = interrupted(tmp_path / "cut", data, stop, monkeypatch, **more)
+        assert nothing is None
+    rest, lines = interrupted(tmp_path / "cut", data, None, monkeypatch, **more)
+    assert lines[0] == "goes on after step 11"
+    assert rest.weights == whole.weights
+    np.testing.assert_array_equal(rest.curve, whole.curve)
+    np.testing.assert_array_equal(rest.steps, whole.steps)
+
+
+def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = episodes.small(4)
+    interrupted(tmp_path, data, 7, monkeypatch)
+    _, lines = interrupted(tmp_path, data, None, monkeypatch, seed=1)
+    assert not [line for line in lines if line.startswith("goes on")]
+
+
+def test_a_damaged_state_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = episodes.small(4)
+    whole, _ = interrupted(tmp_path / "whole", data, None, monkeypatch)
+    interrupted(tmp_path / "cut", data, 7, monkeypatch)
+    (file,) = (tmp_path / "cut" / "keep").iterdir()
+    file.write_bytes(file.read_bytes()[:-10])
+    rest, lines = interrupted(tmp_path / "cut", data, None, monkeypatch)
+    assert not [line for line in lines if line.startswith("goes on")]
+    assert rest.weights == whole.weights
+
+
+def test_a_full_disk_does_not_end_a_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = episodes.small(4)
+    whole, _ = interrupted(tmp_path / "whole", data, None, monkeypatch)
+
+    def full(*arguments: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    made, lines = interrupted(tmp_path / "full", data, None, monkeypatch)
+    assert "the state of the training could not be kept: No space left on device" in lines
+    assert made.weights == whole.weights
+
+
+def test_a_training_that_diverges_is_one_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(RuleError, match="the training diverged before step") as caught:
+        learn(tmp_path, episodes.small(4), rate=1e30)
+    assert caught.value.hint == "rate: 3e+29"
+
+
+def test_privileged_quantities_full_of_nan_leave_the_weights_alone(tmp_path: Path) -> None:
+    data = episodes.small(4)
+
+    def poison(one: Episode) -> Episode:
+        return one.model_copy(update={name: np.full_like(getattr(one, name), np.nan) for name in ("contact", "hand")})
+
+    poisoned = data.model_copy(update={"items": {name: poison(one) for name, one in data.items.items()}})
+    assert learn(tmp_path, poisoned).weights == learn(tmp_path, data).weights
+
+
+def test_labels_are_what_was_meant_and_not_what_was_sent(tmp_path: Path) -> None:
+    data = episodes.small(4)
+    noisy = {
+        name: one.model_copy(update={"executed": one.executed + np.float32(0.1)}) for name, one in data.items.items()
+    }
+    assert learn(tmp_path, data.model_copy(update={"items": noisy})).weights == learn(tmp_path, data).weights
+
+
+def test_the_normalisation_comes_from_training_episodes_alone(tmp_path: Path) -> None:
+    data = episodes.small(4)
+    far = {name: one.model_copy(update={"joints": one.joints + np.float32(5.0)}) for name, one in data.items.items()}
+    plain = learn(tmp_path, data).contract.inputs[0]
+    means = [
+        learn(tmp_path, data.model_copy(update={"items": data.items | {name: far[name]}})).contract.inputs[0].mean
+        for name in data.items
+    ]
+    assert sum(mean == plain.mean for mean in means) == 1, "one of four episodes is held out"
+
+
+def test_the_contract_says_all_that_it_was_trained_on(tmp_path: Path) -> None:
+    data = episodes.small(4)
+    contract = learn(tmp_path, data, objects="all").contract
+    assert contract.task == "LiftBox"
+    assert contract.embodiment == data.embodiment
+    assert contract.rate_hz == data.rate_hz
+    assert contract.action.names == data.joint_names
+    assert [(channel.name, channel.names) for channel in contract.inputs] == [
+        ("joints", data.joint_names),
+        ("objects", ("box", "case")),
+        ("displacement", ("case_lid_hinge",)),
+        ("goal", ("rise",)),
+    ]
+    assert contract.dataset != learn(tmp_path, episodes.small(5)).contract.dataset
+
+
+def test_it_looks_at_the_object_of_the_task_alone(tmp_path: Path) -> None:
+    named = {channel.name: channel.names for channel in learn(tmp_path, episodes.small(4)).contract.inputs}
+    assert named == {"joints": ("joint_1", "joint_2", "joint_3"), "objects": ("box",), "goal": ("rise",)}
+
+
+def test_it_learns_from_pictures(tmp_path: Path) -> None:
+    data = episodes.small(6)
+    made = learn(tmp_path, data, inputs=("joints", "rgb"), film=filmed(data), steps=60)
+    assert made.contract.inputs[1].shape == (32, 48, 3)
+    assert made.curve[-1] < 0.5 * made.curve[0]
+    assert any(name.startswith("eye.") for name in weights.from_bytes(made.weights))
+
+
+def test_the_stub_gives_a_checkpoint_of_the_same_form(tmp_path: Path) -> None:
+    data = episodes.small(4)
+    stub, real = learn(tmp_path, data, backend="stub"), learn(tmp_path, data)
+    assert stub.contract == real.contract
+    assert stub.curve_name == real.curve_name
+    with pytest.raises(RuleError, match="the weights do not fit the network"):
+        load(stub, BUNDLE)
+
+
+def test_it_reports_loss_and_curve(tmp_path: Path) -> None:
+    runner = RuleRunner(tmp_path)
+    runner.run("learn.act", bundle=BUNDLE, episodes=episodes.small(4), options=SMALL)
+    assert runner.outcome.line.startswith("3 episodes, 30 steps, loss 0.")
+    assert runner.outcome.metrics["held-out error"][1] == "mrad"
+    ((caption, picture),) = runner.outcome.previews
+    assert caption == "loss over 30 steps, 3 episodes"
+    assert Image.open(io.BytesIO(picture)).size == (640, 280)
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "message"),
+    [
+        ({"items": {}}, {}, "there is no successful episode to learn from"),
+        ({}, {"inputs": ()}, "`inputs` must name one channel or more, each once"),
+        ({}, {"inputs": ("joints", "joints")}, "`inputs` must name one channel or more, each once"),
+        ({}, {"inputs": ("joints", "contact")}, "there is no channel `contact` to learn from"),
+        ({}, {"inputs": ("joints", "rgb")}, "there is no channel `rgb` to learn from"),
+        ({}, {"inputs": ("displacement",)}, "none of the inputs has a component: displacement"),
+        ({}, {"width": 18, "heads": 4}, "width 18 is not a multiple of 4 heads"),
+        ({"rate_hz": 10.0}, {}, "the data set does not fit the task bundle: another rate"),
+    ],
+)
+def test_bad_input_is_one_clear_error(
+    tmp_path: Path, change: dict[str, Any], options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(RuleError, match=message):
+        learn(tmp_path, episodes.small(4).model_copy(update=change), **options)
+
+
+def test_a_film_must_belong_to_the_episodes(tmp_path: Path) -> None:
+    data = episodes.small(4)
+    film = filmed(data)
+    with pytest.raises(RuleError, match="a film is given, but `rgb` is not among the inputs"):
+        learn(tmp_path, data, film=film)
+    part = film.model_copy(update={"frames": {"0": film.frames["0"]}})
+    with pytest.raises(RuleError, match="the film lacks 3 of 4 episodes"):
+        learn(tmp_path, data, film=part, inputs=("joints", "rgb"))
+    longer = filmed(episodes.small(4, 25))
+    with pytest.raises(RuleError, match="episode `0` has 20 steps, but 25 frames"):
+        learn(tmp_path, data, film=longer, inputs=("joints", "rgb"))

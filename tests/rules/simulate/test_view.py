@@ -1,0 +1,64 @@
+"""simulate.view: the photograph's camera at another size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.scene import Scene
+from dextera_build.errors import RuleError
+from dextera_build.testing import RuleRunner
+from tests import factories
+
+CAMERA = Camera(width=1280, height=720, fx=912.4, fy=911.8, cx=643.2, cy=357.7)
+POSE = factories.look_at((0.1, -0.9, 0.7))
+SCENE = Scene(model=Folder(files={}), camera=CAMERA, world_from_camera=POSE, bodies=())
+
+
+@given(st.integers(8, 400), st.integers(8, 400))
+def test_a_point_lands_where_cropping_and_scaling_the_photograph_puts_it(width: int, height: int) -> None:
+    made = RuleRunner(Path()).run("simulate.view", options={"width_px": width, "height_px": height}, scene=SCENE)
+    small = made.camera
+    scale = max(width / 1280, height / 720)
+    point = np.array([0.13, -0.07, 1.2])
+    full, seen = (camera.matrix() @ point / point[2] for camera in (CAMERA, small))
+    # From the middle of the picture, in pixels: centres are integers, so the middle of 1280 columns is 639.5.
+    expected = (full[:2] - [639.5, 359.5]) * scale
+    np.testing.assert_allclose(seen[:2] - [(width - 1) / 2, (height - 1) / 2], expected, atol=1e-9)
+    assert (small.width, small.height) == (width, height)
+    np.testing.assert_array_equal(made.world_from_camera, POSE)
+
+
+def test_its_own_size_leaves_the_camera_as_it_is(tmp_path: Path) -> None:
+    made = RuleRunner(tmp_path).run("simulate.view", options={"width_px": 1280, "height_px": 720}, scene=SCENE)
+    np.testing.assert_allclose(made.camera.matrix(), CAMERA.matrix(), atol=1e-9)
+
+
+def test_a_camera_put_by_hand_looks_at_its_target(tmp_path: Path) -> None:
+    runner = RuleRunner(tmp_path)
+    eye, target = (0.5, -0.8, 0.9), (0.1, 0.2, 0.05)
+    made = runner.run("simulate.view", options={"eye_m": eye, "target_m": target}, scene=SCENE)
+    seen = np.linalg.inv(made.world_from_camera) @ [*target, 1.0]
+    np.testing.assert_allclose(seen[:2], 0.0, atol=1e-12)
+    assert seen[2] == pytest.approx(np.linalg.norm(np.subtract(eye, target)))
+    assert made.world_from_camera[2, 0] == pytest.approx(0.0)
+    assert runner.outcome.line == "128 x 96 px, placed by hand"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"width_px": 0}, "a frame has at least one pixel"),
+        ({"eye_m": (0.0, 0.0, 1.0)}, "`eye_m` and `target_m` go together"),
+        ({"eye_m": (0.0, 0.0, 1.0), "target_m": (0.0, 0.0, 0.0)}, "straight up or down"),
+    ],
+)
+def test_what_cannot_be_looked_through_is_refused(tmp_path: Path, options: dict[str, object], message: str) -> None:
+    with pytest.raises(RuleError, match=message):
+        RuleRunner(tmp_path).run("simulate.view", options=options, scene=SCENE)
