@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal
 
+from pydantic import Field
+
 from dextera_build.artifacts.base import Artifact, Folder, Value
 
 Group = Literal["arm", "hand"]
@@ -52,7 +54,7 @@ class Grip(Value):
     """What the fingers press things against; `nothing`: they push with their tips."""
     open: dict[str, float]
     """Joint -> position at its widest [rad]; joints left out stand at home."""
-    closed: dict[str, float] = {}
+    closed: dict[str, float] = Field(default_factory=dict)
     """Joint -> position with nothing in the hand [rad]; joints left out stay as in `open`."""
     facing: tuple[float, float, float] = (0.0, 0.0, -1.0)
     """Unit direction out of the palm."""
@@ -77,7 +79,7 @@ class RobotModel(Artifact):
     """Role -> MJCF site: `flange`, `palm`, a fingertip per finger; of two arms also as `left_...` and `right_...`."""
     source: str
     """Where kinematics, masses and limits come from."""
-    grips: dict[str, Grip] = {}
+    grips: dict[str, Grip] = Field(default_factory=dict)
     """Name -> a way to use the hand: `pinch`, `wrap`, `point`."""
     followers: tuple[Follower, ...] = ()
     """Joints that move with an actuated one; they are not part of an action."""

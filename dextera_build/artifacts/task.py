@@ -107,6 +107,7 @@ class TaskBundle(Artifact):
         written.append(folder / f"{stem}.bundle")
         written[-1].write_bytes(pack(self))
         return written
+
     latency_s: float = 0.0
     """Time from a command to its effect in this world [s]."""
 

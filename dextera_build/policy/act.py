@@ -37,6 +37,8 @@ class Sizes:
     """Blocks over the chunk's tokens."""
     latent: int = 8
     """Size of the style."""
+    located: int = 0
+    """Numbers that say where the task's object is, which policies that look learn to tell from the picture."""
 
     def settings(self) -> dict[str, float | int | str | bool]:
         """What `PolicyContract.settings` keeps of it."""
@@ -138,6 +140,7 @@ class Act(nn.Module):
         count = 1 + sum(tokens for tokens, _ in inputs.values())
         self.place = nn.Parameter(torch.randn(count, width) * 0.02)
         self.eye = Eye(width) if looks else None
+        self.locate = nn.Linear(width, sizes.located) if looks and sizes.located else None
         self.embed_latent = nn.Linear(sizes.latent, width)
         self.encoder = nn.ModuleList(Block(width, heads, memory=False) for _ in range(sizes.encoder_layers))
         self.norm_memory = nn.LayerNorm(width)
@@ -150,19 +153,21 @@ class Act(nn.Module):
         self.style = nn.ModuleList(Block(width, heads, memory=False) for _ in range(sizes.style_layers))
         self.style_out = nn.Linear(width, 2 * sizes.latent)
 
-    def forward(self, inputs: Mapping[str, Tensor], latent: Tensor | None = None) -> Tensor:
+    def forward(self, inputs: Mapping[str, Tensor], latent: Tensor | None = None, seen: Tensor | None = None) -> Tensor:
         """(B, C, A) normalised actions; without a latent the mean style, 0.
 
         Args:
             inputs: Channel -> (B, tokens, features) float32; `rgb` -> (B, 3, H, W) in -1 to 1.
             latent: (B, Z) style.
+            seen: (B, 1, W) token of the picture, where `see` has made it already.
         """
         tokens = self._tokens(inputs)
         if latent is None:
             latent = tokens.new_zeros(tokens.shape[0], self.latent)
         tokens = torch.cat([self.embed_latent(latent)[:, None], tokens], dim=1) + self.place
-        if self.eye is not None:
-            tokens = torch.cat([tokens, self.eye(inputs["rgb"])], dim=1)
+        seen = self.see(inputs) if seen is None else seen
+        if seen is not None:
+            tokens = torch.cat([tokens, seen], dim=1)
         for block in self.encoder:
             tokens = block(tokens)
         memory = self.norm_memory(tokens)
@@ -171,6 +176,10 @@ class Act(nn.Module):
             chunk = block(chunk, memory)
         out: Tensor = self.head(self.norm_out(chunk))
         return out
+
+    def see(self, inputs: Mapping[str, Tensor]) -> Tensor | None:
+        """(B, 1, W) token of the picture, or None for a policy that sees none."""
+        return None if self.eye is None else self.eye(inputs["rgb"])
 
     def encode(self, inputs: Mapping[str, Tensor], actions: Tensor, keep: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and log variance, (B, Z) each, of the style of a demonstrated chunk.
@@ -194,25 +203,42 @@ class Act(nn.Module):
         return torch.cat([layer(inputs[name]) for name, layer in self.embed.items()], dim=1)
 
 
-def loss_of(
-    network: Act, inputs: Mapping[str, Tensor], actions: Tensor, keep: Tensor, noise: Tensor, kl_weight: float
-) -> tuple[Tensor, Tensor]:
+@dataclass(frozen=True)
+class Batch:
+    """Samples to learn from."""
+
+    inputs: Mapping[str, Tensor]
+    """As in `Act.forward`."""
+    actions: Tensor
+    """Demonstrated chunks (B, C, A), normalised."""
+    keep: Tensor
+    """(B, C), false for steps after the episode's end."""
+    places: Tensor | None = None
+    """(B, P) normalised, where the task's object is: what a policy that looks is told in training and nowhere else."""
+
+
+def loss_of(network: Act, batch: Batch, noise: Tensor, kl_weight: float) -> tuple[Tensor, Tensor]:
     """(loss, L1 part): mean absolute error over the steps that exist, and the style's divergence from N(0, 1).
+
+    A policy that looks is also asked where the object is. Without that it reads the goal of a motion off the robot's
+    own joints, which tell it in demonstrations, but not when it acts itself.
 
     Args:
         network: The network.
-        inputs: As in `Act.forward`.
-        actions: (B, C, A) normalised.
-        keep: (B, C), false for steps after the episode's end.
+        batch: Samples.
         noise: (B, Z) standard normal, the draw of the style.
         kl_weight: Weight of the divergence.
     """
-    mean, log_variance = network.encode(inputs, actions, keep)
+    mean, log_variance = network.encode(batch.inputs, batch.actions, batch.keep)
     latent = mean + (0.5 * log_variance).exp() * noise
-    error = (network(inputs, latent) - actions).abs().mean(dim=-1)
-    l1 = (error * keep).sum() / keep.sum()
+    seen = network.see(batch.inputs)
+    error = (network(batch.inputs, latent, seen) - batch.actions).abs().mean(dim=-1)
+    l1 = (error * batch.keep).sum() / batch.keep.sum()
     kl = -0.5 * (1 + log_variance - mean.square() - log_variance.exp()).sum(dim=-1).mean()
-    return l1 + kl_weight * kl, l1
+    loss = l1 + kl_weight * kl
+    if network.locate is not None and seen is not None and batch.places is not None:
+        loss = loss + (network.locate(seen[:, 0]) - batch.places).abs().mean()
+    return loss, l1
 
 
 def of_contract(contract: PolicyContract, seed: int = 0) -> Act:

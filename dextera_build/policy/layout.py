@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from dextera_build import digest
-from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.episode import Episode, Episodes, Film
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskBundle, View
 
@@ -74,4 +75,30 @@ def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | None = N
         displacement=episodes.displacement_names,
         goal=goal,
         picture=(film.height, film.width) if film else None,
+    )
+
+
+def gathered(
+    bundle: TaskBundle, items: Mapping[str, Episode], failures: Mapping[str, Episode], attempts: int
+) -> Episodes:
+    """Episodes of a task bundle with the names that go with their arrays.
+
+    Args:
+        bundle: The task that they were made in.
+        items: Index -> episode that counts.
+        failures: Index -> episode that was sorted out.
+        attempts: Tries that both came from.
+    """
+    here = of_bundle(bundle)
+    return Episodes(
+        items=dict(items),
+        failures=dict(failures),
+        attempts=attempts,
+        task=here.task,
+        embodiment=here.embodiment,
+        rate_hz=here.rate_hz,
+        joint_names=here.joints,
+        object_names=here.objects,
+        displacement_names=here.displacement,
+        tip_names=tuple(role for role in bundle.robot.frames if role.startswith("tip_")),
     )

@@ -67,13 +67,11 @@ def _ppo(checkpoint: Checkpoint, bundle: TaskBundle) -> Predict:
     network = ppo.of_contract(contract)
     weights.fill(network, weights.from_bytes(checkpoint.weights))
     network.eval()
-    channels, steering = contract.inputs, Steering(bundle.robot, contract)
+    steering = Steering(bundle.robot, contract)
 
     def predict(inputs: Fields) -> np.ndarray:
         with reproducible.one_thread(), torch.inference_mode():
-            decision = ppo.decide(network, ppo.flat(inputs, channels))
-        return steering.targets(
-            decision, ppo.raw(inputs, channels, "previous_action"), ppo.raw(inputs, channels, "joints")
-        )
+            decision = ppo.decide(network, steering.numbers(inputs))
+        return steering.steered(decision, inputs)
 
     return predict

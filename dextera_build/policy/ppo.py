@@ -41,7 +41,7 @@ def of_contract(contract: PolicyContract) -> Actor:
     """The network that a contract describes, with weights still to be filled in."""
     settings = contract.settings
     return Actor(
-        sum(int(np.prod(tokens(channel))) for channel in contract.inputs),
+        sum(int(np.prod(tokens(channel))) for channel in contract.inputs) + int(settings["places"]),
         int(settings["width"]),
         int(settings["layers"]),
         int(settings["decisions"]),

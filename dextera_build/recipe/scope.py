@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
-from dextera_build.engine.graph import Gather, Input, Item, Leaf, Output
+from dextera_build.engine.graph import Gather, Input, Item, Leaf, Output, Pack
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 
 
@@ -27,7 +27,7 @@ class Bound:
         """
         if not fields or self.input is None:
             return self
-        if isinstance(self.input, Leaf):
+        if isinstance(self.input, Leaf | Pack):
             raise RecipeError("a file has no fields", code="DXB-R107", where=where)
         inner = replace(self.input, fields=(*self.input.fields, *fields))
         return Bound(inner, lambda: _field_type(self.kind(), fields, where))

@@ -45,5 +45,5 @@ def parse(text: str) -> Setting:
         tuple(name for name, _ in parts[:-1]),
         tuple(label for _, label in parts[:-2]),
         parts[-1][0],
-        Node(strict_yaml.parse(value or '""', str(COMMAND_LINE)).plain(), COMMAND_LINE),
+        strict_yaml.parse(value or '""', str(COMMAND_LINE)).placed(COMMAND_LINE),
     )

@@ -57,6 +57,14 @@ class Node:
             return [inner.plain() for inner in self.value]
         return self.value
 
+    def placed(self, place: Place) -> Node:
+        """The same value with one place for all of it."""
+        if isinstance(self.value, dict):
+            return Node({name: inner.placed(place) for name, inner in self.value.items()}, place)
+        if isinstance(self.value, list):
+            return Node([inner.placed(place) for inner in self.value], place)
+        return Node(self.value, place)
+
     def at(self, path: tuple[object, ...]) -> Place:
         """The place of the value below `path` of keys and indices, or of the deepest part that exists."""
         node = self

@@ -28,6 +28,8 @@ class Machine:
     """Dry friction of an arm joint, as a part of its largest torque."""
     hand_friction: float
     """... of a hand joint."""
+    skin_spread: float
+    """Half range of the factor on the friction of parts that are made to grip."""
     timestep_s: float
     """Step of the simulation [s]."""
     latency_s: float
@@ -59,6 +61,10 @@ def disturb(spec: Any, robot: RobotModel, machine: Machine) -> None:
         share = machine.arm_friction if joint.group == "arm" else machine.hand_friction
         hinge = spec.joint(ROBOT + joint.name)
         hinge.frictionloss = max(float(hinge.frictionloss), share * joint.effort)
+    skin = 1.0 + machine.skin_spread * random.uniform(-1.0, 1.0)
+    for geom in spec.geoms:
+        if geom.parent.name.startswith(ROBOT) and geom.priority:
+            geom.friction[0] *= skin
     spec.option.timestep = machine.timestep_s
 
 

@@ -12,7 +12,6 @@ from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.policy.features import Fields, Reader
 from dextera_build.policy.layout import of_bundle
-from dextera_build.policy.ppo import flat, raw
 from dextera_build.sim.gym import DEPLOYABLE, PRIVILEGED, TaskEnv
 from dextera_build.sim.seeds import seed_of
 from dextera_build.sim.steering import Steering
@@ -36,7 +35,6 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
 
     def __init__(self, bundle: TaskBundle, contract: PolicyContract, seed: int = 0, number: int = 0) -> None:
         self._task = TaskEnv(bundle, privileged=True)
-        self._channels = contract.inputs
         self._reader = Reader(contract.inputs, of_bundle(bundle))
         self._steering = Steering(bundle.robot, contract)
         self._seed, self._number = seed, number
@@ -45,7 +43,7 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
         self._inputs: Fields = {}
         self.seen = self._begin(0)
         self.observation_space = spaces.Box(-np.inf, np.inf, self._observation().shape, np.float32)
-        self.public = flat(self._inputs, self._channels).shape[1]
+        self.public = self._steering.numbers(self._inputs).shape[1]
         self.action_space = spaces.Box(-1.0, 1.0, (self._steering.size,), np.float32)
 
     def reset(
@@ -63,8 +61,7 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Carry out one decision (M,)."""
         self.decisions.append(np.array(action, np.float32))
-        sent, joints = (raw(self._inputs, self._channels, name) for name in ("previous_action", "joints"))
-        for target in self._steering.targets(action, sent, joints):
+        for target in self._steering.steered(action, self._inputs):
             outcome = self._task.environment.step(target)
             if outcome.over:
                 break
@@ -86,7 +83,7 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
         prefix = f"{DEPLOYABLE}/"
         fields = {name.removeprefix(prefix): part[None] for name, part in self.seen.items() if name.startswith(prefix)}
         self._inputs = self._reader.read(fields)
-        return np.concatenate([flat(self._inputs, self._channels)[0], self._insight()])
+        return np.concatenate([self._steering.numbers(self._inputs)[0], self._insight()])
 
     def _insight(self) -> np.ndarray:
         """Privileged numbers (P,): forces and velocities, tips and the object's surface as the palm sees them, time."""

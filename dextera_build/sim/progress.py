@@ -9,6 +9,7 @@ from dextera_build.geometry import transforms
 from dextera_build.sim import rewards
 from dextera_build.sim.environment import Environment
 from dextera_build.sim.mechanism import Mechanism
+from dextera_build.sim.success import STRAY_M
 
 SHARE = 0.95
 """How far out on a link to push it, see `Mechanism.pushed_at`."""
@@ -59,7 +60,9 @@ class Progress:
             if share >= left:
                 left = share
                 reach = float(self._links[name].distances(data, goal - now, self._reached()).min())
-        return rewards.ArticulateProgress(reach, left, success)
+        root = environment.judge.start.world_from_object[:3, 3]
+        dragged = float(np.linalg.norm(data.body(environment.task.object).xpos - root))
+        return rewards.ArticulateProgress(reach, left, dragged / STRAY_M, success)
 
     def _reached(self) -> np.ndarray:
         return np.asarray(self._environment.data.site_xpos[self._tips])

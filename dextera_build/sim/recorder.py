@@ -75,13 +75,3 @@ def _shape(name: str, bundle: TaskBundle) -> tuple[int, ...]:
         "displacement": (inner,),
         "contact": (tips, 3),
     }[name]
-
-
-def names(bundle: TaskBundle) -> dict[str, tuple[str, ...]]:
-    """The name fields of `Episodes` for a bundle."""
-    return {
-        "joint_names": tuple(joint.name for joint in bundle.robot.joints),
-        "object_names": tuple(bundle.objects),
-        "displacement_names": tuple(name for thing in bundle.objects.values() for name in thing.joints),
-        "tip_names": tuple(role for role in bundle.robot.frames if role.startswith("tip_")),
-    }

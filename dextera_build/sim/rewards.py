@@ -41,6 +41,8 @@ class ArticulateProgress:
     """Distance of the nearest fingertip from where it has to push [m]."""
     left: float
     """Distance of the joints from their commands as a share of what it was at the start."""
+    strayed: float
+    """How far the object was dragged as a share of what is allowed."""
     success: bool
     """The task is done."""
 
@@ -57,11 +59,12 @@ def lift(progress: LiftProgress) -> float:
 def articulate(progress: ArticulateProgress) -> float:
     """Value of a moment: reach, then bring the joints to their commands, then success.
 
-    The hand counts for less the nearer the joints are, so that it is free to let go of what has arrived.
+    The hand counts for less the nearer the joints are, so that it is free to let go of what has arrived. An object that
+    is dragged along takes away from all.
     """
     moved = 1.0 - float(np.clip(progress.left, 0.0, 2.0))
     reach = 1.0 - (1.0 - near(progress.reach_m)) * min(1.0, progress.left)
-    return REACH * reach + MOVE * moved + DONE * float(progress.success)
+    return REACH * (reach - min(2.0, progress.strayed)) + MOVE * moved + DONE * float(progress.success)
 
 
 def near(distance_m: float) -> float:

@@ -37,6 +37,8 @@ def mjcf(robot: Any) -> str:
     spec.modelname = robot.name
     spec.compiler.degree = False
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    # Like scenes: an explicit step makes the strong dampers of light, folded links tremble.
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     for name, colour in robot.colours.items():
         spec.add_material(name=name, rgba=[*colour, 1.0], specular=0.35, shininess=0.5)
     bodies: dict[str, Any] = {}
@@ -135,6 +137,10 @@ def _add_piece(body: Any, piece: Any) -> None:
         geom.contype = geom.conaffinity = 0
     if not piece.drawn:
         geom.group = CONTACT_GROUP
+    if piece.friction is not None:
+        # The priority of objects, so that MuJoCo takes the larger friction of the two.
+        geom.priority = 1
+        geom.friction[0] = piece.friction
 
 
 def mass(text: str) -> float:

@@ -1,6 +1,6 @@
-"""What the decisions of a reinforced policy mean: small steps of the palm or of joints, as targets of all joints.
+"""What goes into a reinforced policy and what its decisions mean: small steps of the palm or of joints.
 
-A decision holds for several control periods, over which the targets go to where it says evenly. Everything follows from
+A decision holds for several control periods, over which the joint targets go evenly to where it says. All follows from
 the targets that were sent last and from where the joints are, so nothing is remembered from decision to decision.
 """
 
@@ -12,6 +12,8 @@ import numpy as np
 from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.geometry import quaternions
+from dextera_build.policy.features import Fields
+from dextera_build.policy.ppo import flat, raw
 
 ITERATIONS = 3
 """Newton steps towards a pose of the palm; it is near."""
@@ -21,6 +23,8 @@ RADIAN_M = 0.3
 """Weight of a radian of the palm's turn in metres."""
 TURN_RAD = 0.3
 """Largest turn of the palm to how it shall be in one Newton step [rad]."""
+PLACE_M = 0.2
+"""Scale of the places that the network is told [m]."""
 POSTURE = 0.02
 """Share of the way home that the arm's redundancy goes with each Newton step."""
 
@@ -29,9 +33,10 @@ class Steering:
     """Decisions (M,), each -1 to 1, to joint targets.
 
     With `control` "palm" the first three decisions move the palm along the axes of the robot's base by up to `step_m`,
-    while it turns to the quaternion `palm_w` ... `palm_z` in the base, or stays turned as at home without one. All
-    other decisions, or all with "joints", move the target of one joint by up to `step_rad`. Joints that nothing moves
-    go to the contract's mean.
+    with the square of the decision, while it turns to the quaternion `palm_w` ... `palm_z` in the base, or stays turned
+    as at home without one. All other decisions, or all with "joints", move the target of one joint by up to `step_rad`.
+    Joints that nothing moves go to the contract's mean. With "palm" the network is also told where the palm and the
+    middle of the fingertips are, which follows from the joints: kinematics need not be learned.
 
     Args:
         robot: The embodiment.
@@ -50,6 +55,19 @@ class Steering:
         turn = np.array([float(settings[f"palm_{part}"]) for part in "wxyz" if f"palm_{part}" in settings])
         self._palm = _Palm(robot, names, self._rest, turn) if settings["control"] == "palm" else None
         self.size = len(self._single) + (3 if self._palm else 0)
+        self._channels = contract.inputs
+
+    def numbers(self, inputs: Fields) -> np.ndarray:
+        """What the network gets for one sample of every input channel, (1, N) float32."""
+        plain = flat(inputs, self._channels)
+        if self._palm is None:
+            return plain
+        return np.concatenate([plain, self._palm.places(raw(inputs, self._channels, "joints"))[None]], axis=1)
+
+    def steered(self, decision: np.ndarray, inputs: Fields) -> np.ndarray:
+        """`targets` where joints and targets are those of `inputs`."""
+        sent, joints = (raw(inputs, self._channels, name) for name in ("previous_action", "joints"))
+        return self.targets(decision, sent, joints)
 
     def targets(self, decision: np.ndarray, sent: np.ndarray, joints: np.ndarray) -> np.ndarray:
         """Joint targets (`every`, A) float64 [rad] for the coming control periods.
@@ -65,7 +83,7 @@ class Steering:
         goal[moved] = sent[moved] + self._step_rad * wanted[self.size - len(moved) :]
         if self._palm is not None:
             arm = self._palm.arm
-            change = self._palm.moved(sent, self._step_m * wanted[:3]) - sent[arm]
+            change = self._palm.moved(sent, self._step_m * wanted[:3] * np.abs(wanted[:3])) - sent[arm]
             goal[arm] = sent[arm] + np.clip(change, -self._step_rad, self._step_rad)
             moved = np.concatenate([arm, moved])
         goal[moved] = np.clip(goal[moved], joints[moved] - self._lead, joints[moved] + self._lead)
@@ -88,6 +106,10 @@ class _Palm:
         self._dofs = np.array([self._model.joint(names[number]).dofadr[0] for number in self.arm])
         self._home = home[self.arm]
         self._jacobian = np.zeros((6, self._model.nv))
+        tips = [site for role, site in robot.frames.items() if role.startswith("tip_")]
+        self._tips = [self._model.site(site).id for site in tips or [robot.frames["palm"]]]
+        self._origin = np.zeros(6)
+        self._origin = self.places(home).astype(np.float64) * PLACE_M
         self._upright = quaternions.to_matrix(turn) if len(turn) else self._pose(home)[1].copy()
 
     def moved(self, joints: np.ndarray, way: np.ndarray) -> np.ndarray:
@@ -103,6 +125,12 @@ class _Palm:
             change = POSTURE * (self._home - found[self.arm])
             found[self.arm] += inverse @ error + change - inverse @ (jacobian @ change)
         return np.asarray(found[self.arm])
+
+    def places(self, joints: np.ndarray) -> np.ndarray:
+        """Palm and middle of the fingertips (6,) float32 in the base, from where they are at home, over `PLACE_M`."""
+        palm, _ = self._pose(joints)
+        found = np.concatenate([palm, self._data.site_xpos[self._tips].mean(axis=0)])
+        return np.asarray((found - self._origin) / PLACE_M, np.float32)
 
     def _pose(self, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         self._data.qpos[self._address] = joints

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.artifacts.episode import Episode
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.policy.layout import embodiment
+from dextera_build.policy.layout import gathered
 from dextera_build.sim import portrait
 from dextera_build.sim.filming import Replica
-from dextera_build.sim.recorder import names
 from dextera_build.sim.rendering import Eye
 
 
@@ -24,7 +23,7 @@ class Stills:
     """
 
     def __init__(self, bundle: TaskBundle, view: View | None, width_px: int = 240) -> None:
-        self._replica = Replica(bundle, _nothing(bundle))
+        self._replica = Replica(bundle, gathered(bundle, {}, {}, 0))
         if view is None:
             place = portrait.stand(self._replica.model, self._replica.data, width_px, width_px * 3 // 4)
         else:
@@ -54,18 +53,4 @@ def scaled(camera: Camera, factor: float) -> Camera:
         fy=camera.fy * down,
         cx=(camera.cx + 0.5) * across - 0.5,
         cy=(camera.cy + 0.5) * down - 0.5,
-    )
-
-
-def _nothing(bundle: TaskBundle) -> Episodes:
-    """No episode, and what the arrays of one are about."""
-    task = bundle.task
-    return Episodes(
-        items={},
-        failures={},
-        attempts=0,
-        task=task.name,
-        embodiment=embodiment(bundle.robot),
-        rate_hz=task.control_hz,
-        **names(bundle),
     )

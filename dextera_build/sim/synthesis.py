@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -39,6 +40,34 @@ def transfer(poses: np.ndarray, source_frame: np.ndarray, new_frame: np.ndarray)
         new_frame: (4, 4) T_F_new, in the same base as the others.
     """
     return np.asarray((new_frame @ transforms.invert(source_frame)) @ poses)
+
+
+def bent(path: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Waypoints of a free motion, laid so that they lead from `start` to `end` (Eq. 4b and 4c).
+
+    Every waypoint lies between where it would be if the path were moved to `start` and if it were moved to `end`, by
+    its share of the path's length; so an arc around something stays an arc.
+
+    Args:
+        path: (N, 4, 4) demonstrated poses.
+        start: (4, 4) where the first is to be.
+        end: (4, 4) where the last is to be.
+    """
+    first, last = start @ transforms.invert(path[0]), end @ transforms.invert(path[-1])
+    length = np.concatenate([[0.0], np.cumsum(_lengths(path))])
+    parts = length / length[-1] if length[-1] > 0 else np.linspace(0.0, 1.0, len(path))
+    return np.array([between(first @ pose, last @ pose, part) for pose, part in zip(path, parts, strict=True)])
+
+
+def slowed(shown: np.ndarray, path: np.ndarray) -> float:
+    """By how much `path` must take longer than `shown`, (N, 4, 4) each, so that no step of it is faster; 1 at least."""
+    return max(1.0, float(_lengths(path).max() / max(_lengths(shown).max(), 1e-9)))
+
+
+def _lengths(path: np.ndarray) -> np.ndarray:
+    """Lengths of steps (N - 1,): metres and radians count alike, as for a point one metre from the palm."""
+    turns = [transforms.angle(one[:3, :3].T @ other[:3, :3]) for one, other in pairwise(path)]
+    return np.asarray(np.linalg.norm(np.diff(path[:, :3, 3], axis=0), axis=1) + turns)
 
 
 def steps_between(first: np.ndarray, last: np.ndarray, rate_hz: float, timing: Timing) -> int:
@@ -119,22 +148,39 @@ class Synthesis:
             self._palm = poses[-1]
 
     def _connect(self, free: list[Segment], target: np.ndarray, coming: Segment) -> Iterator[Command]:
-        """Eq. 4b and 4c from where the palm is to `target`; fingers move as in the source's free segments."""
+        """Eq. 4b and 4c from where the palm is to `target`, along the demonstrated free motion."""
+        if not free:
+            yield from self._straight(target, coming)
+            return
+        shown = np.concatenate([*(self._poses(segment) for segment in free), self._poses(coming)[:1]])
+        fingers = np.concatenate([*(self._finger_rows(segment) for segment in free), self._finger_rows(coming)[:1]])
+        path = bent(shown, self._palm, target)
+        steps = len(shown) - 1
+        count = max(steps, int(np.ceil(steps * slowed(shown, path))))
+        own = self._fingers - fingers[0]
+        for step in range(1, count):
+            place = steps * step / count
+            before, part = int(place), place % 1.0
+            fade = 1.0 - step / count
+            yield Command(
+                palm=between(path[before], path[before + 1], part),
+                fingers=fingers[before] + part * (fingers[before + 1] - fingers[before]) + fade * own,
+                segment=free[-1].name,
+                frame="",
+                contact=free[-1].contact,
+            )
+
+    def _straight(self, target: np.ndarray, coming: Segment) -> Iterator[Command]:
         count = steps_between(self._palm, target, self._rate, self._timing)
-        before = self._finger_rows(coming)[0]
-        rows = np.concatenate([self._finger_rows(segment) for segment in free]) if free else before[None]
-        origin, fingers = self._palm, self._fingers
-        ahead = free[-1] if free else coming
+        fingers = self._finger_rows(coming)[0]
         for step in range(1, count):
             part = minimum_jerk(step / count)
-            drawn = rows[min(len(rows) - 1, int(part * len(rows)))]
-            blend = min(1.0, 3.0 * step / count)
             yield Command(
-                palm=between(origin, target, part),
-                fingers=fingers + blend * (drawn - fingers),
-                segment=ahead.name,
+                palm=between(self._palm, target, part),
+                fingers=self._fingers + part * (fingers - self._fingers),
+                segment=coming.name,
                 frame="",
-                contact=ahead.contact if free else False,
+                contact=coming.contact,
             )
 
     def _frames_of(self, segment: Segment) -> tuple[np.ndarray, np.ndarray]:

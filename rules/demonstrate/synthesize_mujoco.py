@@ -12,7 +12,7 @@ from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.policy import layout
 from dextera_build.rule import Backend
-from dextera_build.sim import recorder, starts, synthesis
+from dextera_build.sim import starts, synthesis
 from dextera_build.sim.drive import Driver, Filters, Noise
 from dextera_build.sim.environment import Environment
 from dextera_build.sim.seeds import seed_of
@@ -24,7 +24,7 @@ BACKEND = Backend(
     summary="MuJoCo; inverse kinematics by mink",
     profiles=("cpu", "gpu"),
     packages=("mujoco", "mink", "daqp"),
-    extra="twin",
+    extra="learn",
 )
 
 
@@ -56,15 +56,7 @@ def synthesize(
         else:
             failures[f"{shard.first:05d}-{attempts:03d}"] = episode
         progress(len(items), shard.count, f"{attempts} attempts")
-    return Episodes(
-        items=items,
-        failures=failures,
-        attempts=attempts,
-        task=bundle.task.name,
-        embodiment=layout.embodiment(bundle.robot),
-        rate_hz=bundle.task.control_hz,
-        **recorder.names(bundle),
-    )
+    return layout.gathered(bundle, items, failures, attempts)
 
 
 def _manner(options: SynthesizeOptions) -> synthesis.Manner:

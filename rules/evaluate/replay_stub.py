@@ -10,8 +10,8 @@ import numpy as np
 from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.rule import Backend
+from dextera_build.sim.pretence import pretended
 
-from .pretence import pretended
 from .protocol import Attempt
 
 if TYPE_CHECKING:

@@ -40,7 +40,7 @@ class ActOptions(Options):
     """Size of the style."""
     kl_weight: float = Field(10.0, ge=0.0)
     """Weight of the style's divergence from a normal distribution."""
-    steps: int = Field(4000, ge=1)
+    steps: int = Field(3000, ge=1)
     """Optimiser steps."""
     batch: int = Field(64, ge=1)
     """Samples per step."""
@@ -50,8 +50,8 @@ class ActOptions(Options):
     """Weight decay of AdamW."""
     jitter: float = Field(0.0, ge=0.0)
     """Noise that is added to inputs in training, in their standard deviations."""
-    shift: int = Field(4, ge=0)
-    """Pictures are moved by up to this many pixels in training."""
+    shift: int = Field(0, ge=0)
+    """Pictures are moved by up to this many pixels in training; through a camera that stands still, places are lost."""
     held_out: float = Field(0.1, ge=0.0, lt=1.0)
     """Share of the episodes that is not trained on, but only measured with."""
     every: int = Field(1, ge=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -61,6 +62,7 @@ class Training:
         )
         self._inputs = {name: torch.from_numpy(field) for name, field in data.inputs.items()}
         self._actions, self._last = torch.from_numpy(data.actions), torch.from_numpy(data.last)
+        self._places = torch.from_numpy(data.places) if data.places is not None else None
         self._frames = torch.from_numpy(data.frames) if data.frames is not None else None
         self._deck = Deck(len(data.train_rows), options.seed, 2)
         self._batch = min(options.batch, len(data.train_rows))
@@ -95,14 +97,15 @@ class Training:
         options = self._options
         random = torch.Generator().manual_seed(options.seed * 1_000_003 + step)
         rows = torch.from_numpy(self._data.train_rows[self._deck.draw(self._batch)])
-        inputs, actions, keep = self._samples(rows)
+        batch = self._samples(rows)
+        inputs = dict(batch.inputs)
         if options.jitter:
             for name in self._inputs:
                 inputs[name] = inputs[name] + options.jitter * torch.randn(inputs[name].shape, generator=random)
         if "rgb" in inputs and options.shift:
             inputs["rgb"] = shifted(inputs["rgb"], options.shift, random)
         noise = torch.randn(len(rows), options.latent, generator=random)
-        loss, error = act.loss_of(self._network, inputs, actions, keep, noise, options.kl_weight)
+        loss, error = act.loss_of(self._network, replace(batch, inputs=inputs), noise, options.kl_weight)
         self._optimiser.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(self._network.parameters(), 1.0)
@@ -110,14 +113,14 @@ class Training:
         self._optimiser.step()
         return float(error.detach())
 
-    def _samples(self, rows: Tensor) -> tuple[dict[str, Tensor], Tensor, Tensor]:
-        """Inputs, chunks (B, C, A), and which of their steps exist (B, C)."""
+    def _samples(self, rows: Tensor) -> act.Batch:
         ahead = rows[:, None] + torch.arange(self._options.chunk)
         last = self._last[rows][:, None]
         inputs = {name: field[rows] for name, field in self._inputs.items()}
         if self._frames is not None:
             inputs["rgb"] = act.pixels(self._frames[rows])
-        return inputs, self._actions[torch.minimum(ahead, last)], ahead <= last
+        places = self._places[rows] if self._places is not None else None
+        return act.Batch(inputs, self._actions[torch.minimum(ahead, last)], ahead <= last, places)
 
     def _measure(self) -> None:
         kept = self._kept
@@ -143,10 +146,11 @@ class Training:
         self._network.eval()
         with torch.inference_mode():
             for first in range(0, len(rows), 64):
-                inputs, actions, keep = self._samples(torch.from_numpy(rows[first : first + 64]))
-                error = (self._network(inputs) - actions).abs() * keep[:, :, None]
+                batch = self._samples(torch.from_numpy(rows[first : first + 64]))
+                keep = batch.keep
+                error = (self._network(batch.inputs) - batch.actions).abs() * keep[:, :, None]
                 parts = error.sum(), (error * scale).sum()
-                total += np.array([float(part) for part in parts]) / float(keep.sum() * actions.shape[2]) * len(keep)
+                total += np.array([float(part) for part in parts]) / float(keep.sum() * error.shape[2]) * len(keep)
         self._network.train()
         self._kept.held_steps.append(self._kept.step)
         self._kept.held_curve.append(float(total[0] / len(rows)))

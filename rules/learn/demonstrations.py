@@ -45,6 +45,8 @@ class Demonstrations:
     """Rows of the others, (m,) int64."""
     frames: np.ndarray | None
     """Pictures (N, H, W, 3) uint8, or None."""
+    places: np.ndarray | None
+    """Where the task's object is, (N, P) float32, normalised; None where no pictures are."""
 
 
 def prepare(
@@ -70,8 +72,9 @@ def prepare(
     action = Channel(name="action", shape=(actions.shape[1],), names=episodes.joint_names)
     action = normalisation.fitted(action, [actions[chosen]])
     rows = np.arange(len(actions))
+    places = _places(bundle, layout, fields, chosen) if film else None
     return Demonstrations(
-        contract=_contract(episodes, film, channels, action, options),
+        contract=_contract(episodes, film, channels, action, options, 0 if places is None else places.shape[1]),
         inputs=features.Reader(channels, layout).read(fields),
         actions=features.normalised(action, actions),
         last=np.repeat(np.cumsum(lengths) - 1, lengths),
@@ -80,6 +83,7 @@ def prepare(
         train_rows=rows[chosen],
         held_out_rows=rows[~chosen],
         frames=np.concatenate([film.pixels(name) for name in episodes.items]) if film else None,
+        places=places,
     )
 
 
@@ -91,6 +95,17 @@ def split(names: tuple[str, ...], share: float, seed: int) -> tuple[tuple[str, .
         tuple(name for number, name in enumerate(names) if number not in drawn),
         tuple(name for number, name in enumerate(names) if number in drawn),
     )
+
+
+def _places(bundle: TaskBundle, layout: Layout, fields: features.Fields, chosen: np.ndarray) -> np.ndarray:
+    """Pose and joints of the task's object, (N, P), normalised."""
+    name = bundle.task.object
+    pose = contracts.channel(layout, "objects", (name,))
+    joints = contracts.channel(layout, "displacement", bundle.objects[name].joints)
+    reader = features.Reader((pose, joints), layout)
+    encoded = [(one, reader.encoded(one, fields)) for one in (pose, joints)]
+    parts = [features.normalised(normalisation.fitted(one, [part[chosen]]), part) for one, part in encoded]
+    return np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
 
 
 def _check(ctx: Context, episodes: Episodes, film: Film | None, options: ActOptions) -> None:
@@ -123,7 +138,12 @@ def _channels(bundle: TaskBundle, layout: Layout, options: ActOptions) -> tuple[
 
 
 def _contract(
-    episodes: Episodes, film: Film | None, inputs: tuple[Channel, ...], action: Channel, options: ActOptions
+    episodes: Episodes,
+    film: Film | None,
+    inputs: tuple[Channel, ...],
+    action: Channel,
+    options: ActOptions,
+    located: int,
 ) -> PolicyContract:
     parts = [episodes.encode(digest.of_bytes), film.encode(digest.of_bytes) if film else None]
     return PolicyContract(
@@ -134,5 +154,5 @@ def _contract(
         action=action,
         rate_hz=episodes.rate_hz,
         dataset=digest.of_value(parts),
-        settings={name: getattr(options, name) for name in SETTINGS},
+        settings={name: getattr(options, name) for name in SETTINGS} | {"located": located},
     )

@@ -26,33 +26,34 @@ class PpoOptions(Options):
     """Joints that it moves; all others stay as in `grip`."""
     control: Literal["palm", "joints"] = "palm"
     """How it moves the arm: by steps of the palm, which keeps its turn, or joint by joint."""
-    step_m: float = Field(0.05, gt=0.0)
-    """Largest way of the palm by one decision, per axis [m]."""
+    step_m: float = Field(0.15, gt=0.0)
+    """Largest way of the palm by one decision, per axis [m]. It goes with the square of the decision, so that a hand
+    can be quick and yet feel its way."""
     grip: str | None = None
     """Posture of the fingers, one of the robot's grips; None: the first that suits the task, or else as at home."""
     lean_rad: float = 0.4
     """How far the fingers lean from straight down towards where they push [rad]."""
     every: int = Field(4, ge=1)
     """Control periods that one decision holds for."""
-    step_rad: float = Field(0.3, gt=0.0)
+    step_rad: float = Field(0.35, gt=0.0)
     """Largest change of a joint target by one decision [rad]."""
-    lead_rad: float = Field(0.3, gt=0.0)
+    lead_rad: float = Field(0.5, gt=0.0)
     """Farthest that a joint target may be ahead of its joint [rad]; bounds the force on what is pushed."""
     width: int = Field(128, ge=1)
     """Features of a layer, of the policy and of its critic."""
     layers: int = Field(2, ge=1)
     """Layers."""
-    steps: int = Field(60_000, ge=1)
+    steps: int = Field(40_000, ge=1)
     """Decisions that are practised, in all environments together."""
     worlds: int = Field(8, ge=1)
     """Environments that are stepped side by side."""
-    rollout: int = Field(128, ge=1)
+    rollout: int = Field(32, ge=1)
     """Decisions per environment between two updates."""
-    batch: int = Field(256, ge=2)
+    batch: int = Field(128, ge=2)
     """Decisions per gradient step."""
     epochs: int = Field(10, ge=1)
     """Passes over a rollout."""
-    rate: float = Field(5e-4, gt=0.0)
+    rate: float = Field(1e-3, gt=0.0)
     """Learning rate of Adam at the start; it falls to a tenth."""
     discount: float = Field(0.98, gt=0.0, le=1.0)
     """Worth of a reward one decision later."""

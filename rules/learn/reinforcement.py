@@ -56,6 +56,7 @@ def contract_of(bundle: TaskBundle, options: PpoOptions, heading_rad: float | No
             "control": options.control,
             "joints": " ".join(single),
             "decisions": len(single) + (3 if options.control == "palm" else 0),
+            "places": 6 if options.control == "palm" else 0,
             "step_m": options.step_m,
             "step_rad": options.step_rad,
             "lead_rad": options.lead_rad,

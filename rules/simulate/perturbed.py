@@ -31,6 +31,8 @@ class PerturbedOptions(Options):
     """Dry friction of an arm joint, as a part of its largest torque."""
     hand_friction: float = 0.03
     """Dry friction of a hand joint, as a part of its largest torque."""
+    skin_spread: float = 0.15
+    """Half range of the factor on the friction of parts that are made to grip: fingertips."""
     timestep_s: float = 0.001
     """Step of the simulation [s]."""
     latency_s: float = 0.01

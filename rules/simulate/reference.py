@@ -19,6 +19,8 @@ class ReferenceOptions(Options):
     """Dry friction of an arm joint, as a part of its largest torque."""
     hand_friction: float = 0.03
     """Dry friction of a hand joint, as a part of its largest torque."""
+    skin_spread: float = 0.15
+    """Half range of the factor on the friction of parts that are made to grip: fingertips."""
     contact_rate_rad_s: float = 200.0
     """Natural frequency of contacts; the twin's is 100 [rad/s]."""
     timestep_s: float = 0.001

@@ -32,6 +32,7 @@ def build(bundle: TaskBundle, world: World, options: ReferenceOptions) -> TaskBu
         gain_spread=options.gain_spread,
         arm_friction=options.arm_friction,
         hand_friction=options.hand_friction,
+        skin_spread=options.skin_spread,
         timestep_s=options.timestep_s,
         latency_s=options.latency_s,
     )

@@ -38,6 +38,9 @@ class PieceOptions(Options):
     """False: only for the eye."""
     drawn: bool = True
     """False: only for contacts."""
+    friction: float | None = None
+    """Sliding friction coefficient of a skin made to grip; in a contact the larger of the two sides counts. None: the
+    other side's own."""
 
 
 class JointOptions(Options):
@@ -245,7 +248,9 @@ def _grips(ctx: Context, options: RobotOptions, joints: tuple[RobotJoint, ...]) 
     hand = {joint.name: joint for joint in joints if joint.group == "hand"}
     for name, grip in options.grips.items():
         for joint, position in [*grip.open_rad.items(), *grip.closed_rad.items()]:
-            ctx.check(joint in hand, f"grip `{name}` moves `{joint}`, which is no joint of the hand", joints=listing(hand))
+            ctx.check(
+                joint in hand, f"grip `{name}` moves `{joint}`, which is no joint of the hand", joints=listing(hand)
+            )
             inside = hand[joint].lower <= position <= hand[joint].upper
             limits = f"{hand[joint].lower:g} to {hand[joint].upper:g} rad"
             ctx.check(inside, f"grip `{name}` bends `{joint}` beyond its limits", position=position, limits=limits)

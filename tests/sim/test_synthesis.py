@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +15,7 @@ from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.drive import Noise, _Disturbance, pose4
 from dextera_build.sim.operator import Command, State
 from dextera_build.sim.scripts.motion import between, rotation
-from dextera_build.sim.synthesis import Synthesis, Timing, nearest, steps_between, transfer
+from dextera_build.sim.synthesis import Synthesis, Timing, bent, nearest, slowed, steps_between, transfer
 from tests import episodes, factories
 
 numbers = st.floats(-2.0, 2.0)
@@ -89,14 +90,47 @@ def test_every_framed_step_keeps_the_demonstrated_pose_in_the_objects_frame(x, y
         assert np.allclose(command.palm, shift @ pose4(source.hand[row]), atol=1e-5)
 
 
-def test_free_motion_connects_without_a_jump():
+def with_free_approach() -> tuple[Synthesis, State, np.ndarray]:
+    """The demonstration with a free first half, its box moved; and the poses that were demonstrated."""
     operator, state = moved_task(factories.pose(0.1, 0.0, yaw=0.4))
-    palms = []
+    source = episodes.episode(20, seed=3)
+    segments = (
+        Segment(name="approach", first=0, last=10, frame="", contact=False),
+        Segment(name="grasp", first=10, last=20, frame="box", contact=True),
+    )
+    operator._source = source.model_copy(update={"segments": segments})
+    operator.begin(state)
+    return operator, state, np.array([pose4(row) for row in source.hand])
+
+
+def test_free_motion_leads_from_the_hand_to_the_moved_object_no_faster_than_shown():
+    operator, state, shown = with_free_approach()
+    commands = []
     while (command := operator.command(state)) is not None:
-        palms.append(command.palm[:3, 3])
-    steps = np.linalg.norm(np.diff(palms, axis=0), axis=1)
-    # Minimum jerk peaks at 15/8 of the mean speed; the demonstration itself is faster than that nowhere.
-    assert steps[: len(palms) - 20].max() <= 0.35 / 20.0 * 1.875 + 1e-9
+        commands.append(command)
+    free = [command.palm for command in commands if not command.frame]
+    target = next(command.palm for command in commands if command.frame)
+    assert len(free) >= 9
+    steps = np.linalg.norm(np.diff([*[pose[:3, 3] for pose in free], target[:3, 3]], axis=0), axis=1)
+    fastest = np.linalg.norm(np.diff(shown[:11, :3, 3], axis=0), axis=1).max()
+    turn = max(transforms.angle(a[:3, :3].T @ b[:3, :3]) for a, b in pairwise(shown[:11]))
+    assert steps.max() <= fastest + turn + 1e-9
+    assert transforms.angle(free[-1][:3, :3].T @ target[:3, :3]) < 0.2
+
+
+@given(poses, poses)
+def test_a_bent_path_begins_and_ends_where_it_shall(start, end):
+    path = np.array([factories.pose(0.1 * row, 0.05 * row**2, 0.0, yaw=0.1 * row) for row in range(6)])
+    made = bent(path, start, end)
+    assert np.allclose(made[0], start, atol=1e-9)
+    assert np.allclose(made[-1], end, atol=1e-9)
+
+
+def test_a_path_that_is_moved_as_a_whole_keeps_its_shape():
+    path = np.array([factories.pose(0.1 * row, 0.05 * row**2, 0.0, yaw=0.1 * row) for row in range(6)])
+    shift = factories.pose(0.3, -0.2, 0.1, yaw=0.7)
+    assert np.allclose(bent(path, shift @ path[0], shift @ path[-1]), shift @ path)
+    assert slowed(path, shift @ path) == pytest.approx(1.0)
 
 
 def test_free_motion_at_the_end_goes_on_from_where_the_hand_is():

@@ -56,16 +56,17 @@ def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> 
             continue
         wide = _part(travel, held[1] + 2 * grip.tip_radius_m + SPARE_M) or 0.0
         thumb, fingers = _tips(hand, opened + touch * (closed - opened))
-        for tilt, lean in itertools.product((0.0, 0.35, 0.7), (0.0, 0.3)):
+        # Thumb and fingers press along a horizontal line: one that leans uses up the friction that is to hold.
+        for tilt in (0.0, 0.35, -0.35, 0.7, -0.7):
             down = np.cross(UP, across) * np.sin(tilt) - UP * np.cos(tilt)
-            turned = _align(fingers - thumb, facing, across * np.cos(lean) + down * np.sin(lean), down)
+            turned = _align(fingers - thumb, facing, across, down)
             palm = transforms.rigid(turned, held[0] - turned @ (thumb + fingers) / 2)
             yield Grasp(
                 palm=palm,
                 away=-RETREAT_M * down,
                 open=opened + wide * (closed - opened),
                 closed=closed,
-                name=_label(name, height, turn=turn, tilt=tilt, lean=lean),
+                name=_label(name, height, turn=turn, tilt=tilt),
                 way=f"{name} {np.degrees(turn) // 45:.0f}",
                 above_m=0.03,
                 aside=0.0,

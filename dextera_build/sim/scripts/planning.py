@@ -15,7 +15,7 @@ from dextera_build.sim.scripts.articulate import Articulate, Push
 from dextera_build.sim.scripts.grasps import candidates
 from dextera_build.sim.scripts.lift import Lift
 from dextera_build.sim.scripts.reach import Reach
-from dextera_build.sim.scripts.rehearse import Candidate, Rehearsed, rehearse
+from dextera_build.sim.scripts.rehearse import Candidate, Rehearsed, rehearse, taking_turns
 from dextera_build.sim.scripts.room import Room
 
 Progress = Callable[[int, int, str], None]
@@ -69,14 +69,14 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
     if not found:
         raise RuleError(
             f"`{task.object}` is out of reach: no way to take hold of it that the arm can go",
-            code="DXB-B240",
+            code="DXB-B250",
             hint="move the base, see `align.base`",
         )
     rehearsed = rehearse(driver, found, progress)
     if not rehearsed:
         raise RuleError(
             f"no rehearsal of `{task.name}` succeeded",
-            code="DXB-B241",
+            code="DXB-B251",
             facts={"candidates": len(found), "first": found[0].name},
             hint="look at the task's pictures: is the object free, and is the goal possible?",
         )
@@ -93,7 +93,8 @@ def _lifts(driver: Driver, reach: Reach, room: Room, state: State) -> list[Candi
         comfort = room.comfort(operator.legs(state), state)
         if comfort is not None:
             found.append((comfort, Candidate(grasp.name, grasp.way, operator)))
-    return [candidate for _, candidate in sorted(found, key=lambda one: -one[0])]
+    comfortable = [candidate for _, candidate in sorted(found, key=lambda one: -one[0])]
+    return taking_turns(comfortable, [candidate.way for candidate in comfortable])
 
 
 def _pushes(driver: Driver, reach: Reach) -> list[Candidate]:
@@ -115,7 +116,7 @@ def _check_hand(robot: RobotModel, against: str) -> None:
     if missing or against not in grips.values():
         raise RuleError(
             f"the robot has no frame `{missing[0]}`" if missing else f"the robot has no grip against `{against}`",
-            code="DXB-B242",
+            code="DXB-B252",
             facts={"frames": listing(sorted(robot.frames), most=20), "grips": listing(sorted(grips), most=20)},
             hint="add it to `frames` or `grips` of the robot's recipe",
         )

@@ -34,9 +34,13 @@ class Reach:
         self._of_arm = np.array([names.index(name) for name in self.arm.joints])
         self._of_hand = np.array([names.index(name) for name in self.fingers.joints])
 
+    def joints(self, state: State) -> np.ndarray:
+        """Arm joints (A,) [rad]."""
+        return np.asarray(state.joints[self._of_arm])
+
     def hand(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """T_base_palm (4, 4) and finger joints (H,) [rad]."""
-        return self.arm.pose(state.joints[self._of_arm]), state.joints[self._of_hand]
+        return self.arm.pose(self.joints(state)), state.joints[self._of_hand]
 
     def check(self, legs: Sequence[Leg], state: State) -> float:
         """Smallest distance to a joint limit along the plan [rad].
@@ -44,7 +48,7 @@ class Reach:
         Raises:
             OutOfReach: The arm does not reach the end of a leg.
         """
-        arm, margin = state.joints[self._of_arm], np.inf
+        arm, margin = self.joints(state), np.inf
         for leg in legs:
             found = self.arm.solve(leg.palm, arm, posture=self.arm.home)
             if not found.reached(POSITION_M, ROTATION_RAD):

@@ -5,27 +5,36 @@ A scripted operator is thus a function of the task alone; nothing of it is made 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import Protocol, TypeVar
 
-from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.task import TaskBundle
+import numpy as np
+
+from dextera_build.artifacts.episode import Episode, Start
+from dextera_build.artifacts.task import TaskBundle, TaskSpec
 from dextera_build.errors import RuleError
+from dextera_build.geometry import transforms
 from dextera_build.sim import starts
-from dextera_build.sim.drive import Driver
+from dextera_build.sim.drive import Driver, pose4
 from dextera_build.sim.operator import Operator, State
 from dextera_build.sim.scripts.motion import Leg
 from dextera_build.sim.seeds import seed_of
 
+TRIED = 24
+"""Candidates that are tried once as photographed and once under hard conditions."""
+FINAL = 5
+"""The steadiest of them that are rehearsed from drawn starts."""
 STARTS = 6
-"""Drawn starts that a candidate is rehearsed from, beside the photographed one and a hard one."""
+"""Drawn starts of the final."""
 HARD = 0.9
 """How far the hard start goes towards the heavy, slippery and weak ends of the twin's own intervals."""
-MOST = 40
-"""Candidates that are rehearsed at most."""
-KEEP = 3
-"""Ways that never failed that are looked for; the others serve where the first has no room."""
+STRAY_M_RAD = 0.1
+"""Straying by this counts as much as straying by one radian [m]."""
+
+
+T = TypeVar("T")
 
 
 class Planned(Operator, Protocol):
@@ -53,58 +62,101 @@ class Rehearsed:
 
     candidate: Candidate
     """It."""
+    stray: float
+    """How much the object moved where it was meant to stay: in the hand, or on its support [rad, see `STRAY_M_RAD`]."""
     passed: int
     """Starts from which it succeeded."""
     of: int
-    """Starts that it was rehearsed from; fewer than all where it was given up."""
+    """Starts that it was rehearsed from."""
 
 
 def rehearse(
     driver: Driver, candidates: Sequence[Candidate], progress: Callable[[int, int, str], None]
 ) -> list[Rehearsed]:
-    """Candidates that succeeded at least once, the best first.
+    """Candidates that succeeded in both trials, the best first.
 
     Args:
         driver: Of the task.
         candidates: The likeliest first.
         progress: Is told how far it is.
     """
-    drawn = _starts(driver)
-    found: list[Rehearsed] = []
-    tried, whole = 0, 0
-    for candidate in candidates:
-        sure = {one.candidate.way for one in found if one.passed == len(drawn)}
-        if tried == MOST or len(sure) == KEEP:
-            break
-        if candidate.way in sure:
-            continue
-        progress(tried, min(MOST, len(candidates)), candidate.name)
-        tried += 1
-        passed = of = 0
-        for start in drawn:
-            passed += driver.run(candidate.operator, start, origin="operator").success
-            of += 1
-            # Two failures are too many, and so is one from the photographed start.
-            if passed < max(1, of - 1):
-                break
-        if passed:
-            found.append(Rehearsed(candidate, passed, of))
-        whole += passed == len(drawn)
-        if whole and tried >= MOST // 2:
-            break
-    return sorted(found, key=lambda one: (-one.passed, one.of))
-
-
-def _starts(driver: Driver) -> list[Start]:
     bundle, model = driver.environment.bundle, driver.environment.model
     first = starts.photographed(bundle, model)
-    drawn = [first, _hard(bundle, first)]
-    for number in range(STARTS):
-        try:
-            drawn.append(starts.draw(bundle, model, seed_of("rehearsal", number)))
-        except RuleError:
-            continue
-    return drawn
+    tried: list[Rehearsed] = []
+    total = min(TRIED, len(candidates)) + FINAL
+    for number, candidate in enumerate(candidates[:TRIED]):
+        progress(number, total, candidate.name)
+        found = _rehearsed(driver, candidate, [first, _hard(bundle, first)], patient=False)
+        if found.passed:
+            tried.append(found)
+    tried.sort(key=lambda one: (-one.passed, one.stray))
+    drawn = [start for number in range(STARTS) if (start := _drawn(driver, number)) is not None]
+    final: list[Rehearsed] = []
+    # The best of every way first: where one way has no room, another one may.
+    finalists = taking_turns(tried, [one.candidate.way for one in tried])[:FINAL]
+    for number, one in enumerate(finalists):
+        progress(total - FINAL + number, total, one.candidate.name)
+        found = _rehearsed(driver, one.candidate, drawn, patient=True)
+        final.append(
+            replace(one, stray=max(one.stray, found.stray), passed=one.passed + found.passed, of=one.of + found.of)
+        )
+    return sorted(final, key=lambda one: (-one.passed, one.stray))
+
+
+def stray(episode: Episode, task: TaskSpec, names: Sequence[str]) -> float:
+    """How much the task's object moved where it was meant to stay; see `Rehearsed.stray`.
+
+    Args:
+        episode: Of the task.
+        task: The task.
+        names: Bodies of `Episode.objects`.
+    """
+    touching = [segment.first for segment in episode.segments if segment.contact]
+    if not touching:
+        return 0.0
+    objects = episode.objects[:, list(names).index(task.object)]
+    first, last = pose4(objects[touching[0]]), pose4(objects[-1])
+    if task.primitive == "lift":
+        # The palm stands still relative to the object only once it has come near: what came before is undone here.
+        first = transforms.invert(pose4(episode.hand[_near(episode, touching[0])])) @ first
+        last = transforms.invert(pose4(episode.hand[-1])) @ last
+    moved = transforms.invert(first) @ last
+    return transforms.angle(moved[:3, :3]) + float(np.linalg.norm(moved[:3, 3])) / STRAY_M_RAD
+
+
+def taking_turns(items: Sequence[T], ways: Sequence[str]) -> list[T]:
+    """The first item of every way, then the second of every way, and so on; in order otherwise."""
+    seen: Counter[str] = Counter()
+    ranks = []
+    for way in ways:
+        ranks.append(seen[way])
+        seen[way] += 1
+    return [items[number] for number in sorted(range(len(items)), key=ranks.__getitem__)]
+
+
+def _near(episode: Episode, first: int) -> int:
+    """The step from `first` on at which the palm has come to rest before the lift."""
+    lift = next((segment.first for segment in episode.segments if segment.name == "lift"), len(episode.hand))
+    return max(first, min(lift, len(episode.hand)) - 1)
+
+
+def _rehearsed(driver: Driver, candidate: Candidate, drawn: Sequence[Start], *, patient: bool) -> Rehearsed:
+    bundle, passed, worst = driver.environment.bundle, 0, 0.0
+    for start in drawn:
+        episode = driver.run(candidate.operator, start, origin="operator")
+        passed += episode.success
+        worst = max(worst, stray(episode, bundle.task, tuple(bundle.objects)) if episode.success else 0.0)
+        if not episode.success and not patient:
+            break
+    return Rehearsed(candidate, worst, passed, len(drawn))
+
+
+def _drawn(driver: Driver, number: int) -> Start | None:
+    environment = driver.environment
+    try:
+        return starts.draw(environment.bundle, environment.model, seed_of("rehearsal", number))
+    except RuleError:
+        return None
 
 
 def _hard(bundle: TaskBundle, start: Start) -> Start:

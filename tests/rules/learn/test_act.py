@@ -234,7 +234,21 @@ def test_it_learns_from_pictures(tmp_path: Path) -> None:
     made = learn(tmp_path, data, inputs=("joints", "rgb"), film=filmed(data), steps=60)
     assert made.contract.inputs[1].shape == (32, 48, 3)
     assert made.curve[-1] < 0.5 * made.curve[0]
-    assert any(name.startswith("eye.") for name in weights.from_bytes(made.weights))
+    assert {"eye", "locate"} <= {name.partition(".")[0] for name in weights.from_bytes(made.weights)}
+    assert "objects" not in {channel.name for channel in made.contract.inputs}
+
+
+def test_where_objects_are_is_told_in_training_alone(tmp_path: Path) -> None:
+    """The tracked pose teaches a policy that looks to find the object; at run time it is not asked for."""
+    data = episodes.small(4)
+    made = learn(tmp_path, data, inputs=("joints", "rgb"), film=filmed(data))
+    assert made.contract.settings["located"] == 9
+    policy = load(made, BUNDLE, episodes.view(48, 32))
+    joints, picture = data.items["0"].joints[0], np.zeros((32, 48, 3), np.uint8)
+    tracked = [np.full((2, 7), fill) for fill in (0.5, np.nan)]
+    seen = [Measurement(joints, objects, np.zeros(1), picture) for objects in tracked]
+    acted = [policy.act(deployable(one, joints, np.ones(1))) for one in seen]
+    assert np.isfinite(acted).all()
 
 
 def test_the_stub_gives_a_checkpoint_of_the_same_form(tmp_path: Path) -> None:

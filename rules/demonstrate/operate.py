@@ -1,0 +1,52 @@
+"""demonstrate.operate: an operator shows a task some times (mission rows E1, E2, E9)."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.policy.statistics import wilson
+from dextera_build.rule import Context, Options, rule
+
+
+class OperateOptions(Options):
+    """Options of demonstrate.operate."""
+
+    episodes: int = 10
+    """Demonstrations that are wanted."""
+    seed: int = 0
+    """Seed of the starts."""
+    tries: int = 4
+    """Attempts per wanted demonstration before it is given up."""
+    lag_m: float = 0.02
+    """Sorted out: joint targets that limits keep farther than this from the commanded palm [m]."""
+    press_n: float = 2.0
+    """Sorted out: an unintended contact with more force than this [N]."""
+
+
+@rule(version=1)
+def operate(ctx: Context, bundle: TaskBundle, *, options: OperateOptions) -> Episodes:
+    """Return demonstrations from drawn starts, in the robot's base frame [m, rad], and what failed, with its reason.
+
+    The operator of the backend plans from the shape of the task's assets and the embodiment's data alone. The backend
+    offers `operate(bundle, options, progress) -> Episodes` and `strips(bundle, episodes) -> list of (caption, pixels)`.
+    """
+    ctx.check(options.episodes > 0, "no demonstration is wanted", hint="set `episodes` above 0")
+    shown: Episodes = ctx.backend.operate(bundle, options, ctx.progress)
+    reasons = Counter(episode.reason for episode in shown.failures.values())
+    counted = ", ".join(f"{count} x {reason}" for reason, count in reasons.most_common(5))
+    done = len(shown.items)
+    ctx.check(
+        done == options.episodes,
+        f"the operator showed `{bundle.task.name}` {done} times of {options.episodes}",
+        attempts=shown.attempts,
+        reasons=counted,
+        hint="make the ranges of `reset` smaller, or move the robot's base",
+    )
+    low, high = wilson(done, shown.attempts)
+    ctx.metric("success", 100 * done / shown.attempts, "%")
+    ctx.say(f"{done} of {shown.attempts} attempts ({100 * low:.0f}-{100 * high:.0f} %) {counted}".rstrip())
+    for caption, picture in ctx.backend.strips(bundle, shown):
+        ctx.preview(picture, caption)
+    return shown

@@ -1,0 +1,62 @@
+"""demonstrate.operate by a script in MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.policy import layout
+from dextera_build.rule import Backend
+from dextera_build.sim import starts
+from dextera_build.sim.drive import Driver, Filters
+from dextera_build.sim.environment import Environment
+from dextera_build.sim.scripts import planning
+from dextera_build.sim.seeds import seed_of
+from dextera_build.sim.stills import Stills
+
+from .film_strip import strip
+
+if TYPE_CHECKING:
+    from .operate import OperateOptions
+
+BACKEND = Backend(
+    summary="a script: grasps and pushes from geometry, rehearsed in MuJoCo; inverse kinematics by mink",
+    profiles=("cpu", "gpu"),
+    packages=("mujoco", "mink", "daqp"),
+    extra="learn",
+)
+SHOWN = 10
+"""Pictures of a strip."""
+
+
+def operate(bundle: TaskBundle, options: OperateOptions, progress: Callable[[int, int, str], None]) -> Episodes:
+    """Attempts until enough succeeded or the tries are used up."""
+    driver = Driver(Environment(bundle))
+    operator = planning.practise(driver, progress)
+    filters = Filters(lag_m=options.lag_m, press_n=options.press_n)
+    items: dict[str, Episode] = {}
+    failures: dict[str, Episode] = {}
+    attempts = 0
+    while len(items) < options.episodes and attempts < options.tries * options.episodes:
+        start = starts.draw(bundle, driver.environment.model, seed_of("operate", options.seed, attempts))
+        episode = driver.run(operator, start, origin="operator", filters=filters)
+        (items if episode.success else failures)[f"{attempts:05d}"] = episode
+        attempts += 1
+        progress(len(items), options.episodes, f"{attempts} attempts")
+    return layout.gathered(bundle, items, failures, attempts)
+
+
+def strips(bundle: TaskBundle, episodes: Episodes) -> list[tuple[str, np.ndarray]]:
+    """Film strips of the first success and the first failure."""
+    stills = Stills(bundle, None)
+    shown = [("a demonstration", episode) for episode in list(episodes.items.values())[:1]]
+    shown += [(f"failed: {episode.reason}", episode) for episode in list(episodes.failures.values())[:1]]
+    pictures = []
+    for caption, episode in shown:
+        rows = np.linspace(0, max(0, len(episode.joints) - 1), SHOWN).round().astype(int)
+        pictures.append((caption, strip(stills.at(episode, rows), SHOWN)))
+    return pictures

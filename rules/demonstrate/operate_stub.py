@@ -1,0 +1,33 @@
+"""demonstrate.operate without a simulator: nobody moves, and all is well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.policy import layout
+from dextera_build.rule import Backend
+from dextera_build.sim.pretence import pretended
+
+if TYPE_CHECKING:
+    from .operate import OperateOptions
+
+BACKEND = Backend(summary="no simulation: nobody moves, and all is well", profiles=("stub",))
+
+
+def operate(bundle: TaskBundle, options: OperateOptions, progress: Callable[[int, int, str], None]) -> Episodes:
+    """As many still episodes as are wanted."""
+    items = {
+        f"{number:05d}": pretended(bundle, options.seed + number, "operator", success=True)
+        for number in range(options.episodes)
+    }
+    return layout.gathered(bundle, items, {}, options.episodes)
+
+
+def strips(bundle: TaskBundle, episodes: Episodes) -> list[tuple[str, np.ndarray]]:
+    """No pictures."""
+    return []
