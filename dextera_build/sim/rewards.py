@@ -15,8 +15,12 @@ from dextera_build.sim.success import GraspState
 
 NEAR_M = 0.2
 """Distance that costs as much as the stage of reaching is worth [m]; even, so that it draws from far away too."""
+FAR_M = 0.8
+"""Distance beyond which nothing changes [m]."""
 REACH, HOLD, MOVE, DONE = 1.0, 1.0, 4.0, 5.0
 """What the stages are worth: at the object, in the hand, moved to the goal, held there until it counts."""
+DRAG = 0.4
+"""What it costs to drag an object as far as is allowed; little, for what is slippery has to be moved a little."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +68,12 @@ def articulate(progress: ArticulateProgress) -> float:
     """
     moved = 1.0 - float(np.clip(progress.left, 0.0, 2.0))
     reach = 1.0 - (1.0 - near(progress.reach_m)) * min(1.0, progress.left)
-    return REACH * (reach - min(2.0, progress.strayed)) + MOVE * moved + DONE * float(progress.success)
+    return REACH * reach - DRAG * min(2.0, progress.strayed) + MOVE * moved + DONE * float(progress.success)
 
 
 def near(distance_m: float) -> float:
-    """1 at no distance, 0 at `NEAR_M`, and less beyond."""
-    return 1.0 - max(0.0, distance_m) / NEAR_M
+    """1 at no distance, 0 at `NEAR_M`, and less up to `FAR_M`.
+
+    It ends there, because one object that is knocked far off the table would outweigh a hundred episodes.
+    """
+    return 1.0 - min(max(0.0, distance_m), FAR_M) / NEAR_M

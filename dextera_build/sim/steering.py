@@ -33,10 +33,10 @@ class Steering:
     """Decisions (M,), each -1 to 1, to joint targets.
 
     With `control` "palm" the first three decisions move the palm along the axes of the robot's base by up to `step_m`,
-    with the square of the decision, while it turns to the quaternion `palm_w` ... `palm_z` in the base, or stays turned
-    as at home without one. All other decisions, or all with "joints", move the target of one joint by up to `step_rad`.
-    Joints that nothing moves go to the contract's mean. With "palm" the network is also told where the palm and the
-    middle of the fingertips are, which follows from the joints: kinematics need not be learned.
+    while it turns to the quaternion `palm_w` ... `palm_z` in the base, or stays turned as at home without one. All
+    other decisions, or all with "joints", move the target of one joint by up to `step_rad`. Joints that nothing moves
+    go to the contract's mean. With "palm" the network is also told where the palm and the middle of the fingertips are,
+    which follows from the joints: kinematics need not be learned.
 
     Args:
         robot: The embodiment.
@@ -83,7 +83,7 @@ class Steering:
         goal[moved] = sent[moved] + self._step_rad * wanted[self.size - len(moved) :]
         if self._palm is not None:
             arm = self._palm.arm
-            change = self._palm.moved(sent, self._step_m * wanted[:3] * np.abs(wanted[:3])) - sent[arm]
+            change = self._palm.moved(sent, self._step_m * wanted[:3]) - sent[arm]
             goal[arm] = sent[arm] + np.clip(change, -self._step_rad, self._step_rad)
             moved = np.concatenate([arm, moved])
         goal[moved] = np.clip(goal[moved], joints[moved] - self._lead, joints[moved] + self._lead)

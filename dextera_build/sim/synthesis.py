@@ -20,6 +20,9 @@ from dextera_build.sim.environment import Environment
 from dextera_build.sim.operator import Command, State
 from dextera_build.sim.scripts.motion import between, minimum_jerk
 
+ALIKE_M, ALIKE_RAD = 0.04, 0.5
+"""Two demonstrations take hold in the same way where their palms are nearer than this [m, rad]."""
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -218,12 +221,41 @@ def nearest(sources: Sequence[Episode], place: int, state: np.ndarray, keep: int
     return int(order[int(random.integers(len(order)))])
 
 
+def alike(sources: Sequence[Episode], names: Sequence[str]) -> list[Episode]:
+    """The largest set of demonstrations that take hold in the same way, so that what is learnt is not contradictory.
+
+    Two are alike where the palm, at the end of the first contact, stands alike in the frame that contact belongs to.
+
+    Args:
+        sources: Demonstrations with segments.
+        names: Bodies of their `objects`.
+    """
+    holds = [_hold(source, list(names)) for source in sources]
+    groups = [[other for other, pose in enumerate(holds) if _near(hold, pose)] for hold in holds]
+    largest = max(groups, key=len, default=[])
+    return [sources[number] for number in largest]
+
+
+def _hold(source: Episode, names: list[str]) -> np.ndarray:
+    touching = [segment for segment in source.segments if segment.contact and segment.frame]
+    if not touching:
+        return np.eye(4)
+    segment = touching[0]
+    frame = pose4(source.objects[segment.first, names.index(segment.frame)])
+    return np.asarray(transforms.invert(frame) @ pose4(source.hand[segment.last - 1]))
+
+
+def _near(one: np.ndarray, other: np.ndarray) -> bool:
+    apart = float(np.linalg.norm(one[:3, 3] - other[:3, 3]))
+    return apart < ALIKE_M and transforms.angle(one[:3, :3].T @ other[:3, :3]) < ALIKE_RAD
+
+
 def synthesise(driver: Driver, sources: Episodes, start: Start, seed: int, manner: Manner) -> Episode:
     """One synthetic episode from `start`, successful or with the reason why it was sorted out.
 
     Args:
         driver: Of the task's environment.
-        sources: Successful demonstrations, in `items`.
+        sources: Successful demonstrations, in `items`; those that take hold in the most common way are used.
         start: Where the episode begins.
         seed: Of the choice of a source and of the noise.
         manner: Noise, filters, timing.
@@ -231,7 +263,7 @@ def synthesise(driver: Driver, sources: Episodes, start: Start, seed: int, manne
     environment = driver.environment
     environment.begin(start)
     place = list(environment.bundle.objects).index(environment.task.object)
-    shown = list(sources.items.values())
+    shown = alike(list(sources.items.values()), sources.object_names)
     random = np.random.default_rng([seed, 0])
     chosen = shown[nearest(shown, place, environment.object_poses()[place], manner.nearest, random)]
     operator = Synthesis(chosen, sources.object_names, environment, manner.timing)

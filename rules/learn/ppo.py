@@ -27,8 +27,7 @@ class PpoOptions(Options):
     control: Literal["palm", "joints"] = "palm"
     """How it moves the arm: by steps of the palm, which keeps its turn, or joint by joint."""
     step_m: float = Field(0.15, gt=0.0)
-    """Largest way of the palm by one decision, per axis [m]. It goes with the square of the decision, so that a hand
-    can be quick and yet feel its way."""
+    """Largest way of the palm by one decision, per axis [m]. What is light and slippery has to be pushed quickly."""
     grip: str | None = None
     """Posture of the fingers, one of the robot's grips; None: the first that suits the task, or else as at home."""
     lean_rad: float = 0.4
@@ -43,7 +42,7 @@ class PpoOptions(Options):
     """Features of a layer, of the policy and of its critic."""
     layers: int = Field(2, ge=1)
     """Layers."""
-    steps: int = Field(40_000, ge=1)
+    steps: int = Field(45_000, ge=1)
     """Decisions that are practised, in all environments together."""
     worlds: int = Field(8, ge=1)
     """Environments that are stepped side by side."""
@@ -57,9 +56,9 @@ class PpoOptions(Options):
     """Learning rate of Adam at the start; it falls to a tenth."""
     discount: float = Field(0.98, gt=0.0, le=1.0)
     """Worth of a reward one decision later."""
-    entropy: float = Field(0.002, ge=0.0)
+    entropy: float = Field(0.0, ge=0.0)
     """Weight of the policy's entropy."""
-    spread: float = Field(0.6, gt=0.0)
+    spread: float = Field(0.3, gt=0.0)
     """Standard deviation of decisions at the start."""
     seed: int = Field(0, ge=0)
     """Seed of first weights, exploration and starts."""

@@ -51,7 +51,7 @@ def test_the_palm_goes_where_it_is_steered_along_the_axes_of_the_base():
     for _ in range(10):
         environment.step(environment.previous_action)
     moved = environment.palm_pose() - before
-    assert moved[:3] == pytest.approx([0.05, -0.0125, 0.05], abs=0.006)
+    assert moved[:3] == pytest.approx([0.05, -0.025, 0.05], abs=0.006)
     assert np.allclose(moved[3:], 0, atol=1e-3)
 
 

@@ -15,7 +15,7 @@ from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.drive import Noise, _Disturbance, pose4
 from dextera_build.sim.operator import Command, State
 from dextera_build.sim.scripts.motion import between, rotation
-from dextera_build.sim.synthesis import Synthesis, Timing, bent, nearest, slowed, steps_between, transfer
+from dextera_build.sim.synthesis import Synthesis, Timing, _hold, alike, bent, nearest, slowed, steps_between, transfer
 from tests import episodes, factories
 
 numbers = st.floats(-2.0, 2.0)
@@ -157,6 +157,18 @@ def test_the_nearest_demonstration_is_taken():
     drawn = {nearest(shown, 0, wanted, 3, np.random.default_rng(seed)) for seed in range(40)}
     assert 5 in drawn
     assert len(drawn) == 3
+
+
+def test_demonstrations_that_take_hold_otherwise_are_left_out():
+    shown = [episodes.episode(20, seed=number) for number in range(5)]
+    odd = shown[2].hand.copy()
+    odd[:, 3:] = odd[:, 3:][:, [1, 0, 3, 2]]
+    mixed = [*shown[:2], shown[2].model_copy(update={"hand": odd}), *shown[3:]]
+    alone = [_hold(source, ["box", "case"]) for source in mixed]
+    assert transforms.angle(alone[2][:3, :3].T @ _hold(shown[2], ["box", "case"])[:3, :3]) > 0.5
+    same = [source.model_copy(update={"hand": shown[0].hand, "objects": shown[0].objects}) for source in shown[:4]]
+    assert alike([*same, mixed[2]], ("box", "case")) == same
+    assert alike([], ()) == []
 
 
 def command(contact: bool) -> Command:
