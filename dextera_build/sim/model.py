@@ -17,6 +17,8 @@ def compile_folder(model: Folder) -> Any:
     """
     import mujoco
 
+    # MuJoCo would write `MUJOCO_LOG.TXT` into the user's folder. What diverges shows in `MjData.warning` and in speeds.
+    mujoco.set_mju_user_warning(lambda message: None)
     if "scene.xml" not in model.files:
         raise RuleError("the folder holds no `scene.xml`", code="DXB-B210", facts={"files": len(model.files)})
     others = {name: data for name, data in model.files.items() if name != "scene.xml"}

@@ -52,6 +52,8 @@ def build(world: World, robot: RobotModel | None) -> Stage:
     """
     spec = mujoco.MjSpec()
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    # As robots have it: MuJoCo warns where the two differ, though nothing moves here.
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.visual.headlight.ambient[:] = world.ambient
     spec.visual.headlight.diffuse[:] = 0.0
     spec.visual.headlight.specular[:] = 0.0

@@ -1,4 +1,4 @@
-"""demonstrate.film without a renderer: a picture in which only a bar grows with time."""
+"""demonstrate.film without a renderer: a bar that grows with time, on a grey that follows from the camera's place."""
 
 from __future__ import annotations
 
@@ -6,18 +6,21 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from dextera_build import digest
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.rule import Backend
 
-BACKEND = Backend(summary="no rendering: a bar that grows with time", profiles=("stub",))
+BACKEND = Backend(summary="no rendering: a bar that grows with time, on a grey of its camera's own", profiles=("stub",))
 
 
 def frames(bundle: TaskBundle, episodes: Episodes, view: View) -> Iterator[tuple[str, np.ndarray]]:
     """Index and frames (T, H, W, 3) uint8 of each episode."""
+    # Another camera makes other pictures, as it does for real, so that what depends on them is made again.
+    grey = int(digest.of_bytes(np.ascontiguousarray(view.world_from_camera).tobytes())[:2], 16) // 2
     for index, episode in episodes.items.items():
         steps = len(episode.joints)
-        pixels = np.full((steps, view.camera.height, view.camera.width, 3), 128, np.uint8)
+        pixels = np.full((steps, view.camera.height, view.camera.width, 3), grey, np.uint8)
         for step in range(steps):
             pixels[step, :, : (step + 1) * view.camera.width // steps] = 200
         yield index, pixels

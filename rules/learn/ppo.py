@@ -60,11 +60,13 @@ class PpoOptions(Options):
     """Weight of the policy's entropy."""
     spread: float = Field(0.3, gt=0.0)
     """Standard deviation of decisions at the start."""
+    average: float = Field(0.97, ge=0.0, lt=1.0)
+    """The policy is a running average of its weights; an update leaves this share of it."""
     seed: int = Field(0, ge=0)
     """Seed of first weights, exploration and starts."""
 
 
-@rule(version=1, packages=("numpy",), cpus=2, memory_gb=2.0)
+@rule(version=1, packages=("numpy",), memory_gb=2.0)
 def ppo(ctx: Context, bundle: TaskBundle, *, options: PpoOptions) -> Checkpoint:
     """Return a policy that taught itself the task, from what a robot can observe; its critic alone is privileged.
 

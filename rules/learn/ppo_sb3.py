@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from stable_baselines3 import PPO
@@ -13,7 +12,7 @@ from torch import Tensor, nn
 from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import RuleError
-from dextera_build.policy import reproducible, weights
+from dextera_build.policy import reproducible
 from dextera_build.policy.ppo import Actor
 from dextera_build.rule import Backend, Context
 from dextera_build.sim.environment import Environment
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from .ppo import PpoOptions
 
 BACKEND = Backend(
-    summary="stable-baselines3 on MuJoCo in threads, deterministic; goes on after an interruption",
+    summary="stable-baselines3 on MuJoCo, deterministic; goes on after an interruption",
     profiles=("cpu", "gpu"),
     packages=("stable-baselines3", "gymnasium", "torch", "mujoco", "safetensors"),
     extra="learn",
@@ -53,15 +52,14 @@ def heading(bundle: TaskBundle) -> float | None:
 
 def practise(ctx: Context, bundle: TaskBundle, contract: PolicyContract, options: PpoOptions) -> Practised:
     """Train, or go on with a training that was interrupted."""
-    threads = min(options.worlds, len(os.sched_getaffinity(0)), 2)
-    worlds = Worlds(bundle, contract, options.worlds, options.seed, threads)
+    worlds = Worlds(bundle, contract, options.worlds, options.seed)
     try:
         with reproducible.one_thread(), own_generators(options.seed):
             model = _model(worlds, options)
             watch = Watch(ctx, worlds, contract, options)
             watch.restore(model)
             _learn(model, watch, options)
-        return watch.practised(actor_weights(model.policy))
+        return watch.practised()
     finally:
         worlds.close()
 
@@ -79,13 +77,6 @@ def _learn(model: PPO, watch: Watch, options: PpoOptions) -> None:
             code="DXB-B513",
             hint=f"rate: {options.rate * 0.3:g}",
         ) from None
-
-
-def actor_weights(policy: ActorCriticPolicy) -> bytes:
-    """The part of a policy that runs, under the names of `dextera_build.policy.ppo.Actor`."""
-    extractor, head = cast(Extractor, policy.mlp_extractor), policy.action_net
-    tensors = {f"body.{name}": tensor for name, tensor in extractor.actor.state_dict().items()}
-    return weights.to_bytes(tensors | {f"head.{name}": tensor for name, tensor in head.state_dict().items()})
 
 
 def _model(worlds: Worlds, options: PpoOptions) -> PPO:

@@ -58,9 +58,12 @@ class Watch(BaseCallback):
         self._curve: list[tuple[int, float, float]] = []
         self._episodes = 0
         self._saved = time.monotonic()
+        self._average: dict[str, torch.Tensor] = {}
+        self._averaged = -1
 
     def _on_rollout_start(self) -> None:
         self._note()
+        self._follow()
         if time.monotonic() - self._saved >= SAVE_EVERY_S:
             self.save()
         random = seed_of(self._options.seed, "rollout", self.model.num_timesteps)
@@ -80,9 +83,11 @@ class Watch(BaseCallback):
         if not self._recent:
             self._recent.append((float(self._earned.mean()), False))
         self._note()
+        self._follow()
 
-    def practised(self, data: bytes) -> Practised:
-        """The result with the weights `data`."""
+    def practised(self) -> Practised:
+        """The result; its weights are the average, which does better than where the last update happened to end."""
+        data = weights.to_bytes(self._average)
         steps, reward, success = zip(*self._curve, strict=True) if self._curve else ((), (), ())
         return Practised(
             data,
@@ -101,6 +106,7 @@ class Watch(BaseCallback):
         places = self._worlds.places()
         for number, (_, decisions) in enumerate(places):
             tensors[f"place.{number}"] = torch.from_numpy(np.array(decisions, np.float32))
+        tensors |= {f"average.{name}": tensor for name, tensor in self._average.items()}
         notes = {
             "of": self._of,
             "decisions": model.num_timesteps,
@@ -144,6 +150,18 @@ class Watch(BaseCallback):
         self._recent.extend((reward, done) for reward, done in notes["recent"])
         self._curve = [(step, reward, success) for step, reward, success in notes["curve"]]
         self._episodes = notes["episodes"]
+        self._average = {name[8:]: tensor for name, tensor in tensors.items() if name.startswith("average.")}
+        self._averaged = notes["decisions"]
+
+    def _follow(self) -> None:
+        """Move the average of the actor's weights towards what they are now, once per update."""
+        if self._averaged == self.model.num_timesteps:
+            return
+        self._averaged = self.model.num_timesteps
+        keep = self._options.average if self._average else 0.0
+        for name, tensor in actor_tensors(self.model.policy).items():
+            old = self._average.get(name, tensor)
+            self._average[name] = (keep * old + (1.0 - keep) * tensor).clone()
 
     def _note(self) -> None:
         """A point of the curve, once per rollout."""
@@ -167,6 +185,12 @@ class Watch(BaseCallback):
             return notes, weights.from_bytes(self._file.read_bytes())
         except (OSError, SafetensorError, RuleError, KeyError, ValueError):
             return None
+
+
+def actor_tensors(policy: Any) -> dict[str, torch.Tensor]:
+    """The part of a policy that runs, under the names of `dextera_build.policy.ppo.Actor`."""
+    tensors = {f"body.{name}": tensor for name, tensor in policy.mlp_extractor.actor.state_dict().items()}
+    return tensors | {f"head.{name}": tensor for name, tensor in policy.action_net.state_dict().items()}
 
 
 @contextmanager

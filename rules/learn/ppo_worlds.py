@@ -1,9 +1,8 @@
-"""Several environments side by side in threads: MuJoCo lets go of Python's lock while it steps."""
+"""Several environments side by side, on one core: other nodes of a build have the others."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -19,25 +18,23 @@ Place = tuple[int, list[np.ndarray]]
 
 
 class Worlds(DummyVecEnv):
-    """Environments whose results do not depend on how many threads step them.
+    """Environments that can be put where an interrupted training was.
 
     Args:
         bundle: The task.
         contract: What the policy expects and gives.
         count: Environments.
         seed: Seed of their starts.
-        threads: Threads.
     """
 
-    def __init__(self, bundle: TaskBundle, contract: PolicyContract, count: int, seed: int, threads: int) -> None:
+    def __init__(self, bundle: TaskBundle, contract: PolicyContract, count: int, seed: int) -> None:
         self.practices = [Practice(bundle, contract, seed, number) for number in range(count)]
         super().__init__([lambda practice=practice: practice for practice in self.practices])  # type: ignore[misc]
         self.public = self.practices[0].public
-        self._pool = ThreadPoolExecutor(threads)
 
     def step_wait(self) -> VecEnvStepReturn:
         """Step all, and begin anew where an episode ended."""
-        results = list(self._pool.map(_step, self.practices, self.actions))
+        results = [_step(*pair) for pair in zip(self.practices, self.actions, strict=True)]
         for number, (observation, reward, done, info) in enumerate(results):
             self._save_obs(number, observation)
             self.buf_rews[number], self.buf_dones[number], self.buf_infos[number] = reward, done, info
@@ -49,13 +46,7 @@ class Worlds(DummyVecEnv):
 
     def go_to(self, places: Sequence[Place]) -> np.ndarray:
         """Be at `places`; the observations there (W, N + P)."""
-        found = list(self._pool.map(lambda pair: pair[0].go_to(*pair[1]), zip(self.practices, places, strict=True)))
-        return np.stack(found)
-
-    def close(self) -> None:
-        """End the threads."""
-        self._pool.shutdown()
-        super().close()
+        return np.stack([practice.go_to(*place) for practice, place in zip(self.practices, places, strict=True)])
 
 
 def _step(practice: Practice, decision: np.ndarray) -> tuple[np.ndarray, float, bool, dict[str, Any]]:

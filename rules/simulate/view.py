@@ -24,6 +24,8 @@ class ViewOptions(Options):
     """Where the camera stands in the world [m]; absent: where the photograph was taken."""
     target_m: Point | None = None
     """What it looks at from `eye_m`, in the world [m]; image right is horizontal."""
+    shift_m: Point = (0.0, 0.0, 0.0)
+    """Then moved by this in the world, without turning [m]: a camera that was bumped."""
 
 
 @rule(version=1, packages=("numpy",))
@@ -37,6 +39,8 @@ def view(ctx: Context, scene: Scene, *, options: ViewOptions) -> View:
     pose = scene.world_from_camera
     if options.eye_m is not None and options.target_m is not None:
         pose = _looking(ctx, np.array(options.eye_m), np.array(options.target_m))
+    if any(options.shift_m):
+        pose = transforms.rigid(pose[:3, :3], pose[:3, 3] + options.shift_m)
     ctx.say(f"{camera.width} x {camera.height} px, {'as photographed' if options.eye_m is None else 'placed by hand'}")
     return View(camera=camera, world_from_camera=pose)
 

@@ -119,14 +119,24 @@ def test_a_camera_move_leaves_states_and_policies_on_states_alone(tmp_path):
     first = space.build("task/close_laptop", "--profile", "stub")
     assert first.code == 0, first.err[-3000:]
     assert first.nodes("ran") >= {*SEEN, "episodes", "act", "ppo", "act_twin", "replay"}
-    moved = space.build("task/close_laptop", "--profile", "stub", "--set", "view.eye_m=[0.0, -0.9, 0.8]")
+    moved = space.build("task/close_laptop", "--profile", "stub", "--set", "view.shift_m=[0.02, 0, 0]")
     assert moved.code == 0, moved.err[-3000:]
     assert {"view", "film", "act_image"} <= moved.nodes("ran") <= SEEN
 
 
-def test_another_seed_of_the_data_leaves_the_demonstrations_and_the_other_policy_alone(tmp_path):
+def test_a_checkpoint_goes_back_to_the_photograph_and_its_staleness_to_the_cause(tmp_path):
     space = Space(tmp_path)
     assert space.build("task/close_laptop", "--profile", "stub").code == 0
+    lineage = space.dxb("show", "task/close_laptop:act", "--lineage", "--profile", "stub")
+    assert lineage.code == 0, lineage.err
+    for part in ("capture.reference", "simulate.task", "demonstrate.synthesize", "demonstrate.shards", "seed", "code "):
+        assert part in lineage.out, part
+    assert "reference/laptop_scene:capture" in lineage.out
+    why = space.dxb("why", "task/close_laptop:act", "--profile", "stub", "--set", "sources.seed=1")
+    assert why.code == 0, why.err
+    assert "0 -> 1" in why.out
+    assert "sources" in why.out
+    # Another seed of the shards makes other data: nothing before it, and nothing that learns otherwise, runs again.
     ran = space.build("task/close_laptop", "--profile", "stub", "--set", "shards.seed=1").nodes("ran")
     assert "shards" in ran
     assert not ran & {"sources", "task", "reference", "replay", "ppo", "ppo_twin", "view"}

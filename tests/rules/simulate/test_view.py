@@ -62,3 +62,11 @@ def test_a_camera_put_by_hand_looks_at_its_target(tmp_path: Path) -> None:
 def test_what_cannot_be_looked_through_is_refused(tmp_path: Path, options: dict[str, object], message: str) -> None:
     with pytest.raises(RuleError, match=message):
         RuleRunner(tmp_path).run("simulate.view", options=options, scene=SCENE)
+
+
+def test_a_shift_moves_the_camera_and_does_not_turn_it(tmp_path: Path) -> None:
+    runner = RuleRunner(tmp_path)
+    still = runner.run("simulate.view", scene=SCENE)
+    moved = runner.run("simulate.view", options={"shift_m": (0.02, 0.0, -0.01)}, scene=SCENE)
+    assert np.allclose(moved.world_from_camera[:3, 3] - still.world_from_camera[:3, 3], [0.02, 0.0, -0.01])
+    assert np.array_equal(moved.world_from_camera[:3, :3], still.world_from_camera[:3, :3])
