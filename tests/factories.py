@@ -29,11 +29,7 @@ def camera(width: int = 320, height: int = 240) -> Camera:
 
 def look_at(place: tuple[float, float, float], target: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
     """T_world_camera (4, 4) of an OpenCV camera at `place` [m] that looks at `target` [m], image right horizontal."""
-    forward = np.subtract(target, place)
-    forward = forward / np.linalg.norm(forward)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    return transforms.rigid(np.stack([right, np.cross(forward, right), forward], axis=1), np.asarray(place))
+    return cameras.look_at(np.array(place), np.array(target))
 
 
 def support(half: float = 0.5) -> Support:

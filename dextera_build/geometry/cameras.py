@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from dextera_build.errors import ArtifactError
+from dextera_build.geometry import transforms
+
 GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])
 """OpenGL, MuJoCo and USD cameras look along -z with y up; X_gl = GL_FROM_CV @ X_cv."""
 
@@ -25,3 +28,22 @@ def project(points: np.ndarray, k: np.ndarray) -> np.ndarray:
 def rays(height: int, width: int, k: np.ndarray) -> np.ndarray:
     """Directions (H, W, 3) float64 with z = 1, so that a hit's ray parameter is its image-plane depth."""
     return backproject(np.ones((height, width)), k)
+
+
+def look_at(eye: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """T_world_camera (4, 4) of a camera at `eye` that looks at `target`, (3,) each [m]; image right is horizontal.
+
+    Raises:
+        ArtifactError: One is straight above the other, where image right is not defined.
+    """
+    forward = np.asarray(target, np.float64) - eye
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    if np.linalg.norm(right) < 1e-6:
+        raise ArtifactError(
+            "the camera looks straight up or down, where image right is not defined",
+            code="DXB-A204",
+            facts={"camera": tuple(map(float, eye)), "target": tuple(map(float, target))},
+            hint="move the camera or its target a little aside",
+        )
+    forward, right = forward / np.linalg.norm(forward), right / np.linalg.norm(right)
+    return transforms.rigid(np.stack([right, np.cross(forward, right), forward], axis=1), np.asarray(eye))

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
-from dextera_build.geometry import transforms
+from dextera_build.geometry import cameras
 from dextera_build.sim.rendering import render_rgb
 
 EYE = (0.35, -1.35, 0.95)
@@ -29,11 +29,7 @@ def stand(model: Any, data: Any, width: int, height: int) -> tuple[Camera, np.nd
     ]
     points = np.array(free) if free else np.zeros((1, 3))
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    eye = middle + np.array(EYE)
-    forward = (middle - eye) / np.linalg.norm(middle - eye)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    pose = transforms.rigid(np.stack([right, np.cross(forward, right), forward], axis=1), eye)
+    pose = cameras.look_at(middle + np.array(EYE), middle)
     focal = 1.05 * width
     camera = Camera(width=width, height=height, fx=focal, fy=focal, cx=(width - 1) / 2, cy=(height - 1) / 2)
     return camera, pose

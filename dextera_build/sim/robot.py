@@ -10,7 +10,7 @@ import numpy as np
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Camera
-from dextera_build.geometry import transforms
+from dextera_build.geometry import cameras, transforms
 from dextera_build.sim.rendering import render_rgb
 
 CONTACT_GROUP = 3
@@ -171,12 +171,8 @@ def portrait(robot: Folder, joints: Mapping[str, float], size: int = 480) -> np.
     places = data.geom_xpos
     middle = (places.min(axis=0) + places.max(axis=0)) / 2
     reach = float(np.linalg.norm(places - middle, axis=1).max()) + 0.1
-    forward = np.array([-0.75, -0.55, -0.35])
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    eye = middle - forward * reach * 2.6
-    pose = transforms.rigid(np.stack([right, np.cross(forward, right), forward], axis=1), eye)
+    aside = np.array([0.75, 0.55, 0.35])
+    pose = cameras.look_at(middle + aside / np.linalg.norm(aside) * reach * 2.6, middle)
     half = (size - 1) / 2
     camera = Camera(width=size, height=size, fx=size * 1.2, fy=size * 1.2, cx=half, cy=half)
     return render_rgb(model, data, camera, pose, shadows=True)

@@ -88,7 +88,7 @@ def world(ctx: Context, *, options: WorldOptions) -> World:
         objects[name] = _thing(thing.parts(), thing.pose(), thing.matter(), thing.hinge())
         ctx.check(objects[name].surface.is_closed, f"the surface of `{name}` is open")
         _check_physics(ctx, name, objects[name])
-    camera, pose = _camera(ctx, options.camera)
+    camera, pose = _camera(options.camera)
     _check_places(ctx, objects, options.table)
     _check_view(ctx, objects, camera, pose)
     fixtures = {
@@ -117,13 +117,8 @@ def _thing(parts: dict[str, Part], pose: np.ndarray, matter: Matter | None = Non
     return Thing(parts=parts, surface=surface, world_from_thing=pose, matter=matter, hinge=hinge)
 
 
-def _camera(ctx: Context, options: CameraOptions) -> tuple[Camera, np.ndarray]:
-    eye, target = np.array(options.eye_m), np.array(options.target_m)
-    forward = target - eye
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    ctx.check(bool(np.linalg.norm(right) > 1e-6), "the camera looks straight up or down", hint="move `target_m`")
-    forward, right = forward / np.linalg.norm(forward), right / np.linalg.norm(right)
-    pose = transforms.rigid(np.stack([right, np.cross(forward, right), forward], axis=1), eye)
+def _camera(options: CameraOptions) -> tuple[Camera, np.ndarray]:
+    pose = cameras.look_at(np.array(options.eye_m), np.array(options.target_m))
     camera = Camera(
         width=options.width_px,
         height=options.height_px,

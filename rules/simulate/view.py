@@ -7,7 +7,7 @@ import numpy as np
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.scene import Scene
 from dextera_build.artifacts.task import View
-from dextera_build.geometry import transforms
+from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Context, Options, rule
 
 Point = tuple[float, float, float]
@@ -38,7 +38,7 @@ def view(ctx: Context, scene: Scene, *, options: ViewOptions) -> View:
     camera = scaled(scene.camera, options.width_px, options.height_px)
     pose = scene.world_from_camera
     if options.eye_m is not None and options.target_m is not None:
-        pose = _looking(ctx, np.array(options.eye_m), np.array(options.target_m))
+        pose = cameras.look_at(np.array(options.eye_m), np.array(options.target_m))
     if any(options.shift_m):
         pose = transforms.rigid(pose[:3, :3], pose[:3, 3] + options.shift_m)
     ctx.say(f"{camera.width} x {camera.height} px, {'as photographed' if options.eye_m is None else 'placed by hand'}")
@@ -60,18 +60,3 @@ def scaled(camera: Camera, width: int, height: int) -> Camera:
         cx=(camera.cx + 0.5 - left) * scale - 0.5,
         cy=(camera.cy + 0.5 - top) * scale - 0.5,
     )
-
-
-def _looking(ctx: Context, eye: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """T_world_camera (4, 4) of an OpenCV camera at `eye` that looks at `target`; neither is above the other."""
-    forward = target - eye
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    if np.linalg.norm(right) < 1e-6:
-        ctx.fail(
-            "the camera would look straight up or down, where image right is not defined",
-            hint="move `eye_m` a little aside",
-            eye_m=tuple(eye),
-            target_m=tuple(target),
-        )
-    forward, right = forward / np.linalg.norm(forward), right / np.linalg.norm(right)
-    return transforms.rigid(np.stack([right, np.cross(forward, right), forward], axis=1), eye)
