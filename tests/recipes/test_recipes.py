@@ -140,3 +140,17 @@ def test_a_checkpoint_goes_back_to_the_photograph_and_its_staleness_to_the_cause
     ran = space.build("task/close_laptop", "--profile", "stub", "--set", "shards.seed=1").nodes("ran")
     assert "shards" in ran
     assert not ran & {"sources", "task", "reference", "replay", "ppo", "ppo_twin", "view"}
+
+
+def test_the_benchmark_builds_from_photographs_to_its_tables_and_then_does_nothing(tmp_path):
+    space = Space(tmp_path)
+    # With stubs any photograph will do for the real one, which does not come with dxb.
+    assert space.build("reference/laptop_scene:capture", "--profile", "stub").code == 0
+    taken = space.dxb("get", "reference/laptop_scene:capture", "--out", "photo", "--profile", "stub")
+    assert taken.code == 0, taken.err
+    words = ("benchmark/first_policies", "--profile", "stub", "--input", "mustard=photo")
+    answer = space.build(*words)
+    assert answer.code == 0, answer.err[-3000:]
+    assert not answer.nodes("failed", "waits")
+    assert {"success", "transfer", "yields", "close/ppo", "mug/act", "bottle/lerobot"} <= answer.nodes("ran", "cached")
+    assert "is up to date" in space.dxb("build", *words).err
