@@ -45,7 +45,12 @@ class Dot:
 def bars(groups: Mapping[str, Sequence[Bar]]) -> np.ndarray:
     """Groups of bars, (H, W, 3) uint8; the lines of a group's label stand below it."""
     wide, pitch, height, left, top = 30, 26, 240, 52, 34
-    widths = [max(116, pitch * len(group) + wide) for group in groups.values()]
+    # Seven pixels hold one letter of the labels.
+    letters = [max(map(len, label.split("\n"))) for label in groups]
+    widths = [
+        max(116, 7 * count + 16, pitch * len(group) + wide)
+        for count, group in zip(letters, groups.values(), strict=True)
+    ]
     width = left + sum(widths) + 12
     picture, pen = _sheet(width, top + height + 56)
     _levels(pen, left, top, width - left - 12, height)
