@@ -158,7 +158,9 @@ class Watch(BaseCallback):
         if self._averaged == self.model.num_timesteps:
             return
         self._averaged = self.model.num_timesteps
-        keep = self._options.average if self._average else 0.0
+        # At first the average is short, or what the training began with would stay in it for long.
+        updates = self._averaged / (self._options.rollout * self._options.worlds)
+        keep = min(self._options.average, updates / (9.0 + updates))
         for name, tensor in actor_tensors(self.model.policy).items():
             old = self._average.get(name, tensor)
             self._average[name] = (keep * old + (1.0 - keep) * tensor).clone()
