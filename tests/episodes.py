@@ -13,7 +13,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.episode import Episode, Episodes, Segment, Start
 from dextera_build.artifacts.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.task import TaskBundle, TaskObject, TaskSpec, View
-from dextera_build.geometry import quaternions, transforms
+from dextera_build.geometry import poses, quaternions, transforms
 from dextera_build.policy.layout import embodiment
 from tests import factories
 
@@ -180,7 +180,7 @@ def episode(steps: int = 20, *, seed: int = 0) -> Episode:
 
 
 def _start(seed: int, box: np.ndarray, case: np.ndarray) -> Start:
-    places = [np.append(pose[:3, 3], quaternions.from_matrix(pose[:3, :3])) for pose in (box, case)]
+    places = [poses.from_matrix(pose) for pose in (box, case)]
     return Start(
         seed=seed,
         qpos=np.concatenate([*places, [0.0], HOME]),
@@ -213,7 +213,7 @@ def _palm(joints: np.ndarray) -> np.ndarray:
 def _seven(world_from_object: np.ndarray) -> np.ndarray:
     """Position and quaternion w x y z in the base."""
     pose = transforms.invert(WORLD_FROM_BASE) @ world_from_object
-    return np.append(pose[:3, 3], quaternions.from_matrix(pose[:3, :3]))
+    return poses.from_matrix(pose)
 
 
 def _object(world_from_object: np.ndarray, joints: tuple[str, ...] = ()) -> TaskObject:

@@ -93,6 +93,11 @@ class RobotModel(Artifact):
         """Joints of one class, in order."""
         return tuple(joint.name for joint in self.joints if joint.group == group)
 
+    @property
+    def tips(self) -> tuple[str, ...]:
+        """Roles of the fingertips among `frames`, in order."""
+        return tuple(role for role in self.frames if role.startswith("tip_"))
+
     def followed(self, joints: Mapping[str, float]) -> dict[str, float]:
         """`joints` with the position of every follower whose leader is among them [rad or m]."""
         led = {

@@ -61,6 +61,11 @@ class TaskSpec(Value):
     reset: Reset = Reset()
     """Start distribution."""
 
+    @property
+    def goal(self) -> tuple[float, ...]:
+        """The goal as policies see it: commanded joint positions [rad or m], or the rise [m]."""
+        return tuple(self.joints.values()) if self.primitive == "articulate" else (self.height_m,)
+
 
 class TaskObject(Artifact):
     """What a task knows of one movable object of its model."""
@@ -110,6 +115,11 @@ class TaskBundle(Artifact):
 
     latency_s: float = 0.0
     """Time from a command to its effect in this world [s]."""
+
+    @property
+    def displacement_names(self) -> tuple[str, ...]:
+        """Joints inside the objects, in the order of the objects."""
+        return tuple(name for thing in self.objects.values() for name in thing.joints)
 
 
 class View(Artifact):

@@ -58,7 +58,7 @@ def of_bundle(bundle: TaskBundle, view: View | None = None, rate_hz: float | Non
         rate_hz=task.control_hz if rate_hz is None else rate_hz,
         joints=tuple(joint.name for joint in bundle.robot.joints),
         objects=tuple(bundle.objects),
-        displacement=tuple(name for thing in bundle.objects.values() for name in thing.joints),
+        displacement=bundle.displacement_names,
         goal=tuple(task.joints) if task.primitive == "articulate" else ("rise",),
         picture=(view.camera.height, view.camera.width) if view else None,
     )
@@ -100,5 +100,5 @@ def gathered(
         joint_names=here.joints,
         object_names=here.objects,
         displacement_names=here.displacement,
-        tip_names=tuple(role for role in bundle.robot.frames if role.startswith("tip_")),
+        tip_names=bundle.robot.tips,
     )

@@ -33,8 +33,8 @@ def with_robot(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) ->
     import mujoco
 
     try:
-        spec = _spec(scene, "scene.xml")
-        arm = _spec(robot.model, "robot.xml")
+        spec = load(scene, "scene.xml")
+        arm = load(robot.model, "robot.xml")
     except ValueError as error:
         raise RuleError(
             "MuJoCo does not load the scene or the robot", code="DXB-B211", facts={"MuJoCo": error}
@@ -68,7 +68,8 @@ def with_robot(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) ->
     return Folder(files={"scene.xml": spec.to_xml().encode(), **files, **others})
 
 
-def _spec(model: Folder, main: str) -> Any:
+def load(model: Folder, main: str) -> Any:
+    """The `mujoco.MjSpec` of the file `main` of a folder, with all other files at hand."""
     import mujoco
 
     files = {name: data for name, data in model.files.items() if name != main}

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Origin, Segment, Start
-from dextera_build.geometry import quaternions, transforms
+from dextera_build.geometry import poses, registration, transforms
 from dextera_build.sim.environment import Environment
 from dextera_build.sim.operator import Command, Operator, OutOfReach, PoseControl, State
 from dextera_build.sim.recorder import Recorder
-from dextera_build.sim.scripts.motion import rotation
 from dextera_build.sim.touch import Touch
 
 
@@ -53,7 +52,6 @@ class Driver:
         self.control = PoseControl(environment.bundle.robot, environment.task.control_hz)
         self._noisy = PoseControl(environment.bundle.robot, environment.task.control_hz)
         self._touch = Touch(environment)
-        self._hand = np.array([joint.group == "hand" for joint in environment.bundle.robot.joints])
 
     def run(
         self,
@@ -84,7 +82,7 @@ class Driver:
             last = command
             action = self.control.follow(command)
             sent = self._noisy.follow(disturbance.on(command))
-            recorder.before(action, _pose7(command.palm))
+            recorder.before(action, poses.from_matrix(command.palm))
             labels.add(command)
             outcome = environment.step(sent)
             recorder.after(outcome.executed)
@@ -101,13 +99,13 @@ class Driver:
 
     def state(self) -> State:
         """What an operator sees now."""
-        environment = self.environment
-        measured = environment.measure()
-        names = [joint for thing in environment.bundle.objects.values() for joint in thing.joints]
+        bundle, measured = self.environment.bundle, self.environment.measure()
+        placed = zip(bundle.objects, measured.objects, strict=True)
+        inner = zip(bundle.displacement_names, map(float, measured.displacement), strict=True)
         return State(
             joints=measured.joints,
-            objects={name: pose4(row) for name, row in zip(environment.bundle.objects, measured.objects, strict=True)},
-            displacement=dict(zip(names, map(float, measured.displacement), strict=True)),
+            objects={name: poses.to_matrix(pose) for name, pose in placed},
+            displacement=dict(inner),
         )
 
 
@@ -128,7 +126,7 @@ class _Disturbance:
         if command.contact and not noise.in_contact:
             return command
         value = self._value
-        shift = transforms.rigid(rotation(value[3:6] * noise.rotation_rad), np.zeros(3))
+        shift = transforms.rigid(registration.rotation(value[3:6] * noise.rotation_rad), np.zeros(3))
         palm = command.palm @ shift
         palm[:3, 3] += value[:3] * noise.position_m
         fingers = command.fingers + value[6:] * noise.finger_rad
@@ -157,12 +155,3 @@ class _Labels:
             )
             first += count
         return tuple(found)
-
-
-def pose4(pose: np.ndarray) -> np.ndarray:
-    """(4, 4) motion of a pose (7,): position [m], quaternion w x y z."""
-    return transforms.rigid(quaternions.to_matrix(pose[3:].astype(np.float64)), pose[:3].astype(np.float64))
-
-
-def _pose7(pose: np.ndarray) -> np.ndarray:
-    return np.concatenate([pose[:3, 3], quaternions.from_matrix(pose[:3, :3])])

@@ -56,7 +56,7 @@ class Environment:
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self.substeps = max(1, round(1.0 / (self.task.control_hz * self.model.opt.timestep)))
         self.period_s = self.substeps * self.model.opt.timestep
-        self.goal = _goal(bundle)
+        self.goal = np.array(bundle.task.goal, np.float32)
         self._dynamics = Dynamics(bundle, self.model)
         self._index()
         self._base_from_world = transforms.invert(bundle.world_from_base)
@@ -187,23 +187,14 @@ class Environment:
         model, robot = self.model, self.bundle.robot
         names = [ROBOT + joint.name for joint in robot.joints]
         self._joints = np.array([model.joint(name).qposadr[0] for name in names])
-        self._dofs = np.array([model.joint(name).dofadr[0] for name in names])
         self._actuators = np.array([model.actuator(name).id for name in names])
         self.lower = np.array([joint.lower for joint in robot.joints])
         self.upper = np.array([joint.upper for joint in robot.joints])
         self._speed = np.array([joint.velocity for joint in robot.joints])
         self._objects = np.array([model.body(name).id for name in self.bundle.objects])
-        inner = [name for thing in self.bundle.objects.values() for name in thing.joints]
-        self._displacements = np.array([model.joint(name).qposadr[0] for name in inner], int)
+        self._displacements = np.array([model.joint(name).qposadr[0] for name in self.bundle.displacement_names], int)
         self._target = int(model.body(self.task.object).id)
-        self.tips = tuple(role for role in robot.frames if role.startswith("tip_"))
-        self._tip_sites = np.array([model.site(ROBOT + robot.frames[role]).id for role in self.tips], int)
+        self.tips = robot.tips
+        tips = np.array([model.site(ROBOT + robot.frames[role]).id for role in self.tips], int)
         self._palm = int(model.site(ROBOT + robot.frames["palm"]).id) if "palm" in robot.frames else -1
-        self._fingers = grasp.finger_map(model, self._tip_sites, self._palm)
-
-
-def _goal(bundle: TaskBundle) -> np.ndarray:
-    """The goal as policies see it (G,) float32."""
-    if bundle.task.primitive == "articulate":
-        return np.array(list(bundle.task.joints.values()), np.float32)
-    return np.array([bundle.task.height_m], np.float32)
+        self._fingers = grasp.finger_map(model, tips, self._palm)

@@ -24,7 +24,7 @@ class HandKinematics:
     def __init__(self, robot: RobotModel) -> None:
         self.joints: tuple[str, ...] = robot.names("hand")
         """Joints of the hand, in order."""
-        self.fingers: tuple[str, ...] = tuple(r for r in robot.frames if r.startswith("tip_") and r != THUMB)
+        self.fingers: tuple[str, ...] = tuple(role for role in robot.tips if role != THUMB)
         """Roles of the fingertips that oppose the thumb."""
         self.home = np.array([robot.home[name] for name in self.joints])
         """(H,) home [rad]."""

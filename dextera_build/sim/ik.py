@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import mink
-import mujoco
 import numpy as np
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.geometry import quaternions, transforms
+from dextera_build.sim.robot import load
 
 SOLVER = "daqp"
 POSITION_COST = 10.0
@@ -150,8 +150,7 @@ class ArmKinematics:
 
 
 def _arm_alone(robot: RobotModel) -> Any:
-    files = {name: data for name, data in robot.model.files.items() if name != "robot.xml"}
-    spec = mujoco.MjSpec.from_string(robot.model.files["robot.xml"].decode(), assets=files or None)
+    spec = load(robot.model)
     home = robot.followed(robot.home)
     for element in [*spec.actuators, *spec.equalities]:
         spec.delete(element)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import mujoco
@@ -12,7 +12,7 @@ import numpy as np
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError
-from dextera_build.sim import rendering  # noqa: F401  chooses EGL before mujoco is imported
+from dextera_build.sim import compose
 from dextera_build.sim.compose import ROBOT
 
 
@@ -36,15 +36,19 @@ class Machine:
     """Time from a command to its effect [s]."""
 
 
+def machine_of(options: Any) -> Machine:
+    """The machine that the options of a rule describe, field by field."""
+    return Machine(**{field.name: getattr(options, field.name) for field in fields(Machine)})
+
+
 def load(model: Folder) -> Any:
     """The `mujoco.MjSpec` of a folder with `scene.xml`.
 
     Raises:
         RuleError: MuJoCo refuses it.
     """
-    files = {name: data for name, data in model.files.items() if name != "scene.xml"}
     try:
-        return mujoco.MjSpec.from_string(model.files["scene.xml"].decode(), assets=files)
+        return compose.load(model, "scene.xml")
     except (KeyError, ValueError) as error:
         raise RuleError("MuJoCo does not load the task's model", code="DXB-B211", facts={"MuJoCo": error}) from None
 

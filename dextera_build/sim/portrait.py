@@ -8,7 +8,9 @@ import mujoco
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.task import TaskBundle
 from dextera_build.geometry import cameras
+from dextera_build.sim import model as models
 from dextera_build.sim.rendering import render_rgb
 
 EYE = (0.35, -1.35, 0.95)
@@ -18,6 +20,12 @@ EYE = (0.35, -1.35, 0.95)
 def portrait(model: Any, data: Any, width: int = 480, height: int = 360) -> np.ndarray:
     """The scene as it stands now, (height, width, 3) uint8: robot and movable objects in the middle."""
     return render_rgb(model, data, *stand(model, data, width, height), shadows=False)
+
+
+def at_home(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
+    """What kind of world a task's is, and a picture of it as it was photographed."""
+    model = models.compile_folder(bundle.model)
+    return [(bundle.kind, portrait(model, models.at_home(model)))]
 
 
 def stand(model: Any, data: Any, width: int, height: int) -> tuple[Camera, np.ndarray]:

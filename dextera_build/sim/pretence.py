@@ -6,7 +6,7 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Origin, Start
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.geometry import quaternions, transforms
+from dextera_build.geometry import poses, transforms
 
 STEPS = 4
 
@@ -15,11 +15,10 @@ def pretended(bundle: TaskBundle, seed: int, origin: Origin, *, success: bool) -
     """A try of `STEPS` control periods in which robot and objects stay as they were photographed."""
     joints = np.array([joint.home for joint in bundle.robot.joints], np.float64)
     base_from_world = transforms.invert(bundle.world_from_base)
-    poses = [base_from_world @ thing.world_from_object for thing in bundle.objects.values()]
-    placed = np.array([np.append(pose[:3, 3], quaternions.from_matrix(pose[:3, :3])) for pose in poses])
+    motions = [base_from_world @ thing.world_from_object for thing in bundle.objects.values()]
+    placed = np.array([poses.from_matrix(motion) for motion in motions])
     inner = np.array([position for thing in bundle.objects.values() for position in thing.positions])
-    tips = sum(role.startswith("tip_") for role in bundle.robot.frames)
-    goal = list(bundle.task.joints.values()) if bundle.task.primitive == "articulate" else [bundle.task.height_m]
+    tips = len(bundle.robot.tips)
     still = np.tile(joints.astype(np.float32), (STEPS, 1))
     return Episode(
         start=Start(
@@ -37,8 +36,8 @@ def pretended(bundle: TaskBundle, seed: int, origin: Origin, *, success: bool) -
         executed=still.copy(),
         joints=still.copy(),
         hand=np.tile(np.array([0, 0, 0, 1, 0, 0, 0], np.float32), (STEPS, 1)),
-        objects=np.tile(placed.astype(np.float32).reshape(1, len(poses), 7), (STEPS, 1, 1)),
+        objects=np.tile(placed.astype(np.float32).reshape(1, len(motions), 7), (STEPS, 1, 1)),
         displacement=np.tile(inner.astype(np.float32), (STEPS, 1)),
         contact=np.zeros((STEPS, tips, 3), np.float32),
-        goal=np.array(goal, np.float32),
+        goal=np.array(bundle.task.goal, np.float32),
     )

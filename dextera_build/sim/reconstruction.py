@@ -9,13 +9,11 @@ import mujoco
 import numpy as np
 
 from dextera_build.artifacts.episode import Start
-from dextera_build.geometry import quaternions, transforms
+from dextera_build.geometry import poses, quaternions, registration, transforms
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim import starts
 from dextera_build.sim.compose import ROBOT
-from dextera_build.sim.drive import pose4
 from dextera_build.sim.environment import Environment
-from dextera_build.sim.scripts.motion import rotation
 
 STEP_M = 0.0005
 """Objects that stand in something are raised in steps of this [m]."""
@@ -52,11 +50,10 @@ def reconstruct(seen: Measurement, ctrl: np.ndarray, twin: Environment, tracker:
     data.qpos[:], data.ctrl[:] = start.qpos, start.ctrl
     random = np.random.default_rng([seed, 2])
     for name, pose in zip(bundle.objects, seen.objects, strict=True):
-        place = bundle.world_from_base @ pose4(pose) @ _error(tracker, random)
+        place = bundle.world_from_base @ poses.to_matrix(pose) @ _error(tracker, random)
         data.joint(name).qpos[:3] = place[:3, 3]
         data.joint(name).qpos[3:] = quaternions.from_matrix(place[:3, :3])
-    inner = [joint for thing in bundle.objects.values() for joint in thing.joints]
-    for name, position in zip(inner, seen.displacement, strict=True):
+    for name, position in zip(bundle.displacement_names, seen.displacement, strict=True):
         data.joint(name).qpos[0] = position
     for number, joint in enumerate(bundle.robot.joints):
         data.joint(ROBOT + joint.name).qpos[0] = seen.joints[number]
@@ -85,5 +82,5 @@ def _upper(model: Any, data: Any, roots: dict[int, str], pair: np.ndarray) -> st
 
 
 def _error(tracker: Tracker, random: np.random.Generator) -> np.ndarray:
-    turn = rotation(random.standard_normal(3) * tracker.rotation_rad)
+    turn = registration.rotation(random.standard_normal(3) * tracker.rotation_rad)
     return transforms.rigid(turn, random.standard_normal(3) * tracker.position_m)

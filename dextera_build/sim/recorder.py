@@ -64,14 +64,12 @@ class Recorder:
 
 def _shape(name: str, bundle: TaskBundle) -> tuple[int, ...]:
     joints = len(bundle.robot.joints)
-    inner = sum(len(thing.joints) for thing in bundle.objects.values())
-    tips = sum(role.startswith("tip_") for role in bundle.robot.frames)
     return {
         "action": (joints,),
         "executed": (joints,),
         "joints": (joints,),
         "hand": (7,),
         "objects": (len(bundle.objects), 7),
-        "displacement": (inner,),
-        "contact": (tips, 3),
+        "displacement": (len(bundle.displacement_names),),
+        "contact": (len(bundle.robot.tips), 3),
     }[name]

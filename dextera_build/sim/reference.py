@@ -17,7 +17,7 @@ import numpy as np
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.world import Hinge, Matter, Part, Thing, World
 from dextera_build.errors import RuleError, listing
-from dextera_build.geometry import quaternions, registration, transforms
+from dextera_build.geometry import poses, quaternions, registration, transforms
 from dextera_build.sim import machine, matter, names, tracked
 from dextera_build.sim.compose import ROBOT
 from dextera_build.sim.model import at_home, compile_folder
@@ -221,7 +221,7 @@ class _Builder:
         )
         body.add_freejoint(name=own)
         self._fill(body, placed, thing.parts, placed.matter.mass_kg, placed.pose)
-        self.positions[own] = np.concatenate([placed.pose[:3, 3], quaternions.from_matrix(placed.pose[:3, :3])])
+        self.positions[own] = poses.from_matrix(placed.pose)
 
     def _pose(self, body: str) -> np.ndarray:
         """T_twin_body in the photograph."""

@@ -11,6 +11,7 @@ import numpy as np
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Camera
 from dextera_build.geometry import cameras, transforms
+from dextera_build.sim import compose
 from dextera_build.sim.rendering import render_rgb
 
 CONTACT_GROUP = 3
@@ -22,8 +23,7 @@ COUPLING_SOLIMP = [0.95, 0.99, 0.001, 0.5, 2.0]
 
 def load(model: Folder) -> Any:
     """The `mujoco.MjSpec` of a robot's folder: `robot.xml` and the meshes that it names."""
-    others = {name: data for name, data in model.files.items() if name != "robot.xml"}
-    return mujoco.MjSpec.from_string(model.files["robot.xml"].decode(), assets=others)
+    return compose.load(model, "robot.xml")
 
 
 def mjcf(robot: Any) -> str:

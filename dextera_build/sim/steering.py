@@ -106,7 +106,7 @@ class _Palm:
         self._dofs = np.array([self._model.joint(names[number]).dofadr[0] for number in self.arm])
         self._home = home[self.arm]
         self._jacobian = np.zeros((6, self._model.nv))
-        tips = [site for role, site in robot.frames.items() if role.startswith("tip_")]
+        tips = [robot.frames[role] for role in robot.tips]
         self._tips = [self._model.site(site).id for site in tips or [robot.frames["palm"]]]
         self._origin = np.zeros(6)
         self._origin = self.places(home).astype(np.float64) * PLACE_M

@@ -15,7 +15,8 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Episodes, Segment, Start
 from dextera_build.geometry import transforms
-from dextera_build.sim.drive import Driver, Filters, Noise, pose4
+from dextera_build.geometry.poses import to_matrix
+from dextera_build.sim.drive import Driver, Filters, Noise
 from dextera_build.sim.environment import Environment
 from dextera_build.sim.operator import Command, State
 from dextera_build.sim.scripts.motion import between, minimum_jerk
@@ -109,7 +110,7 @@ class Synthesis:
     def __init__(self, source: Episode, names: Sequence[str], environment: Environment, timing: Timing) -> None:
         self._source, self._names, self._timing = source, list(names), timing
         self._hand = np.array([joint.group == "hand" for joint in environment.bundle.robot.joints])
-        self._palm = pose4(environment.palm_pose())
+        self._palm = to_matrix(environment.palm_pose())
         self._fingers = environment.previous_action[self._hand]
         self._rate = environment.task.control_hz
         self._objects: Mapping[str, np.ndarray] = {}
@@ -189,10 +190,10 @@ class Synthesis:
     def _frames_of(self, segment: Segment) -> tuple[np.ndarray, np.ndarray]:
         """T_F_src and T_F_new at the beginning of a segment."""
         place = self._names.index(segment.frame)
-        return pose4(self._source.objects[segment.first, place]), self._objects[segment.frame]
+        return to_matrix(self._source.objects[segment.first, place]), self._objects[segment.frame]
 
     def _poses(self, segment: Segment) -> np.ndarray:
-        return np.array([pose4(row) for row in self._source.hand[segment.first : segment.last]])
+        return np.array([to_matrix(row) for row in self._source.hand[segment.first : segment.last]])
 
     def _finger_rows(self, segment: Segment) -> np.ndarray:
         return self._source.action[segment.first : segment.last, self._hand].astype(np.float64)
@@ -241,8 +242,8 @@ def _hold(source: Episode, names: list[str]) -> np.ndarray:
     if not touching:
         return np.eye(4)
     segment = touching[0]
-    frame = pose4(source.objects[segment.first, names.index(segment.frame)])
-    return np.asarray(transforms.invert(frame) @ pose4(source.hand[segment.last - 1]))
+    frame = to_matrix(source.objects[segment.first, names.index(segment.frame)])
+    return np.asarray(transforms.invert(frame) @ to_matrix(source.hand[segment.last - 1]))
 
 
 def _near(one: np.ndarray, other: np.ndarray) -> bool:

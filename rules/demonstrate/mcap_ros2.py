@@ -11,7 +11,7 @@ from mcap.writer import CompressionType, Writer
 
 from dextera_build.artifacts.episode import Episode, Episodes, Film
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.geometry import transforms
+from dextera_build.geometry import poses, transforms
 from dextera_build.rule import Backend, Context
 
 from . import ros_messages, ros_types
@@ -99,10 +99,10 @@ class Recording:
 
     def once(self, bundle: TaskBundle, view: View | None) -> None:
         """Frames that do not move."""
-        edges = [("world", BASE, ros_messages.seven(bundle.world_from_base))]
+        edges = [("world", BASE, poses.from_matrix(bundle.world_from_base))]
         if view is not None:
             camera = transforms.invert(bundle.world_from_base) @ view.world_from_camera
-            edges.append((BASE, self._optical, ros_messages.seven(camera)))
+            edges.append((BASE, self._optical, poses.from_matrix(camera)))
         # In one message: a late comer gets the last one only.
         self._send("/tf_static", "tf2_msgs/TFMessage", 0, ros_messages.transforms(0, edges), LATCHED)
 

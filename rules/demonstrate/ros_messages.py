@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
-from dextera_build.geometry import quaternions
 
 from .cdr import Cdr
 
@@ -55,11 +54,6 @@ def camera_info(stamp: int, frame: str, camera: Camera) -> bytes:
     message = _header(stamp, frame).u32(camera.height, camera.width).string("plumb_bob").f64s(np.zeros(5))
     message.f64(k.ravel()).f64(np.eye(3).ravel()).f64(projection.ravel())
     return message.u32(0, 0).u32(0, 0, 0, 0).boolean(False).bytes()
-
-
-def seven(matrix: np.ndarray) -> np.ndarray:
-    """A (4, 4) motion as a pose (7,): position, quaternion w x y z."""
-    return np.append(matrix[:3, 3], quaternions.from_matrix(matrix[:3, :3]))
 
 
 def _header(stamp: int, frame: str, message: Cdr | None = None) -> Cdr:

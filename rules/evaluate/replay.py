@@ -108,7 +108,7 @@ def _agree(ctx: Context, twin: TaskBundle, world: TaskBundle) -> None:
 
 
 def _joints(bundle: TaskBundle) -> str:
-    return ", ".join(sorted(name for thing in bundle.objects.values() for name in thing.joints)) or "none"
+    return ", ".join(sorted(bundle.displacement_names)) or "none"
 
 
 def _show(

@@ -8,10 +8,8 @@ import numpy as np
 
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.rule import Backend
-from dextera_build.sim import model as models
-from dextera_build.sim import perturb
-from dextera_build.sim.machine import Machine
-from dextera_build.sim.portrait import portrait
+from dextera_build.sim import perturb, portrait
+from dextera_build.sim.machine import machine_of
 
 if TYPE_CHECKING:
     from .perturbed import PerturbedOptions
@@ -26,15 +24,7 @@ BACKEND = Backend(
 
 def build(bundle: TaskBundle, options: PerturbedOptions) -> tuple[TaskBundle, dict[str, perturb.Factors]]:
     """The disturbed task and the scale factors of every object."""
-    robot = Machine(
-        seed=options.seed,
-        gain_spread=options.gain_spread,
-        arm_friction=options.arm_friction,
-        hand_friction=options.hand_friction,
-        skin_spread=options.skin_spread,
-        timestep_s=options.timestep_s,
-        latency_s=options.latency_s,
-    )
+    robot = machine_of(options)
     most = perturb.Disturbance(
         size_sigma=options.size_sigma,
         dynamics=options.dynamics,
@@ -47,5 +37,4 @@ def build(bundle: TaskBundle, options: PerturbedOptions) -> tuple[TaskBundle, di
 
 def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
     """The configuration of the photograph."""
-    model = models.compile_folder(bundle.model)
-    return [(bundle.kind, portrait(model, models.at_home(model)))]
+    return portrait.at_home(bundle)

@@ -9,10 +9,9 @@ import numpy as np
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.world import World
 from dextera_build.rule import Backend
-from dextera_build.sim import model as models
+from dextera_build.sim import portrait
 from dextera_build.sim import reference as builder
-from dextera_build.sim.machine import Machine
-from dextera_build.sim.portrait import portrait
+from dextera_build.sim.machine import machine_of
 
 if TYPE_CHECKING:
     from .reference import ReferenceOptions
@@ -27,19 +26,10 @@ BACKEND = Backend(
 
 def build(bundle: TaskBundle, world: World, options: ReferenceOptions) -> TaskBundle:
     """The task in the reference world."""
-    machine = Machine(
-        seed=options.seed,
-        gain_spread=options.gain_spread,
-        arm_friction=options.arm_friction,
-        hand_friction=options.hand_friction,
-        skin_spread=options.skin_spread,
-        timestep_s=options.timestep_s,
-        latency_s=options.latency_s,
-    )
+    machine = machine_of(options)
     return builder.build(bundle, world, machine, contact_rate=options.contact_rate_rad_s, farthest_m=options.match_m)
 
 
 def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
     """The configuration of the photograph."""
-    model = models.compile_folder(bundle.model)
-    return [(bundle.kind, portrait(model, models.at_home(model)))]
+    return portrait.at_home(bundle)

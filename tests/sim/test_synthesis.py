@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 
 from dextera_build.artifacts.episode import Segment
 from dextera_build.geometry import quaternions, transforms
-from dextera_build.sim.drive import Noise, _Disturbance, pose4
+from dextera_build.geometry.poses import to_matrix
+from dextera_build.geometry.registration import rotation
+from dextera_build.sim.drive import Noise, _Disturbance
 from dextera_build.sim.operator import Command, State
-from dextera_build.sim.scripts.motion import between, rotation
+from dextera_build.sim.scripts.motion import between
 from dextera_build.sim.synthesis import Synthesis, Timing, _hold, alike, bent, nearest, slowed, steps_between, transfer
 from tests import episodes, factories
 
@@ -48,7 +50,7 @@ def test_rotation_takes_the_shortest_way_at_even_speed_and_inputs_are_left_alone
 def test_opposite_quaternions_are_the_same_rotation():
     pose = np.array([0.1, 0.2, 0.3, 0.6, 0.0, 0.8, 0.0])
     turned = np.concatenate([pose[:3], -pose[3:]])
-    assert np.allclose(between(pose4(pose), pose4(turned), 0.5), pose4(pose))
+    assert np.allclose(between(to_matrix(pose), to_matrix(turned), 0.5), to_matrix(pose))
 
 
 def test_interpolation_is_timed_by_speed():
@@ -68,7 +70,7 @@ def moved_task(shift: np.ndarray) -> tuple[Synthesis, State]:
         previous_action=np.array(episodes.HOME),
         task=SimpleNamespace(control_hz=20.0),
     )
-    objects = {name: shift @ pose4(row) for name, row in zip(("box", "case"), source.objects[0], strict=True)}
+    objects = {name: shift @ to_matrix(row) for name, row in zip(("box", "case"), source.objects[0], strict=True)}
     state = State(joints=np.array(episodes.HOME), objects=objects, displacement={})
     operator = Synthesis(source, ("box", "case"), environment, Timing())
     operator.begin(state)
@@ -87,7 +89,7 @@ def test_every_framed_step_keeps_the_demonstrated_pose_in_the_objects_frame(x, y
     framed = [command for command in commands if command.frame]
     assert len(framed) == 20
     for row, command in enumerate(framed):
-        assert np.allclose(command.palm, shift @ pose4(source.hand[row]), atol=1e-5)
+        assert np.allclose(command.palm, shift @ to_matrix(source.hand[row]), atol=1e-5)
 
 
 def with_free_approach() -> tuple[Synthesis, State, np.ndarray]:
@@ -100,7 +102,7 @@ def with_free_approach() -> tuple[Synthesis, State, np.ndarray]:
     )
     operator._source = source.model_copy(update={"segments": segments})
     operator.begin(state)
-    return operator, state, np.array([pose4(row) for row in source.hand])
+    return operator, state, np.array([to_matrix(row) for row in source.hand])
 
 
 def test_free_motion_leads_from_the_hand_to_the_moved_object_no_faster_than_shown():
@@ -146,7 +148,7 @@ def test_free_motion_at_the_end_goes_on_from_where_the_hand_is():
     while (command := operator.command(state)) is not None:
         palms.append(command.palm)
     made = transforms.invert(palms[-10]) @ palms[-1]
-    shown = transforms.invert(pose4(source.hand[10])) @ pose4(source.hand[19])
+    shown = transforms.invert(to_matrix(source.hand[10])) @ to_matrix(source.hand[19])
     assert np.allclose(made, shown, atol=1e-5)
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import transforms
+from dextera_build.geometry import registration, transforms
 from dextera_build.sim.environment import Environment
 from dextera_build.sim.mechanism import Mechanism
 from dextera_build.sim.operator import Command, State
-from dextera_build.sim.scripts.motion import Leg, minimum_jerk, rotation, sample
+from dextera_build.sim.scripts.motion import Leg, minimum_jerk, sample
 from dextera_build.sim.scripts.reach import Reach
 
 
@@ -102,7 +102,7 @@ class Articulate:
         up = np.array([0.0, 0.0, 1.0])
         ahead = self._mechanism.pose(now)[:3, :3] @ along
         ahead -= up * ahead[2]
-        ahead = rotation(up * self.push.turn_rad) @ ahead / np.linalg.norm(ahead)
+        ahead = registration.rotation(up * self.push.turn_rad) @ ahead / np.linalg.norm(ahead)
         lean = self.push.lean_rad
         fingers = ahead * np.sin(lean) - up * np.cos(lean)
         out = ahead * np.cos(lean) + up * np.sin(lean)

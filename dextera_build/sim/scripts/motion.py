@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import transforms
+from dextera_build.geometry import registration, transforms
 from dextera_build.sim.operator import Command
 
 
@@ -58,7 +58,7 @@ def between(first: np.ndarray, last: np.ndarray, part: float) -> np.ndarray:
     """Pose (4, 4) at `part` 0-1 of the way: position along a line, rotation along the shortest arc."""
     turn = first[:3, :3].T @ last[:3, :3]
     place = first[:3, 3] + part * (last[:3, 3] - first[:3, 3])
-    return transforms.rigid(first[:3, :3] @ rotation(rotation_vector(turn) * part), place)
+    return transforms.rigid(first[:3, :3] @ registration.rotation(rotation_vector(turn) * part), place)
 
 
 def rotation_vector(turn: np.ndarray) -> np.ndarray:
@@ -72,13 +72,3 @@ def rotation_vector(turn: np.ndarray) -> np.ndarray:
         axis = np.linalg.eigh(turn + turn.T)[1][:, -1]
         return np.asarray(axis * angle * (1.0 if axis @ skew >= 0 else -1.0))
     return np.asarray(skew * angle / (2.0 * np.sin(angle)))
-
-
-def rotation(vector: np.ndarray) -> np.ndarray:
-    """(3, 3) rotation about (3,) by its length [rad]."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)

@@ -15,9 +15,9 @@ import numpy as np
 from dextera_build.artifacts.episode import Episode, Start
 from dextera_build.artifacts.task import TaskBundle, TaskSpec
 from dextera_build.errors import RuleError
-from dextera_build.geometry import transforms
+from dextera_build.geometry import poses, transforms
 from dextera_build.sim import starts
-from dextera_build.sim.drive import Driver, pose4
+from dextera_build.sim.drive import Driver
 from dextera_build.sim.operator import Operator, State
 from dextera_build.sim.scripts.motion import Leg
 from dextera_build.sim.seeds import seed_of
@@ -115,11 +115,11 @@ def stray(episode: Episode, task: TaskSpec, names: Sequence[str]) -> float:
     if not touching:
         return 0.0
     objects = episode.objects[:, list(names).index(task.object)]
-    first, last = pose4(objects[touching[0]]), pose4(objects[-1])
+    first, last = poses.to_matrix(objects[touching[0]]), poses.to_matrix(objects[-1])
     if task.primitive == "lift":
         # The palm stands still relative to the object only once it has come near: what came before is undone here.
-        first = transforms.invert(pose4(episode.hand[_near(episode, touching[0])])) @ first
-        last = transforms.invert(pose4(episode.hand[-1])) @ last
+        first = transforms.invert(poses.to_matrix(episode.hand[_near(episode, touching[0])])) @ first
+        last = transforms.invert(poses.to_matrix(episode.hand[-1])) @ last
     moved = transforms.invert(first) @ last
     return transforms.angle(moved[:3, :3]) + float(np.linalg.norm(moved[:3, 3])) / STRAY_M_RAD
 

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dextera_build.geometry import transforms
-from dextera_build.sim.scripts.motion import Leg, between, minimum_jerk, rotation, rotation_vector, sample
+from dextera_build.geometry.registration import rotation
+from dextera_build.sim.scripts.motion import Leg, between, minimum_jerk, rotation_vector, sample
 from tests import factories
 
 ANGLE = st.floats(-3.1, 3.1)
