@@ -93,6 +93,6 @@ $(VENV)/.robots: pyproject.toml $(VENV)/.created
 	@touch $@
 
 $(VENV)/.installed: pyproject.toml $(VENV)/.locked
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable '.[twin,learn,view]'
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable '.[twin,learn,share,view]'
 	$(BIN)/python -m pip check
 	@touch $@

@@ -1,1 +1,1 @@
-"""Other stores that this one reads from and writes to."""
+"""Stores on other machines: a folder, a server or a bucket that several builders share."""

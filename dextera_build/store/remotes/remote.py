@@ -1,0 +1,67 @@
+"""What a remote store is: results by key and blobs by digest on a machine that others use too.
+
+A remote is believed in nothing: whoever takes bytes from it checks them against their digest, and whatever goes wrong
+with it makes a build slower, never wrong and never failed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import BinaryIO, NamedTuple, Protocol
+
+
+class Digest(NamedTuple):
+    """Names bytes as the Remote Execution API does."""
+
+    hash: str
+    """Lower-case hex SHA-256."""
+    size: int
+    """How many bytes."""
+
+
+class RemoteFault(Exception):  # noqa: N818 - says what happened, as `MissingBlob` does
+    """A remote did not do what it was asked: no connection, a time-out, an answer that makes no sense.
+
+    Args:
+        address: The remote, without secrets.
+        reason: What happened, for people.
+    """
+
+    def __init__(self, address: str, reason: str) -> None:
+        super().__init__(f"{address}: {reason}")
+        self.address = address
+        self.reason = reason
+
+
+class Remote(Protocol):
+    """Two maps. Every method may be called from several threads, and raises `RemoteFault` and nothing else."""
+
+    address: str
+    """As the command line names it, without secrets."""
+
+    def get_action(self, key: Digest) -> bytes | None:
+        """The `ActionResult` message under a key (the digest of the key document), or None."""
+        ...
+
+    def put_action(self, key: Digest, message: bytes) -> None:
+        """Publish a result, all of whose blobs the remote holds."""
+        ...
+
+    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
+        """Those that the remote lacks."""
+        ...
+
+    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
+        """Hand `take` the bytes of every blob that the remote holds, in pieces; those that it lacks are left out.
+
+        The remote chooses batches and parallel transfers; `take` may be called from several threads at once.
+        """
+        ...
+
+    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
+        """Upload blobs; `give` opens one, and the remote closes it."""
+        ...
+
+    def close(self) -> None:
+        """Let connections go."""
+        ...
