@@ -11,6 +11,9 @@ from dextera_build.cli import options
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("target", metavar="RECIPE[:TARGET]")
+    parser.add_argument(
+        "--check", action="store_true", help="only what is stale and why; exit with 3 where that is anything"
+    )
     options.project_arguments(parser)
     options.request_arguments(parser)
     options.json_argument(parser)
@@ -29,6 +32,10 @@ def run(args: argparse.Namespace) -> int:
     wanted = options.wish(args.target)
     session = Session(project, wanted.recipe)
     graph = session.plan(options.request(args, project.profile)).graph
+    if args.check:
+        from dextera_build.cli import stale
+
+        return stale.check(session, graph, addresses(graph, wanted.target), as_json=args.json)
     calls = dict(graph.calls())
     rows = []
     for node in plan(graph, addresses(graph, wanted.target), session.store, history=session.past_builds):
