@@ -1,3 +1,20 @@
 """dxb: a content-addressed build system for robot digital twins."""
 
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dextera_build.api import Project as Project
+    from dextera_build.api import Result as Result
+
 __version__ = "0.1.0"
+__all__ = ["Project", "Result", "__version__"]
+
+
+def __getattr__(name: str) -> object:
+    # On first use, so that neither `import dextera_build` nor the command line waits for it.
+    if name in ("Project", "Result"):
+        return getattr(importlib.import_module("dextera_build.api"), name)
+    raise AttributeError(f"module `dextera_build` has no attribute `{name}`")

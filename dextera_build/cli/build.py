@@ -51,7 +51,9 @@ def run(args: argparse.Namespace) -> int:
             if code and not args.keep_going:
                 break
     finally:
-        args.locking.write()
+        notice = args.locking.write()
+        if notice and project.config["console"].value not in ("none", "jsonl"):
+            print(notice, file=sys.stderr)
     return code
 
 

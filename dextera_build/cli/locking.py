@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -125,10 +124,10 @@ class Locking:
                 gone = parse_address(name.node).call not in calls or _is_asked(name.node, wanted)
                 self._new |= {name: None} if gone else {}
 
-    def write(self) -> None:
-        """Bring the file up to date, once, if anything changed; say so on stderr."""
+    def write(self) -> str:
+        """Bring the file up to date, once, if anything changed; return a line about what did, or ""."""
         if self.locked or not (self.lock or self._new):
-            return
+            return ""
         from dextera_build.store.store import Store
 
         guard = digest.of_bytes(str(self.path).encode())
@@ -138,8 +137,7 @@ class Locking:
             pins = {name: pin for name, pin in (now | self._new).items() if pin is not None}
             gone = self._gone(pins) if self.lock else []
             kept = {name: pin for name, pin in pins.items() if name not in gone}
-            if lockfile.write(self.path, kept) and self._project.config["console"].value not in ("none", "jsonl"):
-                print(_notice(now, kept, gone), file=sys.stderr)
+            return _notice(now, kept, gone) if lockfile.write(self.path, kept) else ""
 
     def _gone(self, pins: lockfile.Pins) -> list[Name]:
         known = {address for address, _ in self._project.recipes()}
