@@ -39,13 +39,9 @@ def run(args: argparse.Namespace) -> int:
     project = options.project(args)
     plain = not (args.input or args.settings or args.backends)
     args.locking = locking.Locking(project, lock=args.lock, locked=args.locked, plain=plain)
-    wanted: dict[str, list[str]] = {}
-    for text in args.targets:
-        named = options.wish(text)
-        wanted.setdefault(named.recipe, []).append(named.target)
     code = 0
     try:
-        for recipe, targets in wanted.items():
+        for recipe, targets in options.by_recipe(args.targets).items():
             code = max(code, _build(args, project, recipe, targets, started))
             started = time.perf_counter()
             if code and not args.keep_going:

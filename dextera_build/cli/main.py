@@ -19,6 +19,7 @@ from dextera_build.errors import DxbError, UsageError, did_you_mean
 VERBS = {
     "build": "build targets; only what is stale runs",
     "plan": "show what a build would do, without doing it",
+    "watch": "build, and again whenever something that the build read changes",
     "get": "write a node's artifact to files",
     "why": "explain why a node is stale, or when it was built",
     "ls": "list recipes, rules, backends, nodes or runs",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,15 @@ def wish(text: str) -> Wish:
     """Read `RECIPE` or `RECIPE:TARGET`."""
     recipe, _, target = text.partition(":")
     return Wish(recipe.removesuffix(".yaml").removeprefix("recipes/"), target)
+
+
+def by_recipe(texts: Iterable[str]) -> dict[str, list[str]]:
+    """Recipe -> its targets, in the order in which they are named."""
+    wanted: dict[str, list[str]] = {}
+    for text in texts:
+        named = wish(text)
+        wanted.setdefault(named.recipe, []).append(named.target)
+    return wanted
 
 
 def project_arguments(parser: argparse.ArgumentParser) -> None:
