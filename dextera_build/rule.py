@@ -143,6 +143,19 @@ class Context:
 
 
 @dataclass(frozen=True)
+class Tolerance:
+    """How far the numbers of a result may be apart when a rule runs again on the same inputs; all else is exact.
+
+    `Tolerance({"vertices": 1e-6, "parts.mesh.vertices": 1e-6}, metrics={"volume": 1e-9})`
+    """
+
+    fields: Mapping[str, float] = field(default_factory=dict)
+    """Field of the result, without labels and indices -> largest absolute difference, in the unit of the field."""
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    """Name given to `ctx.metric` -> largest absolute difference, in the unit of the metric. Others are not compared."""
+
+
+@dataclass(frozen=True)
 class Slot:
     """One input of a rule."""
 
@@ -161,6 +174,7 @@ class Rule(Generic[P, R]):
     packages: tuple[str, ...]
     cpus: int
     memory_gb: float
+    tolerance: Tolerance = Tolerance()
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         """Call the plain function."""
@@ -202,7 +216,12 @@ class Rule(Generic[P, R]):
 
 
 def rule(
-    *, version: int, packages: tuple[str, ...] = (), cpus: int = 1, memory_gb: float = 1.0
+    *,
+    version: int,
+    packages: tuple[str, ...] = (),
+    cpus: int = 1,
+    memory_gb: float = 1.0,
+    tolerance: Tolerance | None = None,
 ) -> Callable[[Callable[P, R]], Rule[P, R]]:
     """Declare the function below as the rule that its file is named after.
 
@@ -215,10 +234,12 @@ def rule(
             chosen backend are added.
         cpus: Cores that one call keeps busy; so many of `--jobs` are not given to others meanwhile.
         memory_gb: Peak memory of one call [GiB].
+        tolerance: How far results may be apart for `dxb check`; None is exact. A build never takes one for another: the
+            first result of a key stays.
     """
 
     def mark(function: Callable[P, R]) -> Rule[P, R]:
-        return Rule(function, version, packages, cpus, memory_gb)
+        return Rule(function, version, packages, cpus, memory_gb, tolerance or Tolerance())
 
     return mark
 

@@ -18,7 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "what",
         nargs="?",
         default="recipes",
-        help="recipes (default), rules, backends, runs, or a recipe's address for its nodes",
+        help="recipes (default), rules, backends, runs, divergent, or a recipe's address for its nodes",
     )
     options.project_arguments(parser)
     options.request_arguments(parser)
@@ -28,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print one row a line."""
     project = options.project(args)
-    listings = {"recipes": _recipes, "rules": _rules, "backends": _backends, "runs": _runs}
+    listings = {"recipes": _recipes, "rules": _rules, "backends": _backends, "runs": _runs, "divergent": _divergent}
     listing = listings.get(args.what)
     rows = list(listing(project) if listing else _nodes(project, args))
     if args.json:
@@ -68,6 +68,22 @@ def _runs(project: Project) -> Iterator[Row]:
     from dextera_build.cli.runs import runs
 
     yield from runs(project)
+
+
+def _divergent(project: Project) -> Iterator[Row]:
+    """Keys that gave another output when they ran again."""
+    import time
+
+    from dextera_build.store.store import Store
+
+    for found in Store(project.cache).divergent.all():
+        yield {
+            "node": found.node,
+            "key": found.key[:12],
+            "first": found.first[:12],
+            "again": ",".join(output[:12] for output in found.again),
+            "when": time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(found.time)),
+        }
 
 
 def _nodes(project: Project, args: argparse.Namespace) -> Iterator[Row]:

@@ -24,6 +24,7 @@ VERBS = {
     "why": "explain why a node is stale, or when it was built",
     "ls": "list recipes, rules, backends, nodes or runs",
     "show": "show an artifact, a node, or the configuration",
+    "diff": "show what is different between two runs, nodes or artifacts",
     "log": "show past runs and what their nodes printed",
     "view": "look at a scene in the browser",
     "report": "write a run's report, one offline HTML file",

@@ -78,7 +78,9 @@ def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: s
     when = f"run {entry.run} ({_ago(entry.time)})" if entry else ""
     if state is not None and state.status == "cached":
         builder = when if entry and entry.key == state.key else "an earlier run or another recipe"
-        return f"up to date: key {(state.key or '')[:12]}, built by {builder}", []
+        again = session.store.divergent.get(state.key or "")
+        outputs = f"; run again it gave another output, {again.again[-1][:12]} for {again.first[:12]}" if again else ""
+        return f"up to date: key {(state.key or '')[:12]}, built by {builder}{outputs}", []
     causes = Causes(session, graph, states).of(node)
     if entry is None:
         return "never built", causes

@@ -142,6 +142,8 @@ class Dispatch:
         except DxbError as error:
             self.broke(node, error)
         else:
+            if report.reply is not None and report.reply["output"] != result.output:
+                self.said(node, "log", {"text": "its key gave another output before, which stays: `dxb ls divergent`"})
             self.succeed(node, "ran", result)
 
     def _who_builds(self, key: str) -> str:

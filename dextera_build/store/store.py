@@ -9,6 +9,7 @@ from dextera_build.errors import StoreError
 from dextera_build.store import files
 from dextera_build.store.actions import Actions
 from dextera_build.store.cas import Blobs, entries
+from dextera_build.store.divergent import Divergent
 from dextera_build.store.keep import Keep
 from dextera_build.store.locks import Locks
 from dextera_build.store.statcache import StatCache
@@ -44,6 +45,7 @@ class Store:
         self.leaves = StatCache(self.blobs, self.local / "leaves.json")
         self.locks = Locks(self.local / "locks")
         self.keep = Keep(self.local / "keep")
+        self.divergent = Divergent(self.local / "divergent")
 
     def size(self) -> dict[str, tuple[int, int]]:
         """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of calls that did not end."""
