@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dextera_build import digest, lockfile
@@ -26,6 +26,7 @@ ONE = Pin("1" * 64, "2" * 64, 3)
 TWO = Pin("4" * 64, "5" * 64, 6)
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(PINS)
 def test_what_is_written_is_read(tmp_path_factory, pins):
     path = tmp_path_factory.mktemp("lock") / lockfile.NAME

@@ -83,7 +83,7 @@ def _repeat(args: argparse.Namespace, project: Project, recipe: str, node: str) 
         session.store.divergent.note(key, f"{recipe}:{node}", before, after, time.time())
     if any(row.is_beyond for row in rows) or (after != before and not rows):
         raise RuleError(
-            f"`{recipe}:{node}` came out different when it was built again",
+            f"`{recipe}:{node}` is not deterministic: built again, it came out different",
             code="DXB-B402",
             facts={row.name: str(row) for row in rows} | {"first": before, "again": after},
             hint=f"`dxb diff {before[:12]} {after[:12]}`; look for random numbers, threads or time in the rule",

@@ -55,6 +55,13 @@ class Pack:
     parts: Mapping[str, Leaf | Output | Item | Gather]
 
 
+@dataclass(frozen=True)
+class Fixed:
+    """Labels that the recipe itself lists; what a group without a collection is opened for."""
+
+    labels: tuple[str, ...]
+
+
 Input: TypeAlias = Leaf | Output | Item | Gather | Pack
 
 
@@ -102,7 +109,7 @@ class Group:
     """Calls that are copied once per item of a collection."""
 
     name: str
-    over: Output | Item
+    over: Output | Item | Fixed
     members: Mapping[str, Call | Group]
     overrides: Mapping[str, Mapping[str, Call]]
     """Label -> member -> the call that replaces it in that copy (`body[mug].mesh`)."""

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dextera_build import digest as digests
 from dextera_build.engine import rewind
 from dextera_build.engine.dispatch import Dispatch
-from dextera_build.engine.graph import Address, Graph
+from dextera_build.engine.graph import Address, Fixed, Graph
 from dextera_build.engine.key import Writer
 from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.states import LOST, State, States
@@ -169,8 +169,11 @@ class Scheduler:
             self.states.set(node, State.QUEUED)
 
     def _open(self, unit: Opening) -> None:
-        assert unit.over is not None
-        unit.items = header.items(self.store.blobs.get, self._value(unit.over))
+        if isinstance(unit.group.over, Fixed):
+            unit.items = dict.fromkeys(unit.group.over.labels, "")
+        else:
+            assert unit.over is not None
+            unit.items = header.items(self.store.blobs.get, self._value(unit.over))
         for label in unit.items:
             if not _LABEL.fullmatch(label):
                 raise RuleError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.engine.graph import Call, Graph, Input, Pack, RuleFacts
 from dextera_build.errors import MachineError, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.loader import BackendFile, Library, RuleFile, choose_backend, version_of
+from dextera_build.recipe import matrix
 from dextera_build.recipe.schema import CallDecl
 from dextera_build.recipe.scope import Scope, type_name
 from dextera_build.recipe.settings import Setting
@@ -39,6 +40,35 @@ class CallMaker:
     def rule_file(self, decl: CallDecl) -> RuleFile:
         """The rule that a declaration names."""
         return self._library.find(decl.rule, decl.place)
+
+    def values(self, decl: CallDecl, values: matrix.Values | None) -> dict[str, Node]:
+        """The arguments of a call with the values of one copy of its matrix in them; None: it stands in no matrix.
+
+        Raises:
+            RecipeError: An argument speaks of a value that is not there.
+        """
+        slots = self.rule_file(decl).rule.slots
+        arguments = {name: node for name, node in decl.arguments.items() if name not in slots}
+        arguments |= {"backend": decl.backend} if decl.backend is not None else {}
+        if values is None:
+            matrix.refuse_outside(arguments)
+            return {}
+        return matrix.filled(arguments, values)
+
+    def refuse_labels(self, group: Address, known: Iterable[str]) -> None:
+        """Settings may speak only of copies that a matrix has.
+
+        Raises:
+            UsageError: One names another.
+        """
+        copies = list(known)
+        for label in sorted(self.labels(group) - set(copies)):
+            raise UsageError(
+                f"`{'.'.join(group)}` has no copy `{label}`",
+                code="DXB-U169",
+                facts={"copies": listing(copies)},
+                hint=did_you_mean(label, copies),
+            )
 
     def labels(self, group: Address) -> set[str]:
         """Labels of copies that the settings speak of."""
