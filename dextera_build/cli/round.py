@@ -17,8 +17,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dextera_build import lockfile
 from dextera_build.cli import execution, fresh, options, results
 from dextera_build.cli.errors import render, wants_colour
+from dextera_build.cli.locking import Locking
 from dextera_build.cli.session import Session, addresses
 from dextera_build.errors import DxbError, MachineError, UsageError
 from dextera_build.report.wording import duration, states
@@ -69,8 +71,13 @@ def _one(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch: W
         plan = session.plan(options.request(args, project.profile))
         fresh.note(project, watch, plan)
         wanted = [address for target in targets for address in addresses(plan.graph, target)]
+        plain = not (args.input or args.settings or args.backends)
+        locking = Locking(project, lock=False, locked=False, plain=plain)
         result = execution.execute(session, plan, wanted, args)
         results.place(session, result)
+        if result.ok:
+            locking.note(session, plan, wanted, result)
+            locking.write()
     except DxbError as error:
         return _refused(project, error, watch)
     return None, states(Counter(record.status for record in result.nodes.values()))
@@ -80,7 +87,7 @@ def _refused(project: Project | None, error: DxbError, watch: Watch) -> tuple[Dx
     """Show the error, and watch all that its mend could lie in."""
     print(render(error, colour=wants_colour(sys.stderr)), file=sys.stderr)
     root = project.root if project else Path.cwd()
-    for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml"):
+    for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml", lockfile.NAME):
         watch.file(root / name)
     for folder in (root / "recipes", root / "rules"):
         for inner, _, files in os.walk(folder):

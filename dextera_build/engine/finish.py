@@ -32,8 +32,9 @@ def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
     _check_leaves(store, node)
     log = store.blobs.put(report.log) if report.log else None
     result = _parse(report.reply, report.seconds, log, store.blobs.put(node.document))
-    first = store.actions.get(node.key)
-    if first is not None and first.output != result.output:
+    known = store.actions.outline(node.key)
+    first = store.actions.get(node.key) if known is not None and known[0] != result.output else None
+    if first is not None:
         # It was forced. Others build on the first output, which stays.
         store.divergent.note(node.key, node.address, first.output, result.output, time.time())
         result = first

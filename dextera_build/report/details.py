@@ -85,6 +85,7 @@ def _body(node: Node, known: _Known, pictures: Pictures) -> Html:
         ("state", [state(node), " ", took(node)]),
         ("key", _digest(node.key)),
         ("output", [node.artifact, " " if node.artifact else "", _digest(node.output)]),
+        ("run again gave", [[_digest(output), " "] for output in node.again] or None),
         ("waits for", _links(node.blocked_by, known.by_address)),
         ("depends on", _links(node.depends_on, known.by_address)),
         ("packages", ", ".join(f"{n} {v}" for n, v in _mapping(node, "packages").items())),

@@ -42,6 +42,8 @@ class Node:
     first_seconds: float = 0.0
     """How long it took when it ran, in this run or an earlier one [s]."""
     document: dict[str, Any] = field(default_factory=dict)
+    again: tuple[str, ...] = ()
+    """Digests of other outputs that its key gave when it ran again."""
     artifact: str = ""
     fields: dict[str, Any] = field(default_factory=dict)
 
@@ -198,6 +200,7 @@ def _complete(node: Node, store: Store, logged: list[str]) -> None:
         node.first_seconds = found.seconds
         node.log = node.log or sources.text(store, found.log).strip()
     node.document = sources.document(store, found)
+    node.again = sources.again(store, node.key)
     node.artifact, node.fields = sources.header(store, node.output)
     if not node.inputs:
         node.inputs = dict(node.document.get("inputs", ()))

@@ -99,5 +99,8 @@ def test_a_forced_node_keeps_its_first_output_and_says_so(dice):
     assert space.build("say/dice", "--force", "d").code == 0  # the first one again
     assert divergent(space) == [row]
     assert f"dxb diff {row['first']}" not in space.dxb("why", "say/dice:d").err
+    report = (space.root / space.dxb("report").out.strip()).read_text()
+    assert "run again gave" in report
+    assert row["again"] in report
     found = space.dxb("diff", row["first"], row["again"]).out
     assert found == "output\tnumbers\tfloat64 (2): 1 of 2 differ, by 0.5 at most\n"

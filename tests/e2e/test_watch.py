@@ -144,6 +144,18 @@ def test_a_failed_node_is_shown_and_its_mend_awaited(notes, watch):
     assert "1 ran" in watching.round()
 
 
+def test_pins_are_kept_up_to_date(notes, watch):
+    assert notes.dxb("build", "--lock", "say/notes").code == 0
+    before = (notes.root / "dxb.lock").read_text()
+    watching = watch("say/notes")
+    watching.round()
+    notes.write("notes/b.txt", "three")
+    assert watching.round().endswith("(notes/b.txt changed)")
+    assert (notes.root / "dxb.lock").read_text() != before
+    assert watching.is_silent(1.0)
+    assert notes.dxb("build", "--locked", "say/notes").code == 0
+
+
 def test_a_missing_file_is_awaited(notes, watch):
     (notes.root / "notes").rename(notes.root / "away")
     watching = watch("say/notes")
