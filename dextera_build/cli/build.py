@@ -100,15 +100,17 @@ def _run(
     _refuse_unknown_force(args.force, plan)
     from dextera_build.cli import execution, fresh, results
 
-    result = execution.execute(session, plan, wanted, args)
-    try:
-        lines = results.place(session, result)
-    except StoreError as error:
-        if error.code != MissingBlob.CODE:
-            raise
-        # A blob was damaged on disk; it has been put aside, so building again makes it anew.
+    # Until its results are placed nobody may collect them.
+    with session.store.running.announced():
         result = execution.execute(session, plan, wanted, args)
-        lines = results.place(session, result)
+        try:
+            lines = results.place(session, result)
+        except StoreError as error:
+            if error.code != MissingBlob.CODE:
+                raise
+            # A blob was damaged on disk; it has been put aside, so building again makes it anew.
+            result = execution.execute(session, plan, wanted, args)
+            lines = results.place(session, result)
     print("".join(line + "\n" for line in lines), end="")
     if result.ok:
         fresh.save(project, fingerprint, watch, plan, result, lines)

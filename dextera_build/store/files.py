@@ -54,7 +54,7 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
         StoreError: The disk is full, or the folder cannot be written.
     """
     folder = workshop or os.path.dirname(path)
-    temporary = f"{folder}/{TEMPORARY}-{_TOKEN}-{os.getpid()}-{next(_COUNTER)}"
+    temporary = f"{folder}/{TEMPORARY}-{unique()}"
     descriptor = -1
     try:
         descriptor = _create(folder, temporary, mode)
@@ -72,6 +72,11 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
         if said is not None:
             raise said from None
         raise
+
+
+def unique() -> str:
+    """A name that no other process, here or on another machine, and no other call of this one takes."""
+    return f"{_TOKEN}-{os.getpid()}-{next(_COUNTER)}"
 
 
 def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None) -> None:
@@ -93,16 +98,21 @@ def write_all(descriptor: int, data: bytes) -> None:
 
 def read(path: str) -> bytes:
     """All bytes of a file, with few system calls."""
+    return read_stamped(path)[0]
+
+
+def read_stamped(path: str) -> tuple[bytes, float]:
+    """All bytes of a file, and its modification time (seconds since the epoch)."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
-        size = os.fstat(descriptor).st_size
-        data = os.read(descriptor, size + 1)
-        if len(data) == size:
-            return data
-        parts = [data]
-        while part := os.read(descriptor, _CHUNK):
-            parts.append(part)
-        return b"".join(parts)
+        state = os.fstat(descriptor)
+        data = os.read(descriptor, state.st_size + 1)
+        if len(data) != state.st_size:
+            parts = [data]
+            while part := os.read(descriptor, _CHUNK):
+                parts.append(part)
+            data = b"".join(parts)
+        return data, state.st_mtime
     finally:
         os.close(descriptor)
 

@@ -74,7 +74,7 @@ class StatCache:
         seen = signature.of(state)
         if known is not None and tuple(known[:4]) == seen and not signature.is_racy(seen, int(known[4])):
             digest = str(known[5])
-            if self._blobs.size(digest) == seen[2]:
+            if self._blobs.holds(digest, seen[2]):
                 self._note(path, seen)
                 return digest, seen[2]
         return self._read(path, state)
