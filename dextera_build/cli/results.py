@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.cli.session import Session
-from dextera_build.store import files
+from dextera_build.store import files, sharing
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
@@ -52,8 +52,10 @@ def _export(session: Session, node: str, rule: str, output: str) -> Path:
         if digest == output and (folder / name).exists():
             return folder / name
     shutil.rmtree(folder, ignore_errors=True)
+    sharing.make_folder(str(folder))
     artifact = session.project.library.find(rule).rule.returns.decode(output, session.store.blobs.get)
     written = artifact.export(folder, stem_of(node))
     main: Path = written[0] if written else folder
     stamp.write_text(f"{output}\n{main.relative_to(folder).as_posix()}")
+    sharing.share_tree(str(folder))
     return main

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from dextera_build.errors import StoreError
-from dextera_build.store import files
+from dextera_build.store import files, sharing
 from dextera_build.store.locks import Locks
 from dextera_build.store.use import Use
 
@@ -141,7 +141,7 @@ class Blobs:
         """Set a damaged blob aside, so that it counts as missing."""
         # A store that cannot be written keeps it: readers check the bytes anyway.
         with suppress(OSError):
-            self._quarantine.mkdir(parents=True, exist_ok=True)
+            sharing.make_folder(str(self._quarantine))
             os.replace(self._file(digest), self._quarantine / digest)
 
     def all(self) -> Iterator[tuple[str, int]]:

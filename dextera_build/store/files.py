@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from dextera_build.errors import StoreError
-from dextera_build.store import space
+from dextera_build.store import sharing, space
 
 _FICLONE = 0x40049409
 _CHUNK = 1 << 20
@@ -58,6 +58,7 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
     descriptor = -1
     try:
         descriptor = _create(folder, temporary, mode)
+        sharing.share_file(descriptor, folder, mode)
         yield descriptor
         os.close(descriptor)
         descriptor = -1
@@ -137,7 +138,7 @@ def _create(folder: str, temporary: str, mode: int) -> int:
     try:
         return os.open(temporary, flags, mode)
     except FileNotFoundError:
-        os.makedirs(folder, exist_ok=True)
+        sharing.make_folder(folder)
         return os.open(temporary, flags, mode)
 
 
@@ -145,5 +146,5 @@ def _move(temporary: str, path: str) -> None:
     try:
         os.replace(temporary, path)
     except FileNotFoundError:
-        os.makedirs(os.path.dirname(path), exist_ok=True)
+        sharing.make_folder(os.path.dirname(path))
         os.replace(temporary, path)

@@ -101,9 +101,9 @@ def leftovers(store: Store) -> Iterator[tuple[str, int, float]]:
                     yield path, state.st_size, state.st_mtime
 
 
-    for path in store.keep.root.glob(f"{files.TEMPORARY}-*"):
+    for left in store.keep.root.glob(f"{files.TEMPORARY}-*"):
         with suppress(FileNotFoundError):
-            yield str(path), 0, os.lstat(path).st_mtime
+            yield str(left), 0, os.lstat(left).st_mtime
 
 
 def _last_change(folder: Path) -> float:

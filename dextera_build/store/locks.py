@@ -16,6 +16,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from dextera_build.store import sharing
+
 _FLOCK = struct.Struct("hhqqi4x")
 """`struct flock` of Linux on 64 bits: type, whence, start, length, pid."""
 
@@ -122,8 +124,9 @@ class Locks:
         with _guard:
             if name not in _open:
                 try:
-                    self._path.parent.mkdir(parents=True, exist_ok=True)
+                    sharing.make_folder(str(self._path.parent))
                     _open[name] = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+                    sharing.share_file(_open[name], str(self._path.parent), 0o644)
                 except OSError:
                     return -1
             return _open[name]

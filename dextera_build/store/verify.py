@@ -14,7 +14,7 @@ from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import files, inventory, use
+from dextera_build.store import files, inventory, sharing, use
 from dextera_build.store.cas import is_digest
 from dextera_build.store.reapi import decode
 from dextera_build.store.store import Store
@@ -171,7 +171,7 @@ class _Verifier:
 
     def _aside(self, path: str) -> None:
         folder = self._store.local / "quarantine"
-        folder.mkdir(parents=True, exist_ok=True)
+        sharing.make_folder(str(folder))
         os.replace(path, folder / (os.path.basename(os.path.dirname(path)) + os.path.basename(path)))
 
     def _tell(self) -> None:
