@@ -108,7 +108,9 @@ def _run(
         except StoreError as error:
             if error.code != MissingBlob.CODE:
                 raise
-            # A blob was damaged on disk; it has been put aside, so building again makes it anew.
+            # A blob was damaged on disk. All such are set aside, so building again makes them anew.
+            for node in result.targets:
+                session.store.actions.verify(result.nodes[node].key or "")
             result = execution.execute(session, plan, wanted, args)
             lines = results.place(session, result)
     print("".join(line + "\n" for line in lines), end="")

@@ -120,7 +120,8 @@ def _events(store: Store, run: str) -> Iterator[dict[str, Any]]:
         with path.open("rb") as lines:
             for line in lines:
                 if line.endswith(b"\n"):
-                    yield json.loads(line)
+                    with suppress(ValueError):  # a power cut may leave a hole in the middle
+                        yield json.loads(line)
     except (FileNotFoundError, NotADirectoryError):
         if not path.parent.is_dir() or not run:
             raise UsageError(

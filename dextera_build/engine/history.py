@@ -66,7 +66,11 @@ class History:
         if self._dirty:
             rows = {address: list(vars(entry).values()) for address, entry in self._load().items()}
             with suppress(StoreError):
-                files.write(str(self._path), json.dumps({"form": _FORM, "project": self._project, "nodes": rows}).encode(), 0o644)
+                files.write(
+                    str(self._path),
+                    json.dumps({"form": _FORM, "project": self._project, "nodes": rows}).encode(),
+                    0o644,
+                )
                 self._dirty = False
 
     def _load(self) -> dict[str, Entry]:

@@ -62,9 +62,7 @@ class Collection:
             self.gone.append(Row(kind, len(sizes), sum(sizes), why))
 
 
-def collect(
-    store: Store, roots: Callable[[], Roots], limits: Limits | None = None, *, dry: bool = True
-) -> Collection:
+def collect(store: Store, roots: Callable[[], Roots], limits: Limits | None = None, *, dry: bool = True) -> Collection:
     """Take what may go.
 
     Args:
@@ -77,7 +75,9 @@ def collect(
         StoreError: The store cannot be written.
     """
     if dry:
-        return _Collector(store, roots(), limits or Limits(), alone=store.locks.reliable() and not store.running.starts()).plan()
+        return _Collector(
+            store, roots(), limits or Limits(), alone=store.locks.reliable() and not store.running.starts()
+        ).plan()
     _refuse_unwritable(store)
     with store.running.collecting() as alone:
         return _Collector(store, roots(), limits or Limits(), alone=alone).sweep()

@@ -100,7 +100,6 @@ def leftovers(store: Store) -> Iterator[tuple[str, int, float]]:
                     state = os.lstat(path)
                     yield path, state.st_size, state.st_mtime
 
-
     for left in store.keep.root.glob(f"{files.TEMPORARY}-*"):
         with suppress(FileNotFoundError):
             yield str(left), 0, os.lstat(left).st_mtime
