@@ -18,6 +18,7 @@ NOBODY = "builds outside a project"
 
 _KEY = re.compile(rb"(?<![0-9a-f])[0-9a-f]{64}(?![0-9a-f])")
 _ENTRY = re.compile(rb"/ac/([0-9a-f]{2})/([0-9a-f]{62})(?![0-9a-f])")
+_ROW, _ANY_SIZE = 40, b"\xff" * 8
 _SNAPSHOT_S = 30 * 86400.0
 """A snapshot that was not written for so long [s] holds on to nothing; history still does."""
 
@@ -47,10 +48,10 @@ def find(store: Store) -> Roots:
         if workspace not in found.vanished:
             found.keys.setdefault(workspace or NOBODY, set()).update(keys)
             found.runs |= runs
-    for path, workspace, keys, written in _snapshots(store.local / "snapshots"):
+    for paths, workspace, keys, written in _snapshots(store.local / "snapshots"):
         if workspace in found.vanished or written < time.time() - _SNAPSHOT_S:
-            found.snapshots.append(path)
-        else:
+            found.snapshots += paths
+        elif keys:
             found.keys.setdefault(workspace or NOBODY, set()).update(keys)
     for workspace, held in found.keys.items():
         with suppress(OSError):
@@ -67,17 +68,33 @@ def _histories(folder: Path) -> Iterator[tuple[str, set[str], set[str]]]:
             yield str(stored.get("project", "")), {str(row[0]) for row in rows}, {str(row[2]) for row in rows}
 
 
-def _snapshots(folder: Path) -> Iterator[tuple[Path, str, set[str], float]]:
+def _snapshots(folder: Path) -> Iterator[tuple[list[Path], str, set[str], float]]:
+    parts: dict[str, list[Path]] = {}
     for path in _files(folder):
-        with suppress(OSError):
-            data, written = files.read_stamped(str(path))
-            keys = {(shard + rest).decode() for shard, rest in _ENTRY.findall(data)}
-            yield path, _workspace(data), keys, written
+        parts.setdefault(path.name.partition(".")[0], []).append(path)
+    for paths in parts.values():
+        keys: set[str] = set()
+        workspace, written = "", 0.0
+        for path in paths:
+            with suppress(OSError):
+                data, stamp = files.read_stamped(str(path))
+                keys |= {(shard + rest).decode() for shard, rest in _ENTRY.findall(data)} | _packed(data)
+                workspace, written = workspace or _workspace(data), max(written, stamp)
+        yield paths, workspace, keys, written
+
+
+def _packed(data: bytes) -> set[str]:
+    """Keys in rows of 32 bytes of digest and 8 bytes that stand for any size, as results have them."""
+    if len(data) % _ROW:
+        return set()
+    rows = (data[place : place + _ROW] for place in range(0, len(data), _ROW))
+    return {row[:32].hex() for row in rows if row[32:] == _ANY_SIZE}
 
 
 def _workspace(snapshot: bytes) -> str:
-    with suppress(ValueError, KeyError, TypeError):
-        return str(json.loads(snapshot)["request"]["root"])
+    for text in (snapshot, snapshot.partition(b"\n")[2]):
+        with suppress(ValueError, KeyError, TypeError):
+            return str(json.loads(text)["request"]["root"])
     return ""
 
 

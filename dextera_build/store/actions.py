@@ -128,7 +128,10 @@ class Actions:
     def verify(self, key: str) -> bool:
         """Whether `key` has a result all of whose blobs are whole; every blob is read, damaged ones are set aside."""
         outputs = self._entry(key)
-        return outputs is not None and all([self._blobs.verify(file.digest) for file in outputs])
+        if outputs is None:
+            return False
+        whole = [self._blobs.verify(file.digest) for file in outputs]
+        return all(whole)
 
     def files(self, key: str) -> list[Path]:
         """The entry and every blob that it needs, as files; empty where there is no entry."""

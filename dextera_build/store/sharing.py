@@ -60,7 +60,7 @@ def _known(folder: str) -> int:
 
 
 def _bits(folder: str) -> int:
-    """What others than the owner may do in a folder that its group may write to, with the bit that hands the group on."""
+    """What others may do in a folder that its group may write to, and the bit that hands the group on; else 0."""
     try:
         mode = os.stat(folder).st_mode
     except OSError:

@@ -1,8 +1,8 @@
 """When blobs and results were of use last: their modification time, renewed at most once an hour.
 
-The promise to builds rests on it. A build that finds a blob or a result relies on it only when its stamp is younger than
-`STEP_S`, or when it could renew the stamp; a collection removes a file only when its stamp is older than `STEP_S` before
-the oldest running build began. Both look and act under one lock (a gate) per folder of the store, so that one of them
+The promise to builds rests on it. A build that finds a blob or a result relies on it only when its stamp is younger
+than `STEP_S`, or when it could renew the stamp; a collection removes a file only when its stamp is older than `STEP_S`
+before the oldest running build began. Both look and act under one lock (a gate) per folder of the store, so that one
 comes first: either the collection sees the new stamp and spares the file, or the build sees that the file is gone.
 """
 

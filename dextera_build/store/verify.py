@@ -32,8 +32,8 @@ class Finding:
     """One thing that is not as it should be."""
 
     kind: str
-    """`damaged`, `truncated`, `misnamed`: a blob; `unreadable`, `lacking`, `misfiled`: a result; `writable`: a blob that
-    may be written to; `leftover`: an unfinished file of a killed process."""
+    """`damaged`, `truncated`, `misnamed`: a blob; `unreadable`, `lacking`, `misfiled`: a result; `writable`: a blob
+    that may be written to; `leftover`: an unfinished file of a killed process."""
     name: str
     """Digest, key or path."""
     detail: str
@@ -63,8 +63,8 @@ def verify(
     Args:
         store: The store; builds may run meanwhile.
         fast: Compare sizes only, and read no blob.
-        repair: Set damaged blobs aside, drop results that cannot stand, make blobs read-only, remove leftovers. What was
-            dropped is a miss, and is built again when it is needed.
+        repair: Set damaged blobs aside, drop results that cannot stand, make blobs read-only, remove leftovers. What
+            was dropped is a miss, and is built again when it is needed.
         jobs: How many blobs to read at a time; 0: one per core.
         progress: Is told how far it is, at most ten times a second.
 

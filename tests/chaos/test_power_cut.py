@@ -1,4 +1,4 @@
-"""A power cut: any file that was not flushed is lost, shortened or holds zeros; that costs time, never a wrong result."""
+"""A power cut: files that were not flushed are lost, short or hold zeros; that costs time, never a wrong result."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def rows(said: Collection) -> dict[str, int]:
 
 def assert_whole(store: Store) -> None:
     """Every result has all that it names, and nothing is damaged."""
-    for key in store.actions.keys():
+    for key in keys(store):
         found = store.actions.get(key)
         assert found is not None
         _, closure = store.actions.outline(key) or ("", frozenset())
@@ -146,7 +146,7 @@ def test_results_that_lack_a_blob_or_cannot_be_read_go_even_as_roots(store: Stor
     age_all(store, time.time() - 9 * DAY)
     said = collect(store, held(lacking, torn), dry=False)
     assert keys(store) == set()
-    assert [(row.kind, row.count, row.why) for row in said.gone][0] == (
+    assert next((row.kind, row.count, row.why) for row in said.gone) == (
         "results",
         2,
         "they lack a blob or cannot be read",
