@@ -60,8 +60,8 @@ def _export(session: Session, node: str, rule: str, output: str, stamps: dict[Pa
             return folder / name
     shutil.rmtree(folder, ignore_errors=True)
     sharing.make_folder(str(folder))
-    artifact = session.project.library.find(rule).rule.returns.decode(output, session.store.blobs.get)
-    written = artifact.export(folder, stem_of(node))
+    kind = session.project.library.find(rule).rule.returns
+    written = kind.restore(output, session.store.reader, folder, stem_of(node))
     main: Path = written[0] if written else folder
     stamps[folder] = f"{output}\n{main.relative_to(folder).as_posix()}"
     return main

@@ -13,6 +13,7 @@ from dextera_build.store.keep import Keep
 from dextera_build.store.locks import Locks
 from dextera_build.store.running import Running
 from dextera_build.store.statcache import StatCache
+from dextera_build.store.streams import Reader, Writer
 from dextera_build.store.workspaces import Workspaces
 
 _TAG = b"""Signature: 8a477f597d28d172789f06886806bc55
@@ -47,6 +48,8 @@ class Store:
         self.leaves = StatCache(self.blobs, self.local / "leaves.json")
         self.locks = Locks(self.local / "locks")
         self.keep = Keep(self.local / "keep")
+        self.reader = Reader(self.blobs)
+        self.writer = Writer(self.blobs)
         self.running = Running(self.local / "running", self.locks)
         self.workspaces = Workspaces(self.local / "workspaces")
 
