@@ -14,6 +14,8 @@ from dextera_build.store.locks import Locks
 from dextera_build.store.use import Use
 
 _HEX = frozenset("0123456789abcdef")
+_SMALL = 1 << 20
+"""Files up to this size [bytes] are read once, as a whole; others twice, in pieces."""
 
 
 class MissingBlob(StoreError):  # noqa: N818 - says what it found
@@ -106,6 +108,12 @@ class Blobs:
         """
         source = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         try:
+            size = os.fstat(source).st_size
+            if size <= _SMALL:
+                data = os.read(source, size + 1)
+                if len(data) == size:
+                    return self.put(data), size
+                os.lseek(source, 0, os.SEEK_SET)
             return self._take(source)
         finally:
             os.close(source)
