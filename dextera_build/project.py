@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dextera_build.recipe.schema import Recipe
 
 MARKER = "dxb.toml"
-_DEFAULTS: dict[str, Any] = {"cache": "cache", "profile": "cpu", "jobs": 0, "console": "auto"}
+_DEFAULTS: dict[str, Any] = {"cache": "cache", "profile": "cpu", "jobs": 0, "console": "auto", "durable": True}
 PROFILES = ("stub", "cpu", "gpu", "cloud")
 
 
@@ -87,6 +87,11 @@ class Project:
         if not str(value).isdigit():
             raise UsageError(f"`jobs` is a number, not `{value}`", code="DXB-U103")
         return int(value) or len(os.sched_getaffinity(0))
+
+    @property
+    def durable(self) -> bool:
+        """Whether a build waits until what it made is on the disk."""
+        return str(self.config["durable"].value).lower() not in ("false", "0", "no", "off")
 
     @cached_property
     def library(self) -> Library:

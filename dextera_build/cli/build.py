@@ -106,17 +106,21 @@ def _run(
     _refuse_unknown_force(args.force, plan)
     from dextera_build.cli import execution, fresh, results
 
-    result = execution.execute(session, plan, wanted, args)
-    if result.ok:
-        args.locking.refuse(session, plan, wanted)
-    try:
-        lines = results.place(session, result)
-    except StoreError as error:
-        if error.code != MissingBlob.CODE:
-            raise
-        # A blob was damaged on disk; it has been put aside, so building again makes it anew.
+    # Until its results are placed nobody may collect them.
+    with session.store.running.announced():
         result = execution.execute(session, plan, wanted, args)
-        lines = results.place(session, result)
+        if result.ok:
+            args.locking.refuse(session, plan, wanted)
+        try:
+            lines = results.place(session, result)
+        except StoreError as error:
+            if error.code != MissingBlob.CODE:
+                raise
+            # A blob was damaged on disk. All such are set aside, so building again makes them anew.
+            for node in result.targets:
+                session.store.actions.verify(result.nodes[node].key or "")
+            result = execution.execute(session, plan, wanted, args)
+            lines = results.place(session, result)
     print("".join(line + "\n" for line in lines), end="")
     if result.ok:
         args.locking.note(session, plan, wanted, result)

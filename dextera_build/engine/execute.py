@@ -108,7 +108,10 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
     info = info or RunInfo()
     policy = Policy(keep_going, force, only, project=info.project, profile=info.profile)
-    return _Run(graph, store, executor, policy, listen, info).run(wanted)
+    if info.project:
+        store.workspaces.note(info.project)
+    with store.running.announced():
+        return _Run(graph, store, executor, policy, listen, info).run(wanted)
 
 
 class _Run:

@@ -42,6 +42,7 @@ class History:
         name = digests.of_value([project, recipe])[:16]
         stem = "".join(c if c.isalnum() else "-" for c in recipe)[-40:]
         self._path = store.local / "history" / f"{stem}-{name}.json"
+        self._project = project
         self._entries: dict[str, Entry] | None = None
         self._dirty = False
 
@@ -65,7 +66,11 @@ class History:
         if self._dirty:
             rows = {address: list(vars(entry).values()) for address, entry in self._load().items()}
             with suppress(StoreError):
-                files.write(str(self._path), json.dumps({"form": _FORM, "nodes": rows}).encode(), 0o644)
+                files.write(
+                    str(self._path),
+                    json.dumps({"form": _FORM, "project": self._project, "nodes": rows}).encode(),
+                    0o644,
+                )
                 self._dirty = False
 
     def _load(self) -> dict[str, Entry]:
