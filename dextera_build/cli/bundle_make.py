@@ -8,6 +8,7 @@ import platform
 import sys
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,12 +16,12 @@ from dextera_build import __version__
 from dextera_build.cli import options
 from dextera_build.errors import UsageError, listing
 from dextera_build.store.bundle import layout, oci, provenance
-from dextera_build.store.bundle.contents import Build, Contents, Node
+from dextera_build.store.bundle.contents import Build, Contents
 from dextera_build.store.bundle.made import Made
 
 if TYPE_CHECKING:
     from dextera_build.cli.session import Session
-    from dextera_build.engine.survey import Held, Survey
+    from dextera_build.engine.survey import Survey
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
 
@@ -91,7 +92,7 @@ def _survey(
 ) -> tuple[Build, Plan, list[tuple[float, str]]]:
     """A build as it stands in the store, its plan, and (time, run) in which its targets were made."""
     from dextera_build.cli.session import Session, addresses
-    from dextera_build.engine.survey import survey
+    from dextera_build.engine.survey import as_build, survey
 
     session = Session(project, recipe)
     plan = session.plan(options.request(args, project.profile))
@@ -104,30 +105,8 @@ def _survey(
             facts={"stale": listing(found.stale)},
             hint=f"`dxb build {' '.join(f'{recipe}:{name}' if name else recipe for name in names)}`",
         )
-    build = Build(recipe, found.targets, project.profile, _nodes(args, project, found))
+    build = as_build(found, recipe, project.profile, args.closure, partial(_shown, project))
     return build, plan, _past(session, found)
-
-
-def _nodes(args: argparse.Namespace, project: Project, found: Survey) -> tuple[Node, ...]:
-    keep = {node.key for node in found.nodes if args.closure == "full" or node.address in found.targets}
-    return tuple(
-        Node(
-            node=node.address,
-            rule=node.rule,
-            backend=node.backend,
-            key=node.key,
-            output=node.result.output,
-            result=node.result.digest if node.key in keep else None,
-            seconds=node.result.seconds,
-            depends_on=node.depends_on,
-            files={slot: _shown(project, path) for slot, path in node.files.items()},
-        )
-        for node in sorted(found.nodes, key=_address)
-    )
-
-
-def _address(node: Held) -> str:
-    return node.address
 
 
 def _past(session: Session, found: Survey) -> list[tuple[float, str]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,8 @@ from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.units import producers
 from dextera_build.store.actions import ActionResult
+from dextera_build.store.bundle.contents import Build, Closure
+from dextera_build.store.bundle.contents import Node as Entry
 from dextera_build.store.store import Store
 
 
@@ -69,6 +71,34 @@ def survey(graph: Graph, wanted: Sequence[Address], store: Store) -> Survey:
     if not complete and not stale:
         stale = [wish.address for wish in scheduler.wishes if wish.state is not State.DONE]
     return Survey(tuple(dict.fromkeys(asked)), tuple(held), tuple(stale))
+
+
+def as_build(found: Survey, recipe: str, profile: str, closure: Closure, shown: Callable[[Path], str]) -> Build:
+    """A survey without stale nodes as a bundle says it.
+
+    Args:
+        found: The nodes.
+        recipe: Address of the recipe.
+        profile: The profile that it was planned with.
+        closure: Of which nodes the results shall be there.
+        shown: A project file's path as others may see it.
+    """
+    kept = {node.key for node in found.nodes if closure == "full" or node.address in found.targets}
+    nodes = tuple(
+        Entry(
+            node=node.address,
+            rule=node.rule,
+            backend=node.backend,
+            key=node.key,
+            output=node.result.output,
+            result=node.result.digest if node.key in kept else None,
+            seconds=node.result.seconds,
+            depends_on=node.depends_on,
+            files={slot: shown(path) for slot, path in node.files.items()},
+        )
+        for node in sorted(found.nodes, key=lambda node: node.address)
+    )
+    return Build(recipe, found.targets, profile, nodes)
 
 
 def _files(call: Call) -> dict[str, Path]:

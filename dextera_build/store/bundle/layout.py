@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -36,23 +37,23 @@ class Folder:
 
     def manifests(self) -> list[Descriptor]:
         """The bundle's manifest first."""
-        return _choose(self, b"".join(self._chunks("index.json", oci.MOST_MANIFEST)))
+        return _choose(self, b"".join(_bounded(self._chunks("index.json"), "`index.json`", oci.MOST_MANIFEST)))
 
     def chunks(self, wanted: Descriptor) -> Iterator[bytes]:
         """The bytes of a blob of the layout."""
         try:
-            yield from self._chunks(_BLOBS + wanted.digest, wanted.size)
+            yield from self._chunks(_BLOBS + wanted.digest)
         except FileNotFoundError:
             raise lacking(f"a part of type `{wanted.media_type}`", wanted.digest) from None
 
-    def _chunks(self, name: str, most: int) -> Iterator[bytes]:
+    def _chunks(self, name: str) -> Iterator[bytes]:
         # A link would lead out of the folder, and a pipe would never end.
         descriptor = -1
         try:
             descriptor = os.open(f"{self._root}/{name}", os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
             if os.path.realpath(f"{self._root}/{name}") != os.path.join(os.path.realpath(self._root), name):
                 raise archive(name, "lies behind a link")
-            yield from _bounded(files.chunks(descriptor), name, most)
+            yield from files.chunks(descriptor)
         except FileNotFoundError:
             if name == "index.json":
                 raise not_a_bundle(self.name, "it has no `index.json`") from None
@@ -166,7 +167,7 @@ class FolderSink:
     def close(self) -> None:
         """Write what makes it a layout."""
         files.write(str(self._root / "oci-layout"), _VERSION, 0o644)
-        files.write(str(self._root / "index.json"), oci.spell_index(self._manifests), 0o644)
+        files.write(str(self._root / "index.json"), _index(self._manifests), 0o644)
 
 
 class ArchiveSink:
@@ -197,7 +198,7 @@ class ArchiveSink:
 
     def close(self) -> None:
         """Append what makes it a layout."""
-        index = oci.spell_index(self._manifests)
+        index = _index(self._manifests)
         self._file("oci-layout", len(_VERSION), iter([_VERSION]))
         self._file("index.json", len(index), iter([index]))
         files.write_all(self._descriptor, tar.end())
@@ -269,10 +270,16 @@ def _choose(source: Source, index: bytes) -> list[Descriptor]:
     return [bundles[0], *(descriptor for subject, descriptor in others if subject == bundles[0].digest)]
 
 
+def _index(manifests: list[Descriptor]) -> bytes:
+    """The index of a layout; other programs name the bundle as `oci:FOLDER:bundle`."""
+    first, *others = manifests
+    return oci.spell_index([replace(first, annotations={oci.REF: "bundle"}), *others])
+
+
 def _bounded(chunks: Iterator[bytes], name: str, most: int) -> Iterator[bytes]:
     total = 0
     for chunk in chunks:
         total += len(chunk)
         if total > most:
-            raise too_large(f"`{name}`", total, most)
+            raise too_large(name, total, most)
         yield chunk

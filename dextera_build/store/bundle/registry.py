@@ -165,7 +165,7 @@ class Repository:
         return self._http.ask(verb, place, data, {"Content-Type": "application/octet-stream", **headers})
 
     def _location(self, answer: httpx.Response) -> str:
-        place = answer.headers.get("Location", "")
+        place: str = answer.headers.get("Location", "")
         return urljoin(str(answer.url), place)
 
 

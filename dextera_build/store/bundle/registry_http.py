@@ -119,7 +119,8 @@ class Connection:
             verb, url, content=data, headers={"Accept-Encoding": "identity", **headers, **own}
         )
         # A registry may send readers elsewhere (to object storage); httpx leaves the login out of such requests.
-        return self._http.send(request, stream=True, follow_redirects=verb in ("GET", "HEAD"))
+        answer: httpx.Response = self._http.send(request, stream=True, follow_redirects=verb in ("GET", "HEAD"))
+        return answer
 
     def _ours(self, url: str) -> bool:
         """Whether a URL is the registry's own; nobody else gets its login."""

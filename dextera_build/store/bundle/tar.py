@@ -88,7 +88,11 @@ class Reader:
         while (found := read_header(self._exactly(BLOCK))) is not None:
             yield found, self._pieces(found.size)
             self._exactly(-found.size % BLOCK)
-        if self._rest.strip(b"\0") or any(chunk.strip(b"\0") for chunk in self._chunks):
+        # To the end in any case: there whoever counts and digests the bytes says that they are others.
+        rest = bool(self._rest.strip(b"\0"))
+        for chunk in self._chunks:
+            rest = rest or bool(chunk.strip(b"\0"))
+        if rest:
             raise archive("?", "stands after the end")
 
     def _exactly(self, size: int) -> bytes:
