@@ -129,7 +129,7 @@ def _remember(project: Project, store: Store, build: Build, bundle: Opened) -> N
                     key=node.key,
                     output=result.output if result else node.output,
                     seconds=node.seconds,
-                    line=result.line if result else "",
+                    line=result.line if result else "its result is not in the bundle",
                     result=result.digest if result else None,
                     log=result.log if result else None,
                     inputs=_inputs(store, node.key),
@@ -146,11 +146,10 @@ def _inputs(store: Store, key: str) -> dict[str, str]:
 
 
 def _say(bundle: Opened, voucher: trust.Voucher, taken: receive.Taken) -> None:
-    count = sum(1 for _ in bundle.contents.nodes())
-    print(
-        f"{bundle.source.name}: {taken.new} new results, {taken.known} known   {count} nodes   {voucher}",
-        file=sys.stderr,
-    )
+    nodes = [node for _, node in bundle.contents.nodes()]
+    held = sum(node.result is not None for node in nodes)
+    counts = f"{len(nodes)} nodes, {held} with results: {taken.new} new, {taken.known} known"
+    print(f"{bundle.source.name}   {counts}   {voucher}", file=sys.stderr)
     if taken.other:
         print(
             f"the store keeps its own results where the bundle has others under the same key: {listing(taken.other)}",

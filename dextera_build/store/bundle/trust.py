@@ -68,7 +68,7 @@ def require(bundle: Opened, voucher: Voucher, keys: Sequence[PublicKey]) -> None
             "signed by": listing(voucher.signers),
             "trusted": listing(f"{key.name} ({key.id})" for key in keys),
         },
-        hint="put the signer's public key, if you trust it, into the folder that `trusted_keys` names",
+        hint="if you trust the signer: `cp SIGNER.pub ~/.config/dxb/trusted_keys/`",
     )
 
 

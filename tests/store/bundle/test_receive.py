@@ -26,7 +26,7 @@ def take(path: Path, store):
 
 
 def everything(store) -> set[Path]:
-    return {path for path in store.root.parent.rglob("*")}
+    return set(store.root.parent.rglob("*"))
 
 
 @pytest.mark.parametrize("name", ["bundle.tar", "layout"])
