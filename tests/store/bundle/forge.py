@@ -9,8 +9,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from dextera_build.digest import canonical, of_bytes
-from dextera_build.store.bundle import oci, tar
+from dextera_build.store.bundle import layout, oci, receive, tar
+from dextera_build.store.bundle.refusal import BundleRefused
+from dextera_build.store.store import Store
 
 Raw = dict[str, Any]
 
@@ -115,3 +119,24 @@ def _header(name: str, size: int, kind: bytes = tarfile.REGTYPE) -> bytes:
     info = tarfile.TarInfo(name)
     info.size, info.type = size, kind
     return info.tobuf(tarfile.GNU_FORMAT, "ascii", "strict")
+
+
+def take(path: Path, store: Store) -> receive.Taken:
+    """Import the bundle at a path."""
+    return receive.take(receive.open_bundle(layout.read(path)), store)
+
+
+def refused(path: Path, other: Store, code: str, *words: str) -> BundleRefused:
+    """The one error; nothing was written beside the store, and no result into it."""
+    before = {place for place in other.root.parent.rglob("*") if not place.is_relative_to(other.root)}
+    with pytest.raises(BundleRefused) as error:
+        take(path, other)
+    assert error.value.code == code, error.value.message
+    for word in words:
+        assert word in error.value.message
+    assert list(other.actions.keys()) == []
+    assert {place for place in other.root.parent.rglob("*") if not place.is_relative_to(other.root)} == before
+    assert list(other.root.rglob(".tmp-*")) == []
+    for digest, _ in other.blobs.all():
+        assert of_bytes(other.blobs.path(digest).read_bytes()) == digest
+    return error.value
