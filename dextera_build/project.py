@@ -18,7 +18,15 @@ if TYPE_CHECKING:
     from dextera_build.recipe.schema import Recipe
 
 MARKER = "dxb.toml"
-_DEFAULTS: dict[str, Any] = {"cache": "cache", "profile": "cpu", "jobs": 0, "console": "auto", "durable": True}
+_DEFAULTS: dict[str, Any] = {
+    "cache": "cache",
+    "profile": "cpu",
+    "jobs": 0,
+    "console": "auto",
+    "durable": True,
+    "trusted_keys": "",
+    "require_signed": False,
+}
 PROFILES = ("stub", "cpu", "gpu", "cloud")
 
 
@@ -93,6 +101,32 @@ class Project:
         """Whether a build waits until what it made is on the disk."""
         return str(self.config["durable"].value).lower() not in ("false", "0", "no", "off")
 
+    @property
+    def trusted_keys(self) -> list[Path]:
+        """Files and folders with the public keys of those whose bundles are believed.
+
+        Raises:
+            UsageError: The settings name what is not there.
+        """
+        setting = self.config["trusted_keys"]
+        named = setting.value if isinstance(setting.value, list) else [setting.value] if setting.value else []
+        found = [self.root / Path(str(name)).expanduser() for name in named]
+        for path in found:
+            if not path.exists():
+                raise UsageError(
+                    f"`trusted_keys` names `{path}`, which is not there",
+                    code="DXB-U149",
+                    facts={"from": setting.origin},
+                    hint=f"mkdir -p {path}",
+                )
+        user = _user_folder() / "trusted_keys"
+        return [*found, user] if user.is_dir() else found
+
+    @property
+    def require_signed(self) -> bool:
+        """Whether bundles are refused that no trusted key signed."""
+        return str(self.config["require_signed"].value).lower() not in ("", "0", "false", "no")
+
     @cached_property
     def library(self) -> Library:
         """The rules of this project."""
@@ -147,8 +181,7 @@ class Project:
         return [folder for number, folder in enumerate(folders) if folder.is_dir() and folder not in folders[:number]]
 
     def _layers(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
-        user = Path(os.environ.get("XDG_CONFIG_HOME", "~/.config")).expanduser() / "dxb" / "config.toml"
-        for file in (user, *_project_files(self.root), self.root / "dxb.local.toml"):
+        for file in (_user_folder() / "config.toml", *_project_files(self.root), self.root / "dxb.local.toml"):
             if file.is_file():
                 values = _toml(file)
                 if file.name == "pyproject.toml":
@@ -168,6 +201,10 @@ def find(start: Path | None = None, flags: Mapping[str, Any] | None = None) -> P
         if (folder / MARKER).is_file() or _declares(folder / "pyproject.toml"):
             return Project(folder, flags)
     return Project(here, flags, declared=False)
+
+
+def _user_folder() -> Path:
+    return Path(os.environ.get("XDG_CONFIG_HOME", "~/.config")).expanduser() / "dxb"
 
 
 def _project_files(root: Path) -> list[Path]:

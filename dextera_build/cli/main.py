@@ -33,6 +33,7 @@ VERBS = {
     "check": "check recipes, or rebuild a node and compare",
     "doctor": "say what this machine has and lacks",
     "cache": "look after the store",
+    "bundle": "carry results elsewhere, with all that explains them",
 }
 
 
