@@ -17,8 +17,20 @@ from dextera_build.engine.graph import Address
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
     from dextera_build.recipe.plan import Plan
+    from dextera_build.store.remotes.exchange import Exchange
 
 RUNNER = "dextera_build.runner:run_task"
+
+
+def exchange(session: Session) -> Exchange | None:
+    """The remotes that the settings let a build use, or None where there are none."""
+    used = session.project.remotes.used
+    if not used or session.project.remotes.local == "r":
+        return None
+    from dextera_build.store.remotes.connect import guarded
+    from dextera_build.store.remotes.exchange import Exchange
+
+    return Exchange(session.store, [guarded(spec) for spec in used])
 
 
 def execute(session: Session, plan: Plan, wanted: Sequence[Address], args: argparse.Namespace) -> RunResult:
@@ -46,6 +58,8 @@ def execute(session: Session, plan: Plan, wanted: Sequence[Address], args: argpa
             info=RunInfo(log.run, str(project.root), project.profile, __version__, tuple(sys.argv[1:])),
             keep_going=args.keep_going,
             force=force,
+            only=frozenset() if project.remotes.local == "r" else None,
+            exchange=exchange(session),
         )
     if log.lost:
         print(f"the disk is full: {log.lost} events of run {log.run} are not in its log", file=sys.stderr)

@@ -29,7 +29,11 @@ def wish(text: str) -> Wish:
 
 def project_arguments(parser: argparse.ArgumentParser) -> None:
     """Where to work."""
-    parser.add_argument("--cache", metavar="DIR", help="the store's folder (DXB_CACHE)")
+    parser.add_argument(
+        "--cache",
+        metavar="DIR|LIST",
+        help="the store's folder, or which stores to use: `local:rw,NAME:r,URL:w` (DXB_CACHE, DXB_REMOTES)",
+    )
     parser.add_argument("--profile", metavar="NAME", help="stub, cpu, gpu or cloud (DXB_PROFILE)")
 
 
