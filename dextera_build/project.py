@@ -43,7 +43,7 @@ class Project:
     def __init__(self, root: Path, flags: Mapping[str, Any] | None = None, *, declared: bool = True) -> None:
         self.root = root
         self.declared = declared
-        self.remotes = Choice()
+        self.remotes = Choice(root)
         """The remotes; known when `config` is."""
         self._flags = {name: value for name, value in (flags or {}).items() if value is not None}
 

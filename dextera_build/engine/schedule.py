@@ -70,7 +70,7 @@ class Scheduler:
         self.wishes: list[Gathering] = []
         self.failed: list[Unit] = []
         self.errors: list[DxbError] = []
-        self.sharing = Sharing(exchange, self.states, self._succeed)
+        self.sharing = Sharing(exchange, self.states, self._succeed, self._queue)
         self.dispatch = Dispatch(
             store=store,
             executor=executor,
@@ -173,14 +173,19 @@ class Scheduler:
             self._succeed(node, "cached", hit)
         elif self.policy.dry:
             self.states.set(node, State.STALE)
-        elif self.policy.only is not None and not _named(node, self.policy.only):
-            hint = f"dxb why '{self.graph.name}:{node.address}'"
-            raise StaleError(f"`{node.address}` is stale and may not run now", code="DXB-C101", hint=hint)
         else:
             self._owners[node.key] = node
             # What is forced shall run, and a result that others made is not what it asks for.
             if self._is_forced(node) or not self.sharing.ask(node):
-                self.states.set(node, State.QUEUED)
+                self._queue(node)
+
+    def _queue(self, node: Node) -> None:
+        if self.policy.only is None or _named(node, self.policy.only):
+            self.states.set(node, State.QUEUED)
+            return
+        hint = f"dxb why '{self.graph.name}:{node.address}'"
+        error = StaleError(f"`{node.address}` is stale and may not run now", code="DXB-C101", hint=hint)
+        self._fail(node, error)
 
     def _open(self, unit: Opening) -> None:
         assert unit.over is not None

@@ -18,12 +18,17 @@ class Sharing:
         exchange: Asks and tells remotes; None where there are none.
         states: The states of all units.
         succeed: Ends a node with a result.
+        queue: Lets a node run that no remote has.
     """
 
     def __init__(
-        self, exchange: Exchange | None, states: States, succeed: Callable[[Node, str, ActionResult], None]
+        self,
+        exchange: Exchange | None,
+        states: States,
+        succeed: Callable[[Node, str, ActionResult], None],
+        queue: Callable[[Node], None],
     ) -> None:
-        self._exchange, self._states, self._succeed = exchange, states, succeed
+        self._exchange, self._states, self._succeed, self._queue = exchange, states, succeed, queue
         self._fetching: dict[str, Node] = {}
         self._arrived: list[Arrival] = []
 
@@ -43,7 +48,7 @@ class Sharing:
             self._arrived += self._exchange.arrived(patience_s)
 
     def settle(self) -> None:
-        """Go on with the nodes whose answers came: those that no remote has are queued."""
+        """Go on with the nodes whose answers came: those that no remote has are to run."""
         if not self._fetching:
             return
         self.wait(0.0)
@@ -53,7 +58,7 @@ class Sharing:
             if node.state is not State.FETCHING:
                 continue
             if answer.result is None:
-                self._states.set(node, State.QUEUED)
+                self._queue(node)
             else:
                 node.remote, node.seconds = answer.remote, answer.seconds
                 self._succeed(node, "fetched", answer.result)

@@ -18,6 +18,7 @@
          builds this key   LOCKED                         error
 
       WAITS -> BLOCKED     a source failed, or is blocked itself
+      FETCHING -> FAILED   no remote has it, and it may not run
       any but RUNNING -> CANCELLED     the run ended before its turn
       READY -> STALE       a dry run would have to run it
       DONE -> WAITS        its bytes were lost; it is made again
@@ -72,7 +73,7 @@ _NEXT: dict[State, frozenset[State]] = {
     State.READY: frozenset(set(State) - {State.LOCKED, State.RUNNING}),
     State.SHARED: frozenset({State.READY, State.DONE, State.FAILED, State.BLOCKED, State.CANCELLED}),
     State.QUEUED: frozenset({State.RUNNING, State.LOCKED, State.DONE, State.FAILED, State.CANCELLED}),
-    State.FETCHING: frozenset({State.QUEUED, State.DONE, State.CANCELLED}),
+    State.FETCHING: frozenset({State.QUEUED, State.DONE, State.FAILED, State.CANCELLED}),
     State.LOCKED: frozenset({State.QUEUED, State.DONE, State.CANCELLED}),
     State.RUNNING: frozenset({State.DONE, State.FAILED, State.WAITS, State.CANCELLED}),
     State.DONE: frozenset({State.WAITS}),

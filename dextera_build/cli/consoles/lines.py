@@ -164,6 +164,15 @@ def uploaded(event: Uploaded) -> list[Line]:
     return found
 
 
+def pulled(recipe: str, event: RunFinished) -> Line:
+    """`pulled twin/laptop_scene   19 nodes: 10 fetched, 9 cached   3.1 s`."""
+    total = count(sum(event.counts.values()), "node")
+    lacking = event.counts.get("failed", 0)
+    kept = {state: number for state, number in event.counts.items() if state != "failed"}
+    said = ", ".join(filter(None, [states(kept), f"{lacking:,} lacking" if lacking else ""]))
+    return [("pulled", "fetched"), (f" {recipe}", "name"), (f"   {total}: {said}   {duration(event.seconds)}", "")]
+
+
 def next_steps(recipe: str) -> Line:
     """What to look at after a build."""
     return [("  view: ", "dim"), (f"dxb view {recipe}", "path"), ("      report: ", "dim"), ("dxb report", "path")]

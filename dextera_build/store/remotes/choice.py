@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from dextera_build.errors import UsageError, listing
@@ -14,9 +15,14 @@ _USE = re.compile(rf"(?P<what>.+):(?P<mode>{'|'.join(MODES)})")
 
 
 class Choice:
-    """Collects what the layers of the settings say of remotes, the strongest last."""
+    """Collects what the layers of the settings say of remotes, the strongest last.
 
-    def __init__(self) -> None:
+    Args:
+        root: Folders in the settings are relative to it, those in a list to the current folder.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
         self.known: dict[str, Spec] = {}
         """Every configured remote by its name."""
         self._origins: dict[str, str] = {}
@@ -31,7 +37,7 @@ class Choice:
         rest = dict(values)
         table = rest.pop("remotes", None)
         if isinstance(table, Mapping):
-            found = from_table(table, origin)
+            found = {name: spec.below(self._root) for name, spec in from_table(table, origin).items()}
             self.known |= found
             self._origins |= dict.fromkeys(found, origin)
         elif table is not None:

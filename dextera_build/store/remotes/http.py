@@ -6,6 +6,7 @@ nginx with WebDAV, bazel-remote and `dxb cache serve` speak it. Credentials come
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import BinaryIO
@@ -141,7 +142,8 @@ class HttpCache:
 
 
 def _plain(error: Exception) -> str:
-    return str(error).partition("\n")[0] or type(error).__name__
+    said = str(error).partition("\n")[0]
+    return re.sub(r"^\[Errno -?\d+\] ", "", said) or type(error).__name__
 
 
 def _netrc() -> httpx.NetRCAuth | None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from dextera_build.errors import UsageError, did_you_mean, listing
@@ -34,6 +36,12 @@ class Spec:
     def shown(self) -> str:
         """The address without secrets."""
         return mask(self.address)
+
+    def below(self, root: Path) -> Spec:
+        """The same remote; a folder that is relative is taken from `root`."""
+        if "://" in self.address or self.address.startswith(("/", "~", "$")):
+            return self
+        return replace(self, address=os.path.normpath(root / self.address))
 
     def __str__(self) -> str:
         """As `dxb show --config` prints it; no secrets."""
