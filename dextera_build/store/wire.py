@@ -67,10 +67,10 @@ def fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
             length = 8 if wire == _FIXED64 else 4
         else:
             raise ValueError("unknown wire type")
-        if place + length > end:
+        start, place = place, place + length
+        if place > end:
             raise ValueError("the message ends too early")
-        yield tag >> 3, data[place : place + length]
-        place += length
+        yield tag >> 3, data[start:place]
 
 
 def field(number: int, body: bytes) -> bytes:
@@ -163,18 +163,17 @@ def _numbers(value: int | bytes, packed: bool) -> Iterator[int]:
 
 
 def _read_varint(data: bytes, place: int) -> tuple[int, int]:
-    value = shift = 0
-    while True:
-        if place >= len(data):
-            raise ValueError("the message ends too early")
-        byte = data[place]
-        place += 1
-        value |= (byte & 0x7F) << shift
-        if byte < 0x80:
-            break
-        shift += 7
-        if shift > 63:
-            raise ValueError("a number is too long")
-    if value >= _WORD:
-        raise ValueError("a number is too long")
-    return value, place
+    try:
+        value = data[place]
+        if value < 0x80:
+            return value, place + 1
+        value &= 0x7F
+        for shift in range(7, 70, 7):
+            place += 1
+            byte = data[place]
+            value |= (byte & 0x7F) << shift
+            if byte < 0x80 and value < _WORD:
+                return value, place + 1
+    except IndexError:
+        raise ValueError("the message ends too early") from None
+    raise ValueError("a number is too long")

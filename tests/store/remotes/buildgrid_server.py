@@ -1,4 +1,4 @@
-"""BuildGrid (PyPI `buildgrid`): its server with all that a cache needs, its command line, and its generated messages."""
+"""BuildGrid (PyPI `buildgrid`): its server with what a cache needs, its command line, and its generated messages."""
 
 from __future__ import annotations
 
