@@ -44,10 +44,10 @@ def decode(data: bytes) -> list[OutputFile]:
         KeyError: An output file lacks its path or digest.
     """
     outputs = []
-    for number, value in _fields(data):
+    for number, value in fields(data):
         if number == 2 and isinstance(value, bytes):
-            file = dict(_fields(value))
-            digest = dict(_fields(_bytes(file[2])))
+            file = dict(fields(value))
+            digest = dict(fields(_bytes(file[2])))
             size = digest.get(2, 0)
             if not isinstance(size, int):
                 raise ValueError("a size is not a number")
@@ -83,8 +83,13 @@ def _varint(value: int) -> bytes:
     return bytes(out)
 
 
-def _fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
-    """Field number and value of each field of a message; fixed-width values come as bytes."""
+def fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
+    """Field number and value of each field of a message; fixed-width values come as bytes.
+
+    Raises:
+        ValueError: The bytes are not a message.
+        IndexError: They end too early.
+    """
     place, end = 0, len(data)
     while place < end:
         tag, place = _read_varint(data, place)
