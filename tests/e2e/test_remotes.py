@@ -261,6 +261,16 @@ def test_push_and_pull(space: Space, served: str) -> None:
     assert "say/words is up to date   7 nodes" in again.err
 
 
+def test_a_plan_says_what_a_remote_has(space: Space, served: str) -> None:
+    space.build("say/words")
+    space.dxb("push", "say/words", "--to", served)
+    rows = space.dxb("plan", "say/words", env={"DXB_CACHE": "two", "DXB_REMOTES": f"{served}:r"}).out
+    assert "start\tremote\ttoy.start" in rows
+    assert "words\tunknown" in rows
+    without = space.dxb("plan", "say/words", env={"DXB_CACHE": "two"}).out
+    assert "start\tstale\ttoy.start" in without  # nothing was brought
+
+
 def test_pull_says_what_is_lacking_and_runs_nothing(space: Space, served: str) -> None:
     space.build("say/words:words")
     space.dxb("push", "say/words:words", "--to", served)
