@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, TextIO
 
@@ -10,10 +12,12 @@ from dextera_build.errors import UsageError, listing
 
 if TYPE_CHECKING:
     from dextera_build.cli.session import Session
+    from dextera_build.engine.dryrun import Planned
     from dextera_build.store.remotes.exchange import Exchange
 
 _TICK_S = 0.2
 _SAY_S = 5.0
+_ASKERS = 16
 
 
 def exchange(session: Session, mode: str, named: str | None = None) -> Exchange:
@@ -45,6 +49,34 @@ def exchange(session: Session, mode: str, named: str | None = None) -> Exchange:
     for spec in used:
         open_remote(spec).close()  # what is wrong with the address or the packages is said before anything is done
     return Exchange(session.store, [guarded(replace(spec, mode=mode)) for spec in used])
+
+
+def held(session: Session, nodes: Sequence[Planned]) -> set[str]:
+    """Addresses of the stale nodes whose results a remote has; only entries are asked for, no blobs."""
+    used = [spec for spec in session.project.remotes.used if "r" in spec.mode]
+    stale = [node for node in nodes if node.status == "stale" and node.key is not None]
+    if not used or not stale or session.project.remotes.local == "r":
+        return set()
+    from dextera_build.store.remotes import entry
+    from dextera_build.store.remotes.connect import guarded
+    from dextera_build.store.remotes.crew import Crew
+    from dextera_build.store.remotes.remote import Digest, RemoteFault
+
+    remotes, found = [guarded(spec) for spec in used], set[str]()
+
+    def ask(node: Planned) -> None:
+        key = Digest(node.key or "", len(node.key_document))
+        for remote in remotes:
+            with suppress(RemoteFault):
+                message = remote.get_action(key)
+                if message is not None and entry.read(message, key) is not None:
+                    found.add(node.address)
+                    return
+
+    Crew(_ASKERS, "dxb plan").each(ask, stale)
+    for remote in remotes:
+        remote.close()
+    return found
 
 
 def finish_uploads(exchange: Exchange, stream: TextIO) -> set[str]:

@@ -1,7 +1,7 @@
 """Who we are to a gRPC server, and whom we trust: from the address or the environment, so that no secret is in a file.
 
-`DXB_REMOTE_TOKEN` is a bearer token, `DXB_REMOTE_METADATA` more headers (`name=value,name=value`). `DXB_REMOTE_CA` names
-a PEM file of the authorities to trust, `DXB_REMOTE_CERT` and `DXB_REMOTE_KEY` those of our own certificate.
+`DXB_REMOTE_TOKEN` is a bearer token, `DXB_REMOTE_METADATA` more headers (`name=value,name=value`). PEM files:
+`DXB_REMOTE_CA` names the authorities to trust, `DXB_REMOTE_CERT` and `DXB_REMOTE_KEY` our own certificate.
 """
 
 from __future__ import annotations

@@ -14,14 +14,16 @@ from typing import Any, TypeVar
 from dextera_build.errors import MachineError, StoreError
 from dextera_build.store import wire
 from dextera_build.store.cas import MissingBlob, is_digest
-from dextera_build.store.remotes import action, resource, served
+from dextera_build.store.remotes import action, resource
 from dextera_build.store.remotes import protocol as api
+from dextera_build.store.remotes.offers import Offers
 from dextera_build.store.remotes.remote import MOST_ENTRY, Digest
 from dextera_build.store.store import Store
 
 T = TypeVar("T")
 
 _THREADS = 16
+_EMPTY = action.of_bytes(b"")
 _FULL = "DXB-S101"
 
 
@@ -103,7 +105,7 @@ class _Service:
 
     def __init__(self, store: Store, statuses: Any, *, read_only: bool) -> None:
         self._blobs = store.blobs
-        self._store = store
+        self._offers = Offers(store)
         self._statuses = statuses
         self._read_only = read_only
 
@@ -165,17 +167,16 @@ class _Service:
         return api.QueryWriteStatusResponse(digest.size, True) if self._has(digest) else api.QueryWriteStatusResponse()
 
     def get_action(self, request: api.GetActionResultRequest, context: Any) -> bytes:
-        message = served.read(self._store, self._key(request.action_digest, context))
+        message = self._offers.get(self._key(request.action_digest, context))
         if message is None:
             raise _Refusal("NOT_FOUND", "there is no such result, or not all that it names")
         return message
 
     def update_action(self, request: api.UpdateActionResultRequest, context: Any) -> bytes:
         self._writing()
-        lacking = served.lacking(self._store, request.action_result)
-        if lacking is not None:
-            raise _Refusal("FAILED_PRECONDITION", f"blob {lacking.hash} with {lacking.size} bytes is not there")
-        served.write(self._store, self._key(request.action_digest, context), request.action_result)
+        problem = self._offers.put(self._key(request.action_digest, context), request.action_result)
+        if problem:
+            raise _Refusal("FAILED_PRECONDITION" if "blobs come first" in problem else "INVALID_ARGUMENT", problem)
         return request.action_result
 
     def _key(self, digest: Digest, context: Any) -> str:
@@ -192,7 +193,7 @@ class _Service:
     def _has(self, digest: Digest) -> bool:
         if not is_digest(digest.hash):
             raise ValueError("not a SHA-256 digest")
-        return self._blobs.size(digest.hash) == digest.size or digest == served.EMPTY
+        return self._blobs.size(digest.hash) == digest.size or digest == _EMPTY
 
     def _take(self, upload: api.Upload) -> api.Status:
         digest, data = upload.digest, upload.data

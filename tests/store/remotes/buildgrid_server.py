@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.store.remotes.servers import MOTO, free_port
+
+BGD = MOTO.with_name("bgd")
 CONFIG = """
 description: a cache without workers
 server:
@@ -44,15 +44,13 @@ instances:
     services: *services
 thread-pool-size: 20
 """
-_PATH = f"{sys.prefix}/servers/bin{os.pathsep}{sys.prefix}/buildgrid/bin{os.pathsep}{os.environ['PATH']}"
 
 
 def program() -> str:
     """The command `bgd`; the test is skipped where it is not installed."""
-    found = shutil.which("bgd", path=_PATH)
-    if found is None:
-        pytest.skip("BuildGrid is not installed; `make test-all` does it")
-    return found
+    if not BGD.exists():
+        pytest.skip("BuildGrid is not installed; `make servers` does it")
+    return str(BGD)
 
 
 def python() -> str:
@@ -68,13 +66,6 @@ def bgd(port: int, *words: str) -> str:
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
-
-
-def free_port() -> int:
-    """A port that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @contextmanager

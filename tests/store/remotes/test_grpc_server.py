@@ -200,7 +200,7 @@ def test_a_result_is_given_while_all_that_it_names_is_there(client: Connection, 
     message = wire.encode(result) + b"\x20\x02"  # a failed action is a result, too
     for lacking in (*contents, tree):
         request = api.UpdateActionResultRequest("", KEY, message)
-        with pytest.raises(CallFault, match="is not there") as caught:
+        with pytest.raises(CallFault, match="blobs come first") as caught:
             client.ask_bytes(UPDATE, request)
         assert caught.value.status == "FAILED_PRECONDITION"
         for data in (*contents, tree):
@@ -218,9 +218,10 @@ def test_only_the_key_that_an_action_stands_for_leads_to_a_result(client: Connec
     message = encode([OutputFile("a", digest_of(b"").hash, 0)])
     request = api.UpdateActionResultRequest("", action.of_key(KEY).digest, message)
     client.ask_bytes(UPDATE, request, key=other)
-    assert list(store.actions.keys()) == [action.of_key(KEY).digest.hash]
+    foreign = store.root / "foreign"
+    assert {path.name for path in files(store) if path.is_relative_to(foreign)} == {action.of_key(KEY).digest.hash[2:]}
     client.ask_bytes(UPDATE, request, key=KEY)
-    assert set(store.actions.keys()) == {action.of_key(KEY).digest.hash, KEY.hash}
+    assert (foreign / KEY.hash[:2] / KEY.hash[2:]).read_bytes() == message
 
 
 def test_what_is_served_to_be_read_cannot_be_written(store: Store) -> None:

@@ -52,7 +52,7 @@ def test_results_are_found_by_key(remote: Reapi, store: Store) -> None:
     assert remote.get_action(KEY) is None
     remote.put_action(KEY, message)
     assert remote.get_action(KEY) == message
-    assert (store.root / "ac" / KEY.hash[:2] / KEY.hash[2:]).read_bytes() == message
+    assert (store.root / "foreign" / KEY.hash[:2] / KEY.hash[2:]).read_bytes() == message
     assert all(store.blobs.has(digest.hash) for digest in action.of_key(KEY).blobs)
 
 
