@@ -32,12 +32,15 @@ class GrpcServer:
 
     Args:
         server: The server of grpcio.
+        host: Where it listens.
         port: Where it listens.
     """
 
-    def __init__(self, server: Any, port: int) -> None:
+    def __init__(self, server: Any, host: str, port: int) -> None:
         self._server = server
         self.port = port
+        self.url = f"grpc://[{host}]:{port}" if ":" in host else f"grpc://{host}:{port}"
+        """Where clients find it."""
 
     def wait(self) -> None:
         """Return when the server was stopped."""
@@ -77,7 +80,7 @@ def serve_grpc(store: Store, host: str, port: int, *, read_only: bool) -> GrpcSe
             hint="another program listens there, or it is no address of this machine: choose another `--grpc` port",
         )
     server.start()
-    return GrpcServer(server, bound)
+    return GrpcServer(server, host, bound)
 
 
 def _library() -> Any:
