@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 from dextera_build.errors import StoreError
+from dextera_build.store import header
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.remotes import entry as entries
@@ -76,6 +77,10 @@ class Transfer:
             self._store.actions.put(key.hash, result)
         except (MissingBlob, ValueError, KeyError, TypeError, AttributeError, RecursionError):
             # A header is not one, or names what the entry does not.
+            return None
+        except StoreError as error:
+            if error.code != header.ESCAPES:
+                raise
             return None
         return Fetched(result, sum(blob.size for blob in wanted))
 

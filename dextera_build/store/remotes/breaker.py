@@ -59,7 +59,7 @@ class Guarded:
         self._damaged = 0
         self._opener, self._remote = opener, None
         self._guard, self._opening = threading.Lock(), threading.Lock()
-        self._under_way: dict[int, tuple[float, Doing]] = {}
+        self._under_way: dict[int, float] = {}
         self._numbers = itertools.count()
 
     _remote: Remote | None
@@ -115,8 +115,8 @@ class Guarded:
         """Give the remote up where a call takes longer than it may, and end that call."""
         now = time.monotonic()
         with self._guard:
-            late = [doing for deadline, doing in self._under_way.values() if now > deadline]
-            if late and any(self._may.values()):
+            late = any(now > deadline for deadline in self._under_way.values()) and any(self._may.values())
+            if late:
                 self._give_up("both", "it answers too slowly")
         if late:
             self.close()
@@ -127,7 +127,7 @@ class Guarded:
             if not self._may[doing]:
                 raise RemoteFault(self.address, self.reasons.get(doing, "it is not used"))
             try:
-                done = self._watched(doing, work, patience)
+                done = self._watched(work, patience)
             except RemoteFault as fault:
                 # Where another call failed, too, the second try of each would only double the wait.
                 if last or fault.refused or self._faults[doing]:
@@ -139,9 +139,10 @@ class Guarded:
                 return done
         raise AssertionError("a second try returns or raises")
 
-    def _watched(self, doing: Doing, work: Callable[[Remote], T], patience_s: float) -> T:
+    def _watched(self, work: Callable[[Remote], T], patience_s: float) -> T:
         number = next(self._numbers)
-        self._under_way[number] = (time.monotonic() + patience_s, doing)
+        with self._guard:
+            self._under_way[number] = time.monotonic() + patience_s
         try:
             return work(self._connected())
         except (RemoteFault, StoreError):
@@ -150,7 +151,8 @@ class Guarded:
             reason = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
             raise RemoteFault(self.address, reason) from error
         finally:
-            del self._under_way[number]
+            with self._guard:
+                del self._under_way[number]
 
     def _connected(self) -> Remote:
         with self._opening:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -154,3 +155,28 @@ def test_an_entry_that_hides_a_blob_is_a_miss(tmp_path: Path) -> None:
     assert other.actions.get(key) is None
     share.put_action(name, whole[0])
     assert Transfer(other).fetch(share, name) is not None
+
+
+def test_a_folder_that_leads_out_of_its_folder_is_a_miss(tmp_path: Path) -> None:
+    from dextera_build import digest
+    from dextera_build.store.remotes.directory import Directory
+    from dextera_build.store.transfer import Transfer
+
+    store, share = Store(tmp_path / "store"), tmp_path / "share"
+    evil = store.blobs.put(b"evil")
+    label = {"../../evil": {"$bytes": [evil, 4]}}
+    output = store.blobs.put(digest.canonical({"artifact": "Folder", "fields": {"files": {"$map": label}}}))
+    document = store.blobs.put(b"a key document")
+    result = ActionResult(output, "", (), {}, 0.0, None, document)
+    named = [
+        OutputFile("output", output, store.blobs.size(output) or 0),
+        OutputFile(f"closure/{evil}", evil, 4),
+        OutputFile("key.json", document, 14),
+        OutputFile("result.json", result.digest, len(result.document), result.document),
+    ]
+    shutil.copytree(tmp_path / "store" / "cas", share / "cas")
+    key = Digest(document, 14)
+    Directory(share).put_action(key, encode(named))
+    other = Store(tmp_path / "other")
+    assert Transfer(other).fetch(Directory(share), key) is None
+    assert other.actions.get(key.hash) is None
