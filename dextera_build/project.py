@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
+from dextera_build.store.remotes.choice import Choice
 
 if TYPE_CHECKING:
     # A build that does nothing reads the settings and no recipe; it need not wait for these.
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 MARKER = "dxb.toml"
 _DEFAULTS: dict[str, Any] = {
     "cache": "cache",
+    "remotes": {},
     "profile": "cpu",
     "jobs": 0,
     "console": "auto",
@@ -50,6 +52,8 @@ class Project:
     def __init__(self, root: Path, flags: Mapping[str, Any] | None = None, *, declared: bool = True) -> None:
         self.root = root
         self.declared = declared
+        self.remotes = Choice(root)
+        """The remotes; known when `config` is."""
         self._flags = {name: value for name, value in (flags or {}).items() if value is not None}
 
     @cached_property
@@ -60,7 +64,7 @@ class Project:
             home = Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser()
             found["cache"] = Setting(str(home / "dxb"), "default outside a project")
         for origin, values in self._layers():
-            for name, value in values.items():
+            for name, value in self.remotes.take(values, origin).items():
                 if name not in _DEFAULTS:
                     raise RecipeError(
                         f"`{name}` is not a setting",
@@ -76,7 +80,8 @@ class Project:
                 code="DXB-U103",
                 facts={"profiles": listing(PROFILES), "from": found["profile"].origin},
             )
-        return found
+        del found["remotes"]
+        return found | {name: Setting(value, origin) for name, (value, origin) in self.remotes.rows().items()}
 
     @property
     def cache(self) -> Path:

@@ -1,4 +1,4 @@
-"""`dxb cache`: the store's size, whether it is whole, and what can go."""
+"""`dxb cache`: the store's size, whether it is whole, what can go, and other machines that use it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ ACTIONS = {
     "size": ("count blobs, results and unfinished calls, and their bytes", "cache"),
     "gc": ("collect what nobody needs, down to a size or an age", "collecting"),
     "verify": ("read everything and say what is damaged", "verifying"),
+    "serve": ("serve the store to other machines, as a Bazel HTTP cache", "serving"),
     "sweep": ("drop the progress that calls saved which did not end, and that nobody builds now", "cache"),
 }
 """Action -> (summary, module that carries it out)."""

@@ -18,6 +18,7 @@ from dextera_build.engine.graph import Address
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
     from dextera_build.recipe.plan import Plan
+    from dextera_build.store.remotes.exchange import Exchange
 
 RUNNER = "dextera_build.runner:run_task"
 
@@ -31,6 +32,17 @@ class Done:
     result: RunResult
     lost: int
     """How many events had no room in its log."""
+
+
+def exchange(session: Session) -> Exchange | None:
+    """The remotes that the settings let a build use, or None where there are none."""
+    used = session.project.remotes.used
+    if not used or session.project.remotes.local == "r":
+        return None
+    from dextera_build.store.remotes.connect import guarded
+    from dextera_build.store.remotes.exchange import Exchange
+
+    return Exchange(session.store, [guarded(spec) for spec in used])
 
 
 def execute(session: Session, plan: Plan, wanted: Sequence[Address], args: argparse.Namespace) -> RunResult:
@@ -74,5 +86,7 @@ def carry_out(
             info=RunInfo(log.run, str(project.root), project.profile, __version__, argv),
             keep_going=keep_going,
             force=force,
+            only=frozenset() if project.remotes.local == "r" else None,
+            exchange=exchange(session),
         )
     return Done(log.run, result, log.lost)

@@ -32,6 +32,8 @@ VERBS = {
     "new": "make a new recipe, rule or backend in this project",
     "check": "check recipes, or rebuild a node and compare",
     "doctor": "say what this machine has and lacks",
+    "push": "upload what was built to a remote",
+    "pull": "bring targets from a remote, without running anything",
     "cache": "look after the store",
     "bundle": "carry results elsewhere, with all that explains them",
 }

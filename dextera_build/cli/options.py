@@ -39,7 +39,11 @@ def by_recipe(texts: Iterable[str]) -> dict[str, list[str]]:
 
 def project_arguments(parser: argparse.ArgumentParser) -> None:
     """Where to work."""
-    parser.add_argument("--cache", metavar="DIR", help="the store's folder (DXB_CACHE)")
+    parser.add_argument(
+        "--cache",
+        metavar="DIR|LIST",
+        help="the store's folder, or which stores to use: `local:rw,NAME:r,URL:w` (DXB_CACHE, DXB_REMOTES)",
+    )
     parser.add_argument("--profile", metavar="NAME", help="stub, cpu, gpu or cloud (DXB_PROFILE)")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from dextera_build.cli import options
+from dextera_build.cli import options, remotes
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print one node a line: address, status, rule, backend, seconds of the last time.
 
-    `cached` is up to date, `stale` would run, `unknown` depends on what a stale node will return.
+    `cached` is up to date, `stale` would run, `remote` would be fetched, `unknown` reads what one of these will return.
     """
     from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.dryrun import plan
@@ -38,12 +38,14 @@ def run(args: argparse.Namespace) -> int:
         return stale.check(session, graph, addresses(graph, wanted.target), as_json=args.json)
     calls = dict(graph.calls())
     rows = []
-    for node in plan(graph, addresses(graph, wanted.target), session.store, history=session.past_builds):
+    nodes = plan(graph, addresses(graph, wanted.target), session.store, history=session.past_builds)
+    elsewhere = remotes.held(session, nodes)
+    for node in nodes:
         rule = calls[parse_address(node.address).call].rule
         rows.append(
             {
                 "node": node.address,
-                "status": node.status,
+                "status": "remote" if node.address in elsewhere else node.status,
                 "rule": rule.path,
                 "backend": rule.backend or "-",
                 "last_seconds": f"{node.seconds_last:.1f}" if node.seconds_last is not None else "-",

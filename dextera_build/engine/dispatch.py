@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dextera_build.engine.finish import result_of
+from dextera_build.engine.sharing import Sharing
 from dextera_build.engine.states import State, States
 from dextera_build.engine.tasks import Ended, Executor, Report, Said, Task
 from dextera_build.engine.units import Node
@@ -27,6 +28,7 @@ class Dispatch:
     store: Store
     executor: Executor | None
     states: States
+    sharing: Sharing
     project: str
     profile: str
     forced: Callable[[Node], bool]
@@ -57,10 +59,13 @@ class Dispatch:
 
     def wait(self, idle: bool) -> bool:
         """Take what the executor reports, waiting for it where `idle`; False: nothing runs here or elsewhere."""
-        patience = 0.0 if not idle else _PATIENCE_S if self.states.locked else None
+        busy = self.states.locked or self.states.fetching
+        patience = 0.0 if not idle else _PATIENCE_S if busy else None
         if self._running and self.executor is not None:
             for report in self.executor.poll(patience):
                 self._take(report)
+        elif self.states.fetching:
+            self.sharing.wait(patience or 0.0)
         elif self.states.locked and patience:
             time.sleep(patience)
         else:

@@ -118,6 +118,44 @@ class NodeFinished(Event):
     depends_on: list[str] = field(default_factory=list)
     log: str | None = None
     files: Mapping[str, str] = field(default_factory=dict)
+    remote: str = ""
+    """Name of the remote that a fetched result came from."""
+
+
+@dataclass(frozen=True)
+class RemoteGivenUp(Event):
+    """A remote is left alone for the rest of the run."""
+
+    kind: ClassVar[str] = "remote_given_up"
+    remote: str
+    address: str
+    doing: str
+    """`read`, `write` or `both`."""
+    reason: str
+
+
+@dataclass(frozen=True)
+class Uploading(Event):
+    """All nodes are done, and the run waits for uploads."""
+
+    kind: ClassVar[str] = "uploading"
+    done: int
+    total: int
+
+
+@dataclass(frozen=True)
+class Uploaded(Event):
+    """What became of the results that this run made for one remote."""
+
+    kind: ClassVar[str] = "uploaded"
+    remote: str
+    results: int
+    octets: int
+    """How many bytes travelled."""
+    left: int
+    """How many results were not uploaded."""
+    reason: str
+    """Why the first of them was not."""
 
 
 @dataclass(frozen=True)

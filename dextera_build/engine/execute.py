@@ -19,7 +19,9 @@ from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Node, Opening, Unit, producers
+from dextera_build.engine.uplink import Uplink
 from dextera_build.errors import DxbError
+from dextera_build.store.remotes.exchange import Exchange
 from dextera_build.store.store import Store
 
 
@@ -46,7 +48,7 @@ class NodeRecord:
     output: str | None
     """Digest of the output's header."""
     seconds: float
-    """How long it ran [s], in this run or, for a cached one, when it was made."""
+    """How long it ran or was fetched [s], in this run or, for a cached one, when it was made."""
     line: str
     error: DxbError | None
     inputs: Mapping[str, str]
@@ -86,6 +88,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     keep_going: bool = False,
     force: frozenset[str] = frozenset(),
     only: frozenset[str] | None = None,
+    exchange: Exchange | None = None,
 ) -> RunResult:
     """Bring targets up to date.
 
@@ -99,6 +102,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
         keep_going: After a failure go on with everything that does not depend on it.
         force: Addresses (`body[mug].mesh`, or `body.mesh` for every copy) that run although they are cached.
         only: Addresses that may run; a stale node outside fails with a `StaleError`. None: all may.
+        exchange: Remotes to take results from and to give them to; closed here.
 
     Raises:
         UsageError: A target names nothing.
@@ -111,17 +115,18 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     if info.project:
         store.workspaces.note(info.project)
     with store.running.announced():
-        return _Run(graph, store, executor, policy, listen, info).run(wanted)
+        return _Run(graph, store, executor, policy, Uplink(exchange, listen), info).run(wanted)
 
 
 class _Run:
     def __init__(
-        self, graph: Graph, store: Store, executor: Executor, policy: Policy, listen: Listener, info: RunInfo
+        self, graph: Graph, store: Store, executor: Executor, policy: Policy, uplink: Uplink, info: RunInfo
     ) -> None:
-        self.graph, self.store, self.executor, self.listen, self.info = graph, store, executor, listen, info
+        self.graph, self.store, self.executor, self.uplink, self.info = graph, store, executor, uplink, info
+        self.listen = uplink.listen
         self.history = History(store, graph.name, info.project)
         hooks = Hooks(self._sized, self._opened, self._started, self._said, self._settled, self._broken)
-        self.scheduler = Scheduler(graph, store, executor, policy, hooks)
+        self.scheduler = Scheduler(graph, store, executor, policy, hooks, uplink.exchange)
         self.errors: dict[str, DxbError] = {}
         self.members: Counter[tuple[str, ...]] = Counter()
         """Group, or () for the root -> how many of its calls the targets need."""
@@ -137,6 +142,7 @@ class _Run:
         try:
             self.scheduler.run(targets)
             whole = True
+            self.uplink.finish()
         except KeyboardInterrupt:
             interrupted = True
             self.executor.stop()
@@ -145,6 +151,7 @@ class _Run:
             self.executor.stop()
             raise
         finally:
+            self.uplink.close()
             result = self._close(whole)
             self._finish(result, time.monotonic() - began, interrupted)
         return result
@@ -187,8 +194,10 @@ class _Run:
     def _settled(self, node: Node) -> None:
         record = self._record(node)
         if record.result is not None and node.result is not None and record.key is not None:
-            entry = Entry(record.key, node.result.key_document, self.info.run, record.seconds, time.time())
+            # How long a fetch took says nothing of how long the node runs.
+            entry = Entry(record.key, node.result.key_document, self.info.run, node.result.seconds, time.time())
             self.history.note(node.address, entry)
+        self.uplink.tell()
         self._tell(node, record)
 
     def _broken(self, unit: Unit, error: DxbError) -> None:
@@ -214,6 +223,7 @@ class _Run:
                 inputs=dict(record.inputs),
                 depends_on=[node.address for node in producers(unit)],
                 files=self._files(unit) if isinstance(unit, Node) else {},
+                remote=unit.remote if isinstance(unit, Node) and record.status == "fetched" else "",
             )
         )
 
@@ -237,7 +247,7 @@ class _Run:
             status=_status(node),
             key=node.key,
             output=result.output if result and done else None,
-            seconds=result.seconds if result and done else node.seconds,
+            seconds=result.seconds if result and done and node.status != "fetched" else node.seconds,
             line=result.line if result and done else "",
             error=node.error,
             inputs=node.inputs,
@@ -269,8 +279,10 @@ class _Run:
         self.history.save()
         self.store.leaves.save()
         counts: Counter[str] = Counter(record.status for record in result.nodes.values())
-        saved = sum(record.seconds for record in result.nodes.values() if record.status == "cached")
-        self.listen(events.RunFinished(time.time(), result.ok, seconds, dict(counts), saved, interrupted))
+        spared = [node for node in self.scheduler.wiring.nodes.values() if _status(node) in ("cached", "fetched")]
+        saved = sum(node.result.seconds for node in spared if node.result)
+        saved -= sum(node.seconds for node in spared if node.status == "fetched")
+        self.listen(events.RunFinished(time.time(), result.ok, seconds, dict(counts), max(saved, 0.0), interrupted))
 
 
 def blocked_by(failed: Sequence[Unit]) -> dict[str, list[str]]:
@@ -296,7 +308,7 @@ def _readers(root: Unit) -> Iterator[Unit]:
 
 def _status(node: Node) -> events.Status:
     if node.state is State.DONE:
-        return "ran" if node.status == "ran" else "cached"
+        return "ran" if node.status == "ran" else "fetched" if node.status == "fetched" else "cached"
     if node.state is State.FAILED:
         return "failed"
     return "waits" if node.state is State.BLOCKED else "cancelled"

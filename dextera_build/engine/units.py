@@ -68,6 +68,8 @@ class Node(Unit):
     error: DxbError | None = None
     seconds: float = 0.0
     """How long it ran here [s], also when it failed."""
+    remote: str = ""
+    """Name of the remote that its result was fetched from."""
     log: str | None = None
     """Digest of what a failed run printed."""
     followers: list[Node] = field(default_factory=list, repr=False)

@@ -144,6 +144,11 @@ class Actions:
         """Every key that has an entry."""
         yield from (key for key, _ in entries(self.root))
 
+    def message(self, key: str) -> tuple[bytes, list[OutputFile]] | None:
+        """The entry of `key` as it would travel, and what it names, or None."""
+        outputs = self._entry(key)
+        return (encode(outputs), outputs) if outputs is not None else None
+
     def outline(self, key: str) -> tuple[str, frozenset[str]] | None:
         """(output, all that it refers to) of `key` by digest, whether the blobs are there or not, or None."""
         outputs = self._entry(key)

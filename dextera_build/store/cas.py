@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -117,6 +117,31 @@ class Blobs:
             return self._take(source)
         finally:
             os.close(source)
+
+    def receive(self, digest: str, size: int, pieces: Iterable[bytes]) -> bool:
+        """Store bytes that come from elsewhere; False where they are not those that `digest` and `size` name.
+
+        Never more than `size` bytes are taken, and nothing shows under `digest` before the last one was checked.
+
+        Raises:
+            StoreError: The disk is full, or the store cannot be written.
+        """
+        if self.size(digest) == size:
+            return True
+        known, left = hashlib.sha256(), size
+        try:
+            with files.new_file(self._file(digest), workshop=self._workshop) as target:
+                for piece in pieces:
+                    left -= len(piece)
+                    if left < 0:
+                        break
+                    known.update(piece)
+                    files.write_all(target, piece)
+                if left or known.hexdigest() != digest:
+                    raise _ChangedError(digest)
+        except _ChangedError:
+            return False
+        return True
 
     def get(self, digest: str) -> bytes:
         """The bytes of a blob, checked against its digest.

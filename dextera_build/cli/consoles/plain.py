@@ -20,8 +20,10 @@ from dextera_build.engine.events import (
     NodeLog,
     NodeProgress,
     NodeStarted,
+    RemoteGivenUp,
     RunFinished,
     RunStarted,
+    Uploading,
 )
 
 _ASCII = str.maketrans({"↓": "v", "✗": "x", "·": ".", "…": "...", "–": "-", "×": "x", "→": "->", "°": " deg", "▸": ">"})
@@ -54,6 +56,7 @@ class PlainConsole:
         self._beat_s, self._now = beat_s, now
         self._running: dict[str, Running] = {}
         self._beaten: dict[str, float] = {}
+        self._uploading_at = 0.0
         self._stop = threading.Event()
         self._heart = threading.Thread(target=self._beat, name="console", daemon=True)
 
@@ -66,7 +69,9 @@ class PlainConsole:
                 self._finish(event)
                 return
             self._follow(event)
-            if isinstance(event, NodeStarted) or (isinstance(event, NodeFinished) and event.status != "cached"):
+            if isinstance(event, NodeStarted | RemoteGivenUp) or (
+                isinstance(event, NodeFinished) and event.status != "cached"
+            ):
                 self._release()
             line = self._line(event)
             if line is not None and self._held is not None:
@@ -125,6 +130,11 @@ class PlainConsole:
             return self._columns.node(event)
         if isinstance(event, NodeLog) and self._verbose:
             return lines.logged(event.node, event.text)
+        if isinstance(event, RemoteGivenUp):
+            return lines.given_up(event)
+        if isinstance(event, Uploading) and event.time - self._uploading_at >= self._beat_s:
+            self._uploading_at = event.time
+            return lines.uploading(event)
         return None
 
     def _finish(self, event: RunFinished) -> None:
