@@ -14,11 +14,12 @@ from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, l
 
 if TYPE_CHECKING:
     # A build that does nothing reads the settings and no recipe; it need not wait for these.
+    from dextera_build.engine.capacity import Capacity
     from dextera_build.loader import Library
     from dextera_build.recipe.schema import Recipe
 
 MARKER = "dxb.toml"
-_DEFAULTS: dict[str, Any] = {"cache": "cache", "profile": "cpu", "jobs": 0, "console": "auto"}
+_DEFAULTS: dict[str, Any] = {"cache": "cache", "profile": "cpu", "jobs": 0, "console": "auto", "resources": {}}
 PROFILES = ("stub", "cpu", "gpu", "cloud")
 
 
@@ -61,7 +62,7 @@ class Project:
                         facts={"settings": listing(_DEFAULTS)},
                         hint=did_you_mean(name, _DEFAULTS),
                     )
-                found[name] = Setting(value, origin)
+                found[name] = Setting(self._over(found, name, value, origin), origin)
         if found["profile"].value not in PROFILES:
             raise UsageError(
                 f"`{found['profile'].value}` is not a profile",
@@ -69,6 +70,15 @@ class Project:
                 facts={"profiles": listing(PROFILES), "from": found["profile"].origin},
             )
         return found
+
+    @staticmethod
+    def _over(found: Mapping[str, Setting], name: str, value: Any, origin: str) -> Any:
+        """The value of a setting over that of lower layers; resources add up by name."""
+        if name != "resources":
+            return value
+        from dextera_build.engine.capacity import parse
+
+        return {**found[name].value, **parse(value, origin)}
 
     @property
     def cache(self) -> Path:
@@ -87,6 +97,15 @@ class Project:
         if not str(value).isdigit():
             raise UsageError(f"`jobs` is a number, not `{value}`", code="DXB-U103")
         return int(value) or len(os.sched_getaffinity(0))
+
+    def capacity(self, *, gpus: bool) -> Capacity:
+        """What this machine has to share out, or what the settings say that it has; `gpus`: look for devices."""
+        from dextera_build.engine.capacity import measure
+
+        said = dict(self.config["resources"].value)
+        if self.config["jobs"].origin in ("command line", "environment"):
+            said.pop("cpu", None)
+        return measure(self.jobs, said, gpus=gpus)
 
     @cached_property
     def library(self) -> Library:

@@ -30,6 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--check", action="store_true", help="run nothing; exit with 3 where something is stale")
     parser.add_argument("--console", metavar="KIND", help="live, plain, jsonl or none (DXB_CONSOLE)")
     parser.add_argument("-v", "--verbose", action="store_true", help="show what nodes log, too")
+    options.resources_argument(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)
 

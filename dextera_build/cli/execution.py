@@ -32,9 +32,11 @@ def execute(session: Session, plan: Plan, wanted: Sequence[Address], args: argpa
     # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     force = frozenset(name.partition(":")[2] or name for name in args.force)
+    wants_gpu = any(call.rule.gpus or call.rule.gpu_gb for _, call in plan.graph.calls())
+    capacity = project.capacity(gpus=wants_gpu)
     with (
         EventLog(store) as log,
-        LocalExecutor(RUNNER, project.jobs, environment=environment) as workers,
+        LocalExecutor(RUNNER, environment=environment, capacity=capacity) as workers,
         console("live" if kind == "auto" else kind, sys.stderr, verbose=args.verbose) as shown,
     ):
         result = build(

@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
 
     project = options.project(args)
     if args.config:
-        rows: dict[str, Any] = {name: f"{s.value}\t{s.origin}" for name, s in project.config.items()}
+        rows: dict[str, Any] = {name: f"{_plain(s.value)}\t{s.origin}" for name, s in project.config.items()}
     elif args.target is None:
         raise UsageError("name a recipe or a node, or give `--config`", code="DXB-U111", hint="`dxb ls` lists recipes")
     else:
@@ -41,6 +41,10 @@ def run(args: argparse.Namespace) -> int:
         rows = _node(session, wanted.target) if wanted.target else _recipe(session)
     print(json.dumps(rows, indent=1) if args.json else "\n".join(f"{name}\t{value}" for name, value in rows.items()))
     return 0
+
+
+def _plain(value: Any) -> Any:
+    return ",".join(f"{name}={amount:g}" for name, amount in value.items()) if isinstance(value, dict) else value
 
 
 def _lineage(session: Any, target: str, *, as_json: bool) -> int:

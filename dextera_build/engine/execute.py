@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -59,6 +59,9 @@ class NodeRecord:
     """Digest of what it printed, also when it failed."""
     blocked_by: tuple[str, ...] = ()
     """Addresses of the failed nodes that it waits for."""
+    usage: Mapping[str, float] = field(default_factory=dict)
+    tries: int = 0
+    """How often it ran in this run."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +121,7 @@ class _Run:
         self.graph, self.store, self.executor, self.listen, self.info = graph, store, executor, listen, info
         self.history = History(store, graph.name, info.project)
         hooks = Hooks(self._sized, self._opened, self._started, self._said, self._settled, self._broken)
+        policy = replace(policy, peak_gb=self.history.peak_gb)
         self.scheduler = Scheduler(graph, store, executor, policy, hooks)
         self.errors: dict[str, DxbError] = {}
         self.members: Counter[tuple[str, ...]] = Counter()
@@ -180,11 +184,15 @@ class _Run:
             self.listen(events.NodeProgress(time.time(), node.address, int(data["done"]), int(data["total"]), what))
         elif kind == "log":
             self.listen(events.NodeLog(time.time(), node.address, str(data["text"])))
+        elif kind == "retried":
+            self.listen(events.NodeRetried(time.time(), node.address, **data))
 
     def _settled(self, node: Node) -> None:
         record = self._record(node)
         if record.result is not None and node.result is not None and record.key is not None:
-            entry = Entry(record.key, node.result.key_document, self.info.run, record.seconds, time.time())
+            entry = Entry(
+                record.key, node.result.key_document, self.info.run, record.seconds, time.time(), dict(record.usage)
+            )
             self.history.note(node.address, entry)
         self._tell(node, record)
 
@@ -211,6 +219,8 @@ class _Run:
                 inputs=dict(record.inputs),
                 depends_on=[node.address for node in producers(unit)],
                 files=self._files(unit) if isinstance(unit, Node) else {},
+                usage=dict(record.usage),
+                tries=record.tries,
             )
         )
 
@@ -243,6 +253,8 @@ class _Run:
             result=result.digest if result and done else None,
             log=result.log if result and done else node.log,
             blocked_by=tuple(blockers),
+            usage=node.usage,
+            tries=node.tries,
         )
 
     def _close(self, whole: bool) -> RunResult:

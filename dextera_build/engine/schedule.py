@@ -67,6 +67,7 @@ class Scheduler:
             states=self.states,
             project=policy.project,
             profile=policy.profile,
+            peak_gb=policy.peak_gb,
             forced=self._is_forced,
             started=self.hooks.started,
             said=self.hooks.said,

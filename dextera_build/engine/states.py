@@ -14,6 +14,7 @@
          builds this key   LOCKED
 
       WAITS -> BLOCKED     a source failed, or is blocked itself
+      RUNNING -> QUEUED    it failed, and its rule declares more tries
       any but RUNNING -> CANCELLED     the run ended before its turn
       READY -> STALE       a dry run would have to run it
       DONE -> WAITS        its bytes were lost; it is made again
@@ -67,7 +68,7 @@ _NEXT: dict[State, frozenset[State]] = {
     State.SHARED: frozenset({State.READY, State.DONE, State.FAILED, State.BLOCKED, State.CANCELLED}),
     State.QUEUED: frozenset({State.RUNNING, State.LOCKED, State.DONE, State.FAILED, State.CANCELLED}),
     State.LOCKED: frozenset({State.QUEUED, State.DONE, State.CANCELLED}),
-    State.RUNNING: frozenset({State.DONE, State.FAILED, State.WAITS, State.CANCELLED}),
+    State.RUNNING: frozenset({State.QUEUED, State.DONE, State.FAILED, State.WAITS, State.CANCELLED}),
     State.DONE: frozenset({State.WAITS}),
     State.FAILED: frozenset(),
     State.BLOCKED: frozenset(),
