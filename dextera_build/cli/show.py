@@ -9,6 +9,7 @@ from typing import Any
 
 from dextera_build.cli import options
 from dextera_build.errors import UsageError
+from dextera_build.report.wording import used
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -98,6 +99,8 @@ def _node(session: Any, node: str) -> dict[str, Any]:
         "built": f"run {entry.run}, {when}, {entry.seconds:.1f} s",
         "key": entry.key,
     }
+    if entry.usage:
+        rows["used"] = used(entry.usage)
     if found is not None:
         rows["output"] = found.output
         rows |= {f"metric {name}": f"{value:g} {unit}".strip() for name, (value, unit) in found.metrics.items()}

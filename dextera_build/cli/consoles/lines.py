@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeAlias
 
-from dextera_build.engine.events import GroupOpened, NodeFinished, RunFinished, RunStarted
+from dextera_build.engine.events import GroupOpened, NodeFinished, NodeRetried, RunFinished, RunStarted
 from dextera_build.report.wording import MARKS, STATES, count, duration, some, states
 
 Line: TypeAlias = list[tuple[str, str]]
@@ -108,6 +108,16 @@ def opened(event: GroupOpened) -> Line:
 def logged(node: str, text: str) -> Line:
     """A line that a node logged."""
     return [(f"     {node} | ", "dim"), (printable(text.rstrip()), "")]
+
+
+def retried(event: NodeRetried) -> Line:
+    """A node that is tried again: `~  film   try 2 in 1.4 s: worker died (signal 9)`."""
+    message = _first(str(event.error.get("message", "")))
+    return [
+        ("  ~  ", "waits"),
+        (event.node, ""),
+        (f"  try {event.tries + 1} in {duration(event.wait_s)}: {message}", "waits"),
+    ]
 
 
 def summary(recipe: str, event: RunFinished) -> Line:
