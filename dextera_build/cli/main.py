@@ -26,11 +26,14 @@ VERBS = {
     "log": "show past runs and what their nodes printed",
     "view": "look at a scene in the browser",
     "report": "write a run's report, one offline HTML file",
+    "graph": "draw a recipe's graph as SVG, JSON or DOT",
+    "trace": "write when every node of a run worked, for a trace viewer",
     "init": "make a new project",
     "new": "make a new recipe, rule or backend in this project",
     "check": "check recipes, or rebuild a node and compare",
     "doctor": "say what this machine has and lacks",
     "cache": "look after the store",
+    "completion": "print a script that completes command lines in bash, zsh or fish",
 }
 
 

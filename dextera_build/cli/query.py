@@ -6,10 +6,10 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import nodes as known
 from dextera_build.errors import UsageError, did_you_mean, listing
 
 if TYPE_CHECKING:
+    from dextera_build.cli.nodes import Known
     from dextera_build.cli.session import Session
     from dextera_build.project import Project
 
@@ -41,6 +41,7 @@ def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:
     Raises:
         UsageError: Nothing is called so.
     """
+    from dextera_build.cli import nodes as known
     from dextera_build.cli.session import Session
 
     depth = _depth(args)
@@ -73,7 +74,9 @@ def _depth(args: argparse.Namespace) -> int | None:
     return int(args.depth)
 
 
-def _nodes(session: Session, args: argparse.Namespace, *, several: bool) -> dict[str, known.Known]:
+def _nodes(session: Session, args: argparse.Namespace, *, several: bool) -> dict[str, Known]:
+    from dextera_build.cli import nodes as known
+
     found = known.of_runs(session.store, session.recipe)
     if found:
         return found
@@ -89,8 +92,10 @@ def _nodes(session: Session, args: argparse.Namespace, *, several: bool) -> dict
 
 
 def _rows(
-    session: Session, args: argparse.Namespace, found: dict[str, known.Known], start: list[str], depth: int | None
+    session: Session, args: argparse.Namespace, found: dict[str, Known], start: list[str], depth: int | None
 ) -> Iterator[Row]:
+    from dextera_build.cli import nodes as known
+
     if args.deps or args.rdeps:
         start = known.walk(found, start, readers=args.rdeps, depth=depth)
     if args.rule:
@@ -119,7 +124,7 @@ def statuses(session: Session, args: argparse.Namespace) -> dict[str, str]:
     return {node.address: node.status for node in planned}
 
 
-def _nothing(text: str, found: dict[str, known.Known]) -> UsageError:
+def _nothing(text: str, found: dict[str, Known]) -> UsageError:
     node = text.partition(":")[2]
     return UsageError(
         f"no node is called `{text}`",

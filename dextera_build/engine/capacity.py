@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -126,6 +125,8 @@ def _limits() -> Iterator[float]:
 
 
 def _devices() -> list[Gpu]:
+    import subprocess  # slow to import, and few builds need it
+
     try:
         answer = subprocess.run(_QUERY, capture_output=True, text=True, timeout=20)
     except (OSError, subprocess.TimeoutExpired):
