@@ -1,13 +1,14 @@
 """A run as a trace: what Perfetto, Chrome's `about:tracing` and speedscope open (Trace Event Format, JSON object form).
 
 The process is dxb, a thread stands for a worker slot. A node is a complete event (`X`) with its key, rule, status and
-line; counters (`C`) say how many nodes ran and how much memory they took, flow events (`s`, `f`) join the critical path.
-Times are microseconds since the run began.
+line; counters (`C`) say how many nodes ran and how much memory they took, flow events (`s`, `f`) join the critical
+path. Times are microseconds since the run began.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 from dextera_build.report.run import Node, Run
@@ -101,13 +102,21 @@ def _counters(run: Run) -> Iterator[Event]:
         for name, unit, value in zip(
             ("nodes", "processors in use", "memory in use"), ("count", "cores", "MiB"), level, strict=True
         ):
-            yield {"name": name, "ph": "C", "ts": when, "pid": _PID, "tid": 0, "args": {unit: round(value, 3)}}
+            yield {
+                "name": name,
+                "cat": "use",
+                "ph": "C",
+                "ts": when,
+                "pid": _PID,
+                "tid": 0,
+                "args": {unit: round(value, 3)},
+            }
 
 
 def _flows(run: Run) -> Iterator[Event]:
     slots = assign_slots(_worked(run))
     path = critical_path(run)
-    for number, (before, after) in enumerate(zip(path, path[1:], strict=False), start=1):
+    for number, (before, after) in enumerate(pairwise(path), start=1):
         common = {"name": "critical path", "cat": "critical path", "id": number, "pid": _PID}
         # A flow binds to the slice that it lies in: a microsecond inside of both.
         leaves = max(_micro(before.ended) - 1, _micro(before.began))
