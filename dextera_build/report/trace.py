@@ -77,7 +77,13 @@ def _instants(run: Run) -> Iterator[Event]:
 
 
 def _args(node: Node) -> dict[str, Any]:
-    known = {"key": node.key, "rule": node.rule, "backend": node.backend, "status": node.status, "line": node.line}
+    known: dict[str, Any] = {
+        "key": node.key,
+        "rule": node.rule,
+        "backend": node.backend,
+        "status": node.status,
+        "line": node.line,
+    }
     if node.tries > 1:
         known["tries"] = node.tries
     if node.error:

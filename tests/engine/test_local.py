@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from dextera_build.engine.events import NodeFinished, NodeLog, NodeProgress, NodeStarted
+from dextera_build.engine.capacity import Capacity, Gpu
+from dextera_build.engine.events import Event, NodeFinished, NodeLog, NodeProgress, NodeStarted
 from dextera_build.engine.execute import RunResult, build
 from dextera_build.engine.executors.local import LocalExecutor
 from dextera_build.engine.graph import Call, Graph
@@ -202,3 +203,25 @@ def test_stop_ends_what_runs_at_once() -> None:
     pool.stop()
     assert time.monotonic() - began < 2.0
     assert not any(alive(pid) for pid in pids)
+
+
+def test_a_worker_that_holds_a_device_goes_when_another_needs_it(store: Store) -> None:
+    capacity = Capacity(4, 8.0, (Gpu("a", 8.0), Gpu("b", 8.0)))
+    plan = graph(
+        call("one", rule=facts(path="tiny.one", gpus=1)),
+        call("again", rule=facts(path="tiny.one", gpus=1), x=out("one")),
+        call("none", x=out("again")),
+        call("both", rule=facts(path="tiny.both", gpus=2), x=out("none")),
+    )
+    with LocalExecutor(RUNNER, capacity=capacity) as pool:
+        seen: dict[str, list[int]] = {}
+
+        def listen(event: Event) -> None:
+            if isinstance(event, NodeFinished):
+                seen[event.node] = sorted(pool.pids())
+
+        result = build(plan, plan.targets["default"], store=store, executor=pool, listen=listen)
+    assert result.ok
+    assert seen["again"] == seen["one"]  # the same devices, the same worker
+    assert len(seen["none"]) == 2
+    assert not set(seen["one"]) & set(seen["both"])
