@@ -50,10 +50,18 @@ class Ledger:
         self._free = dict(self._whole)
         self._sizes = [max(_count(gpu.memory_gb), 1) for gpu in capacity.gpus]
         self._left = list(self._sizes)
+        self._asked: dict[Needs, tuple[tuple[str, int], ...]] = {}
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether no core is free, so that nothing fits."""
+        return self._free["cpu"] < _UNITS
 
     def place(self, needs: Needs) -> Grant | None:
         """Where `needs` fit now, or None. More cores or memory than there are become all that there is."""
-        amounts = self._amounts(needs)
+        amounts = self._asked.get(needs)
+        if amounts is None:
+            amounts = self._asked[needs] = self._amounts(needs)
         if any(self._free[name] < amount for name, amount in amounts):
             return None
         devices = self._devices(needs)
@@ -117,6 +125,8 @@ class Admission(Generic[T]):
 
     def next(self) -> T | None:
         """Take the task that starts now, with what it needs; None where none fits."""
+        if not self._lines or self._ledger.is_busy:
+            return None
         reserved: Needs | None = None
         for place, needs in sorted((line[0][0], needs) for needs, line in self._lines.items()):
             grant = self._ledger.place(needs)
