@@ -15,6 +15,7 @@ from dextera_build.store.remotes.choice import Choice
 
 if TYPE_CHECKING:
     # A build that does nothing reads the settings and no recipe; it need not wait for these.
+    from dextera_build.engine.capacity import Capacity
     from dextera_build.loader import Library
     from dextera_build.recipe.schema import Recipe
 
@@ -24,6 +25,7 @@ _DEFAULTS: dict[str, Any] = {
     "remotes": {},
     "profile": "cpu",
     "jobs": 0,
+    "resources": {},
     "console": "auto",
     "durable": True,
     "trusted_keys": "",
@@ -73,7 +75,7 @@ class Project:
                         facts={"settings": listing(_DEFAULTS)},
                         hint=did_you_mean(name, _DEFAULTS),
                     )
-                found[name] = Setting(value, origin)
+                found[name] = Setting(self._over(found, name, value, origin), origin)
         if found["profile"].value not in PROFILES:
             raise UsageError(
                 f"`{found['profile'].value}` is not a profile",
@@ -82,6 +84,15 @@ class Project:
             )
         del found["remotes"]
         return found | {name: Setting(value, origin) for name, (value, origin) in self.remotes.rows().items()}
+
+    @staticmethod
+    def _over(found: Mapping[str, Setting], name: str, value: Any, origin: str) -> Any:
+        """The value of a setting over that of lower layers; resources add up by name."""
+        if name != "resources":
+            return value
+        from dextera_build.engine.capacity import parse
+
+        return {**found[name].value, **parse(value, origin)}
 
     @property
     def cache(self) -> Path:
@@ -100,6 +111,15 @@ class Project:
         if not str(value).isdigit():
             raise UsageError(f"`jobs` is a number, not `{value}`", code="DXB-U103")
         return int(value) or len(os.sched_getaffinity(0))
+
+    def capacity(self, *, gpus: bool) -> Capacity:
+        """What this machine has to share out, or what the settings say that it has; `gpus`: look for devices."""
+        from dextera_build.engine.capacity import measure
+
+        said = dict(self.config["resources"].value)
+        if self.config["jobs"].origin in ("command line", "environment"):
+            said.pop("cpu", None)
+        return measure(self.jobs, said, gpus=gpus)
 
     @property
     def durable(self) -> bool:

@@ -29,6 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--console", metavar="KIND", help="live, plain, jsonl or none (DXB_CONSOLE)")
     parser.add_argument("-v", "--verbose", action="store_true", help="show what nodes log, too")
     locking.arguments(parser)
+    options.resources_argument(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)
 

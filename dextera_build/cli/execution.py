@@ -76,7 +76,9 @@ def carry_out(
     project, store = session.project, session.store
     # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    with EventLog(store) as log, LocalExecutor(RUNNER, project.jobs, environment=environment) as workers:
+    wants_gpu = any(call.rule.gpus or call.rule.gpu_gb for _, call in plan.graph.calls())
+    capacity = project.capacity(gpus=wants_gpu)
+    with EventLog(store) as log, LocalExecutor(RUNNER, environment=environment, capacity=capacity) as workers:
         result = build(
             plan.graph,
             wanted,

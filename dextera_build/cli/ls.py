@@ -6,7 +6,7 @@ import argparse
 import json
 from collections.abc import Iterator
 
-from dextera_build.cli import options
+from dextera_build.cli import options, query
 from dextera_build.project import Project
 
 Row = dict[str, str]
@@ -18,8 +18,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "what",
         nargs="?",
         default="recipes",
-        help="recipes (default), rules, backends, runs, divergent, or a recipe's address for its nodes",
+        metavar="WHAT",
+        help="recipes (default), rules, backends, runs, divergent, a recipe's address for its nodes, or nodes by a "
+        "glob: 'twin/*:body[*].mesh'",
     )
+    query.arguments(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)
     options.json_argument(parser)
@@ -30,10 +33,13 @@ def run(args: argparse.Namespace) -> int:
     project = options.project(args)
     listings = {"recipes": _recipes, "rules": _rules, "backends": _backends, "runs": _runs, "divergent": _divergent}
     listing = listings.get(args.what)
-    rows = list(listing(project) if listing else _nodes(project, args))
+    if query.wants(args) and listing is None:
+        rows = list(query.rows(project, args))
+    else:
+        rows = list(listing(project) if listing else _nodes(project, args))
     if args.json:
         print(json.dumps(rows, indent=1))
-    else:
+    elif rows:
         print("\n".join("\t".join(row.values()) for row in rows))
     return 0
 

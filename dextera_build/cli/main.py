@@ -28,6 +28,8 @@ VERBS = {
     "log": "show past runs and what their nodes printed",
     "view": "look at a scene in the browser",
     "report": "write a run's report, one offline HTML file",
+    "graph": "draw a recipe's graph as SVG, JSON or DOT",
+    "trace": "write when every node of a run worked, for a trace viewer",
     "init": "make a new project",
     "new": "make a new recipe, rule or backend in this project",
     "check": "check recipes, or rebuild a node and compare",
@@ -36,6 +38,7 @@ VERBS = {
     "pull": "bring targets from a remote, without running anything",
     "cache": "look after the store",
     "bundle": "carry results elsewhere, with all that explains them",
+    "completion": "print a script that completes command lines in bash, zsh or fish",
 }
 
 

@@ -64,6 +64,12 @@ def request_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def resources_argument(parser: argparse.ArgumentParser) -> None:
+    """What the machine has."""
+    text = "what this machine has to share out, over what is measured: gpu=1,memory=16,licence:x=2 (DXB_RESOURCES)"
+    parser.add_argument("--resources", metavar="NAME=AMOUNT,...", help=text)
+
+
 def json_argument(parser: argparse.ArgumentParser) -> None:
     """For verbs that read."""
     parser.add_argument("--json", action="store_true", help="print JSON")
@@ -73,7 +79,7 @@ def project(args: argparse.Namespace) -> Project:
     """The project that the arguments name."""
     from dextera_build import project as module
 
-    flags = {name: getattr(args, name, None) for name in ("cache", "profile", "jobs", "console")}
+    flags = {name: getattr(args, name, None) for name in ("cache", "profile", "jobs", "console", "resources")}
     return module.find(flags=flags)
 
 

@@ -105,6 +105,11 @@ def read(store: Store, run: str) -> list[dict[str, Any]]:
     return list(_events(store, run))
 
 
+def lines(store: Store, run: str) -> Iterator[dict[str, Any]]:
+    """The events of a run one after another, so that a look at the first reads no more."""
+    return _events(store, run)
+
+
 def latest(store: Store, recipe: str | None = None) -> str | None:
     """Id of the last run, or of the last one of `recipe`; None where there is none."""
     for run in reversed(runs(store)):

@@ -92,6 +92,19 @@ class NodeLog(Event):
 
 
 @dataclass(frozen=True)
+class NodeRetried(Event):
+    """A node failed and is tried again in `wait_s` seconds; `log` is the digest of what it printed."""
+
+    kind: ClassVar[str] = "node_retried"
+    node: str
+    tries: int
+    """How often it has run."""
+    wait_s: float
+    error: Mapping[str, Any]
+    log: str | None = None
+
+
+@dataclass(frozen=True)
 class NodeFinished(Event):
     """A node is done, one way or another. `error` is `DxbError.to_json()` for `failed`.
 
@@ -99,7 +112,7 @@ class NodeFinished(Event):
     `result.json`, `log` that of what it printed (also when it failed). A node may finish twice in a run, when its bytes
     turn out to be lost; the last word counts. A group that cannot be opened fails like a node, with rule `each`.
     `files` are the slots (`photo`, or `photos[left]` of a listed collection) that read a file or folder, with its
-    path: from the project's folder where it lies inside.
+    path: from the project's folder where it lies inside. `usage` is what a node used that ran; see `usage.Usage`.
     """
 
     kind: ClassVar[str] = "node_finished"
@@ -120,6 +133,9 @@ class NodeFinished(Event):
     files: Mapping[str, str] = field(default_factory=dict)
     remote: str = ""
     """Name of the remote that a fetched result came from."""
+    usage: Mapping[str, float] = field(default_factory=dict)
+    tries: int = 0
+    """How often it ran; 0 for one that did not."""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -61,6 +61,9 @@ class NodeRecord:
     """Digest of what it printed, also when it failed."""
     blocked_by: tuple[str, ...] = ()
     """Addresses of the failed nodes that it waits for."""
+    usage: Mapping[str, float] = field(default_factory=dict)
+    tries: int = 0
+    """How often it ran in this run."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +129,7 @@ class _Run:
         self.listen = uplink.listen
         self.history = History(store, graph.name, info.project)
         hooks = Hooks(self._sized, self._opened, self._started, self._said, self._settled, self._broken)
+        policy = replace(policy, peak_gb=self.history.peak_gb)
         self.scheduler = Scheduler(graph, store, executor, policy, hooks, uplink.exchange)
         self.errors: dict[str, DxbError] = {}
         self.members: Counter[tuple[str, ...]] = Counter()
@@ -190,12 +194,15 @@ class _Run:
             self.listen(events.NodeProgress(time.time(), node.address, int(data["done"]), int(data["total"]), what))
         elif kind == "log":
             self.listen(events.NodeLog(time.time(), node.address, str(data["text"])))
+        elif kind == "retried":
+            self.listen(events.NodeRetried(time.time(), node.address, **data))
 
     def _settled(self, node: Node) -> None:
         record = self._record(node)
         if record.result is not None and node.result is not None and record.key is not None:
             # How long a fetch took says nothing of how long the node runs.
-            entry = Entry(record.key, node.result.key_document, self.info.run, node.result.seconds, time.time())
+            seconds, usage = node.result.seconds, dict(record.usage)
+            entry = Entry(record.key, node.result.key_document, self.info.run, seconds, time.time(), usage)
             self.history.note(node.address, entry)
         self.uplink.tell()
         self._tell(node, record)
@@ -224,6 +231,8 @@ class _Run:
                 depends_on=[node.address for node in producers(unit)],
                 files=self._files(unit) if isinstance(unit, Node) else {},
                 remote=unit.remote if isinstance(unit, Node) and record.status == "fetched" else "",
+                usage=dict(record.usage),
+                tries=record.tries,
             )
         )
 
@@ -256,6 +265,8 @@ class _Run:
             result=result.digest if result and done else None,
             log=result.log if result and done else node.log,
             blocked_by=tuple(blockers),
+            usage=node.usage,
+            tries=node.tries,
         )
 
     def _close(self, whole: bool) -> RunResult:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
+from dextera_build.engine.capacity import Needs
+from dextera_build.engine.retries import Retries
 from dextera_build.errors import Place, UsageError
 
 
@@ -70,6 +72,9 @@ def parts_of(source: Input) -> tuple[Leaf | Output | Item | Gather, ...]:
     return tuple(source.parts.values()) if isinstance(source, Pack) else (source,)
 
 
+_NONE = Retries()
+
+
 @dataclass(frozen=True)
 class RuleFacts:
     """All that the key holds of a rule and its backend; made by the loader."""
@@ -87,6 +92,15 @@ class RuleFacts:
     """Slot, or `return` -> schema digest."""
     cpus: int = 1
     memory_gb: float = 1.0
+    gpus: int = 0
+    gpu_gb: float = 0.0
+    named: tuple[tuple[str, float], ...] = ()
+    retries: Retries = _NONE
+
+    @property
+    def needs(self) -> Needs:
+        """What a call takes of a machine; no part of the key, and neither are retries."""
+        return Needs(self.cpus, self.memory_gb, self.gpus, self.gpu_gb, self.named)
 
 
 @dataclass(frozen=True)

@@ -78,6 +78,7 @@ class Scheduler:
             sharing=self.sharing,
             project=policy.project,
             profile=policy.profile,
+            peak_gb=policy.peak_gb,
             forced=self._is_forced,
             started=self.hooks.started,
             said=self.hooks.said,

@@ -19,6 +19,7 @@
 
       WAITS -> BLOCKED     a source failed, or is blocked itself
       FETCHING -> FAILED   no remote has it, and it may not run
+      RUNNING -> QUEUED    it failed, and its rule declares more tries
       any but RUNNING -> CANCELLED     the run ended before its turn
       READY -> STALE       a dry run would have to run it
       DONE -> WAITS        its bytes were lost; it is made again
@@ -75,7 +76,7 @@ _NEXT: dict[State, frozenset[State]] = {
     State.QUEUED: frozenset({State.RUNNING, State.LOCKED, State.DONE, State.FAILED, State.CANCELLED}),
     State.FETCHING: frozenset({State.QUEUED, State.DONE, State.FAILED, State.CANCELLED}),
     State.LOCKED: frozenset({State.QUEUED, State.DONE, State.CANCELLED}),
-    State.RUNNING: frozenset({State.DONE, State.FAILED, State.WAITS, State.CANCELLED}),
+    State.RUNNING: frozenset({State.QUEUED, State.DONE, State.FAILED, State.WAITS, State.CANCELLED}),
     State.DONE: frozenset({State.WAITS}),
     State.FAILED: frozenset(),
     State.BLOCKED: frozenset(),

@@ -72,6 +72,12 @@ class Node(Unit):
     """Name of the remote that its result was fetched from."""
     log: str | None = None
     """Digest of what a failed run printed."""
+    usage: Mapping[str, float] = field(default_factory=dict)
+    """What its last run here used; see `usage.Usage`."""
+    tries: int = 0
+    """How often it ran here."""
+    rests_until: float = 0.0
+    """Not before this is it tried again, by `time.monotonic`."""
     followers: list[Node] = field(default_factory=list, repr=False)
     """Nodes with the same key that wait for this one."""
 

@@ -9,6 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.engine.graph import Call, Graph, Input, Pack, RuleFacts
+from dextera_build.engine.retries import Retries, name_of
 from dextera_build.errors import MachineError, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.loader import BackendFile, Library, RuleFile, choose_backend, version_of
 from dextera_build.recipe import matrix
@@ -200,7 +201,15 @@ def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> 
         types={**types, "return": _schema(rule.returns)},
         cpus=rule.cpus,
         memory_gb=rule.memory_gb,
+        gpus=rule.gpus,
+        gpu_gb=backend.facts.gpu_gb if backend else 0.0,
+        named=tuple(sorted(rule.resources.items())),
+        retries=Retries(rule.retries, tuple(_spelled(kind) for kind in rule.retry_on), rule.retry_wait_s),
     )
+
+
+def _spelled(kind: type[BaseException] | str) -> str:
+    return kind if isinstance(kind, str) else name_of(kind)
 
 
 @cache

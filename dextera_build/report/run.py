@@ -46,6 +46,9 @@ class Node:
     """Digests of other outputs that its key gave when it ran again."""
     artifact: str = ""
     fields: dict[str, Any] = field(default_factory=dict)
+    usage: Mapping[str, float] = field(default_factory=dict)
+    """What it used in this run; see `engine.usage`."""
+    tries: int = 0
 
     @property
     def seconds(self) -> float:
@@ -186,6 +189,8 @@ def _node(run: Run, data: Mapping[str, Any], begun: Mapping[str, Any] | None) ->
         blocked_by=list(data.get("blocked_by", ())),
         inputs=dict(data.get("inputs", {})),
         depends_on=list(data.get("depends_on", ())),
+        usage=dict(data.get("usage", {})),
+        tries=int(data.get("tries", 0)),
     )
 
 

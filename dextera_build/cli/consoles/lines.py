@@ -8,6 +8,7 @@ from typing import TypeAlias
 from dextera_build.engine.events import (
     GroupOpened,
     NodeFinished,
+    NodeRetried,
     RemoteGivenUp,
     RunFinished,
     RunStarted,
@@ -117,6 +118,16 @@ def opened(event: GroupOpened) -> Line:
 def logged(node: str, text: str) -> Line:
     """A line that a node logged."""
     return [(f"     {node} | ", "dim"), (printable(text.rstrip()), "")]
+
+
+def retried(event: NodeRetried) -> Line:
+    """A node that is tried again: `~  film   try 2 in 1.4 s: worker died (signal 9)`."""
+    message = _first(str(event.error.get("message", "")))
+    return [
+        ("  ~  ", "waits"),
+        (event.node, ""),
+        (f"  try {event.tries + 1} in {duration(event.wait_s)}: {message}", "waits"),
+    ]
 
 
 def summary(recipe: str, event: RunFinished) -> Line:

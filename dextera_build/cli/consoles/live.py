@@ -25,6 +25,7 @@ from dextera_build.engine.events import (
     NodeFinished,
     NodeLog,
     NodeProgress,
+    NodeRetried,
     NodeStarted,
     RemoteGivenUp,
     RunFinished,
@@ -132,6 +133,9 @@ class LiveConsole:
             elif event.status not in ("waits", "cancelled"):
                 self._worked = True
                 self._say(self._columns.node(event))
+        elif isinstance(event, NodeRetried):
+            self._running.pop(event.node, None)
+            self._say(lines.retried(event))
         else:
             self._mention(event)
 

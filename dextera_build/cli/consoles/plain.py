@@ -19,6 +19,7 @@ from dextera_build.engine.events import (
     NodeFinished,
     NodeLog,
     NodeProgress,
+    NodeRetried,
     NodeStarted,
     RemoteGivenUp,
     RunFinished,
@@ -114,7 +115,7 @@ class PlainConsole:
                 self._heart.start()
         elif isinstance(event, NodeProgress) and event.node in self._running:
             self._running[event.node].progress = event
-        elif isinstance(event, NodeFinished):
+        elif isinstance(event, NodeFinished | NodeRetried):
             self._running.pop(event.node, None)
 
     def _beat(self) -> None:
@@ -128,6 +129,8 @@ class PlainConsole:
             return lines.opened(event)
         if isinstance(event, NodeFinished) and event.status not in ("waits", "cancelled"):
             return self._columns.node(event)
+        if isinstance(event, NodeRetried):
+            return lines.retried(event)
         if isinstance(event, NodeLog) and self._verbose:
             return lines.logged(event.node, event.text)
         if isinstance(event, RemoteGivenUp):
