@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from dextera_build.recipe.schema import Recipe
 
 MARKER = "dxb.toml"
+LOCK = "dxb.lock"
 _DEFAULTS: dict[str, Any] = {"cache": "cache", "profile": "cpu", "jobs": 0, "console": "auto"}
 PROFILES = ("stub", "cpu", "gpu", "cloud")
 
