@@ -27,7 +27,6 @@ from dextera_build.project import PROFILES
 from dextera_build.store import files
 from dextera_build.store.cas import is_digest
 
-NAME = "dxb.lock"
 _VERSION = 1
 _HEAD = "# Which key and output each target has. `dxb build --lock` writes this file, `--locked` builds by it.\n"
 _CONFLICT = re.compile(r"^(<{7}|={7}|>{7}|\|{7})( |$)", re.MULTILINE)

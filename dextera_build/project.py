@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from dextera_build.recipe.schema import Recipe
 
 MARKER = "dxb.toml"
+LOCK = "dxb.lock"
 _DEFAULTS: dict[str, Any] = {
     "cache": "cache",
     "remotes": {},

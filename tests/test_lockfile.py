@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from dextera_build import digest, lockfile
 from dextera_build.errors import RecipeError
 from dextera_build.lockfile import Name, Pin
-from dextera_build.project import PROFILES
+from dextera_build.project import LOCK, PROFILES
 
 HEX = st.binary(max_size=4).map(digest.of_bytes)
 LABEL = st.text(
@@ -29,7 +29,7 @@ TWO = Pin("4" * 64, "5" * 64, 6)
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(PINS)
 def test_what_is_written_is_read(tmp_path_factory, pins):
-    path = tmp_path_factory.mktemp("lock") / lockfile.NAME
+    path = tmp_path_factory.mktemp("lock") / LOCK
     assert lockfile.write(path, pins)
     assert lockfile.read(path) == pins
     assert not lockfile.write(path, dict(reversed(pins.items())))
@@ -46,7 +46,7 @@ def test_there_is_one_block_a_target_in_order(tmp_path):
 
 
 def test_no_file_is_no_pins(tmp_path):
-    assert lockfile.read(tmp_path / lockfile.NAME) is None
+    assert lockfile.read(tmp_path / LOCK) is None
 
 
 def merged(folder, ours, theirs):
@@ -59,7 +59,7 @@ def merged(folder, ours, theirs):
 
 
 def test_branches_that_pin_other_targets_merge(tmp_path):
-    path = tmp_path / lockfile.NAME
+    path = tmp_path / LOCK
     path.write_text(merged(tmp_path, {Name("cpu", "a", "n"): ONE}, {Name("cpu", "z", "n"): TWO}))
     assert lockfile.read(path) == {
         Name("cpu", "a", "n"): ONE,
@@ -69,7 +69,7 @@ def test_branches_that_pin_other_targets_merge(tmp_path):
 
 
 def test_a_conflict_is_named_with_its_line(tmp_path):
-    path = tmp_path / lockfile.NAME
+    path = tmp_path / LOCK
     path.write_text(merged(tmp_path, {Name("cpu", "z", "n"): ONE}, {Name("cpu", "z", "n"): TWO}))
     with pytest.raises(RecipeError, match="holds a merge conflict") as caught:
         lockfile.read(path, "dxb.lock")
@@ -98,7 +98,7 @@ BLOCK = f'[cpu."a:n"]\nkey = "{"1" * 64}"\noutput = "{"2" * 64}"\nsize = 3\n'
     ],
 )
 def test_what_is_not_a_lock_file_is_refused(tmp_path, text, message):
-    path = tmp_path / lockfile.NAME
+    path = tmp_path / LOCK
     path.write_text(text)
     with pytest.raises(RecipeError, match=message) as caught:
         lockfile.read(path)
@@ -106,7 +106,7 @@ def test_what_is_not_a_lock_file_is_refused(tmp_path, text, message):
 
 
 def test_the_place_of_a_fault_is_told(tmp_path):
-    path = tmp_path / lockfile.NAME
+    path = tmp_path / LOCK
     path.write_text("version = 1\n\nx\n")
     with pytest.raises(RecipeError) as caught:
         lockfile.read(path, "dxb.lock")
@@ -114,11 +114,11 @@ def test_the_place_of_a_fault_is_told(tmp_path):
 
 
 def test_what_cannot_be_read_or_written_is_said(tmp_path):
-    path = tmp_path / lockfile.NAME
+    path = tmp_path / LOCK
     path.write_bytes(b"\xff")
     with pytest.raises(RecipeError, match="cannot read the lock file"):
         lockfile.read(path)
     (tmp_path / "file").write_text("")
     with pytest.raises(RecipeError, match="cannot be written") as caught:
-        lockfile.write(tmp_path / "file" / lockfile.NAME, {})
+        lockfile.write(tmp_path / "file" / LOCK, {})
     assert caught.value.code == "DXB-R504"

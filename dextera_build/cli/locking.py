@@ -6,9 +6,9 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from dextera_build import digest, lockfile
+from dextera_build import digest
 from dextera_build.errors import StaleError, UsageError
-from dextera_build.lockfile import Name, Pin
+from dextera_build.project import LOCK
 
 if TYPE_CHECKING:
     from dextera_build.cli.causes import Cause, Causes
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from dextera_build.engine.dryrun import Planned
     from dextera_build.engine.execute import RunResult
     from dextera_build.engine.graph import Address
+    from dextera_build.lockfile import Name, Pin, Pins
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
     from dextera_build.store.store import Store
@@ -48,7 +49,7 @@ class Locking:
     def __init__(self, project: Project, *, lock: bool, locked: bool, plain: bool) -> None:
         self._project, self._plain = project, plain
         self.lock, self.locked = lock, locked
-        self.path = project.root / lockfile.NAME
+        self.path = project.root / LOCK
         if lock and locked:
             raise UsageError("`--lock` and `--locked` do not go together", code="DXB-U160", hint="give one of them")
         if (lock or locked) and not plain:
@@ -57,7 +58,7 @@ class Locking:
                 code="DXB-U161",
                 hint="write it into a recipe, which can extend this one, and lock that",
             )
-        pins = lockfile.read(self.path, project.shown(self.path)) if plain else None
+        pins = self._read() if plain else None
         self._exists = pins is not None
         self._old = pins or {}
         self._new: dict[Name, Pin | None] = {}
@@ -91,7 +92,7 @@ class Locking:
         facts = {name: difference for name, difference in told.items() if difference}
         if facts:
             raise StaleError(
-                f"`{session.recipe}` is not what `{lockfile.NAME}` says",
+                f"`{session.recipe}` is not what `{LOCK}` says",
                 code="DXB-C103",
                 facts=facts,
                 hint=f"`dxb build --lock {session.recipe}` pins what it is now",
@@ -112,6 +113,8 @@ class Locking:
         """Take the pins of what was built; what `wanted` once named and no longer does loses its pin."""
         if not self._plain or self.locked or not (self.lock or self._exists):
             return
+        from dextera_build.lockfile import Pin
+
         for node in result.targets:
             name, record = self._name(session.recipe, node), result.nodes[node]
             if (self.lock or name in self._old) and record.key and record.output:
@@ -128,25 +131,35 @@ class Locking:
         """Bring the file up to date, once, if anything changed; return a line about what did, or ""."""
         if self.locked or not (self.lock or self._new):
             return ""
+        from dextera_build import lockfile
         from dextera_build.store.store import Store
 
         guard = digest.of_bytes(str(self.path).encode())
         with Store(self._project.cache).locks.hold(guard):
             # Another build may have written meanwhile; its pins stay.
-            now = lockfile.read(self.path, self._project.shown(self.path)) or {}
+            now = self._read() or {}
             pins = {name: pin for name, pin in (now | self._new).items() if pin is not None}
             gone = self._gone(pins) if self.lock else []
             kept = {name: pin for name, pin in pins.items() if name not in gone}
             return _notice(now, kept, gone) if lockfile.write(self.path, kept) else ""
 
-    def _gone(self, pins: lockfile.Pins) -> list[Name]:
+    def _gone(self, pins: Pins) -> list[Name]:
         known = {address for address, _ in self._project.recipes()}
         return [name for name in pins if name.recipe not in known]
+
+    def _read(self) -> dict[Name, Pin] | None:
+        if not self.path.exists():  # A build that does nothing need not wait for more.
+            return None
+        from dextera_build import lockfile
+
+        return lockfile.read(self.path, self._project.shown(self.path))
 
     def _pins(self) -> dict[Name, Pin]:
         return {name: pin for name, pin in (self._old | self._new).items() if pin is not None}
 
     def _name(self, recipe: str, node: str) -> Name:
+        from dextera_build.lockfile import Name
+
         return Name(self._project.profile, recipe, node)
 
     def _is_of(self, name: Name, recipe: str) -> bool:
@@ -179,7 +192,7 @@ def _size(store: Store, key: str) -> int:
     return sum(store.blobs.size(blob) or 0 for blob in {outline[0], *outline[1]})
 
 
-def _notice(before: lockfile.Pins, after: lockfile.Pins, gone: Sequence[Name]) -> str:
+def _notice(before: Pins, after: Pins, gone: Sequence[Name]) -> str:
     from dextera_build.report.wording import count, some
 
     fresh = sum(before.get(name) != pin for name, pin in after.items())
@@ -187,4 +200,4 @@ def _notice(before: lockfile.Pins, after: lockfile.Pins, gone: Sequence[Name]) -
     lost = [name for name in before if name not in after]
     told += [f"{count(len(lost), 'pin')} dropped: {some(map(str, lost))}"] if lost else []
     told += ["recipes that are gone"] if gone and len(gone) == len(lost) else []
-    return f"{lockfile.NAME}: {', '.join(told) or 'empty'}"
+    return f"{LOCK}: {', '.join(told) or 'empty'}"

@@ -17,12 +17,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dextera_build import lockfile
 from dextera_build.cli import execution, fresh, options, results
 from dextera_build.cli.errors import render, wants_colour
 from dextera_build.cli.locking import Locking
 from dextera_build.cli.session import Session, addresses
 from dextera_build.errors import DxbError, MachineError, UsageError
+from dextera_build.project import LOCK
 from dextera_build.report.wording import duration, states
 from dextera_build.store.signature import Watch
 
@@ -87,7 +87,7 @@ def _refused(project: Project | None, error: DxbError, watch: Watch) -> tuple[Dx
     """Show the error, and watch all that its mend could lie in."""
     print(render(error, colour=wants_colour(sys.stderr)), file=sys.stderr)
     root = project.root if project else Path.cwd()
-    for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml", lockfile.NAME):
+    for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml", LOCK):
         watch.file(root / name)
     for folder in (root / "recipes", root / "rules"):
         for inner, _, files in os.walk(folder):

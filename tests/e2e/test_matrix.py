@@ -46,7 +46,7 @@ def test_copies_have_addresses_everywhere(built):
     answer = built.build("say/sweep", "--set", "sweep[times=2].louder.times=4")
     assert answer.nodes("ran") == {"sweep[times=2].louder", "all"}
     answer = built.dxb("build", "say/sweep:sweep[times=5].loud")
-    assert answer.code == 2
+    assert answer.code == 1
     assert "there is no `times=5` in `sweep`" in answer.err
 
 
