@@ -168,7 +168,8 @@ def _stays(held: Inventory, choice: Choice, roots: Roots, horizon: Horizon) -> l
         take([key for key in left if key in keys], f"built last by {owner}")
     take([key for key, entry in left.items() if entry.used >= horizon.results], "builds that run now may need them")
     take(list(left), "within the limits")
-    young = [size for digest, (size, _) in held.blobs.items() if digest not in choice.blobs | counted]
+    accounted = choice.blobs | counted
+    young = [size for digest, (size, _) in held.blobs.items() if digest not in accounted]
     if young:
         rows.append(Row("blobs", len(young), sum(young), "no result needs them, but they were used of late"))
     return rows

@@ -131,14 +131,18 @@ def test_every_prefix_of_every_file_is_survived(tmp_path: Path) -> None:
         mode = path.stat().st_mode
         for length in range(0, len(data), max(1, len(data) // 8)):
             for found in (data[:length], data[:length] + bytes(len(data) - length)):
-                path.chmod(0o644)
-                path.write_bytes(found)
+                replace(path, found)
                 again, _ = run(scene(photo), tmp_path / "store")
                 assert again.ok, (path, length)
                 assert again.nodes["end"].output == right.nodes["end"].output
-        path.unlink(missing_ok=True)
-        path.write_bytes(data)
+        replace(path, data)
         path.chmod(mode)
+
+
+def replace(path: Path, data: bytes) -> None:
+    """Put something in the place of a file, which a build may have set aside since."""
+    path.unlink(missing_ok=True)
+    path.write_bytes(data)
 
 
 @pytest.mark.parametrize("with_syncfs", [True, False])
