@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from dextera_build.errors import StoreError
 
 MAGIC = {
@@ -15,6 +17,12 @@ MAGIC = {
 
 class BundleRefused(StoreError):  # noqa: N818 - says what happened, as `MissingBlob` does
     """A bundle is damaged, ill-formed, too large, or not trusted."""
+
+    def __init__(
+        self, message: str, *, code: str, facts: Mapping[str, object] | None = None, hint: str | None = None
+    ) -> None:
+        # A message may quote what the bundle says, and that shall not speak to the terminal.
+        super().__init__("".join(c if c.isprintable() else "?" for c in message), code=code, facts=facts, hint=hint)
 
 
 def not_a_bundle(name: str, why: str, hint: str | None = None) -> BundleRefused:

@@ -134,6 +134,7 @@ def refused(path: Path, other: Store, code: str, *words: str) -> BundleRefused:
     assert error.value.code == code, error.value.message
     for word in words:
         assert word in error.value.message
+    assert error.value.message.isprintable()
     assert list(other.actions.keys()) == []
     assert {place for place in other.root.parent.rglob("*") if not place.is_relative_to(other.root)} == before
     assert list(other.root.rglob(".tmp-*")) == []

@@ -143,7 +143,7 @@ def test_compressed_and_other_files_are_refused(tmp_path, other):
 
 
 def test_an_archive_with_other_files_is_refused(tmp_path, other):
-    for name in ("../escape", "/etc/passwd", "blobs/sha256/../../x", "blobs/md5/x", "run.sh"):
+    for name in ("../escape", "/etc/passwd", "blobs/sha256/../../x", "blobs/md5/x", "run.sh", "\x1b[2J"):
         data = tar.header(name, 1) + b"x" + tar.padding(1) + tar.end()
         (tmp_path / "x.tar").write_bytes(data)
         refused(tmp_path / "x.tar", other, "DXB-S304", "no part of an OCI image layout")
@@ -222,6 +222,7 @@ def node_of(raw: dict, name: str = "scene") -> dict:
         (lambda raw: raw["builds"][0].update(targets=[]), "DXB-S306", "no targets"),
         (lambda raw: raw["builds"][0].update(targets=["nothing"]), "DXB-S306", "no node `nothing`"),
         (lambda raw: raw["builds"][0].update(recipe="../../x"), "DXB-S306", "address of a recipe"),
+        (lambda raw: raw.update(recipes={"\x1b[31m": "0" * 64}), "DXB-S306", "`?[31m` is not the address"),
         (lambda raw: raw["builds"][0]["nodes"].append(node_of(raw)), "DXB-S306", "twice"),
         (lambda raw: node_of(raw).update(depends_on=["ghost"]), "DXB-S306", "no node `ghost`"),
         (lambda raw: node_of(raw).update(node="a\nb"), "DXB-S306", "control characters"),
