@@ -19,9 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("--host", default="127.0.0.1", help="address to listen at (127.0.0.1: this machine alone)")
     parser.add_argument("--port", type=int, default=8098, help="0 takes any that is free (8098)")
-    parser.add_argument(
-        "--grpc", type=int, metavar="PORT", help="serve the Remote Execution API, too; 0 takes any port"
-    )
+    parser.add_argument("--grpc", type=int, metavar="PORT", help="serve the Remote Execution API, too; 0 takes any")
     parser.add_argument("--read-only", action="store_true", help="give what is there, and take nothing")
     parser.add_argument("--most", type=float, default=16.0, metavar="GB", help="largest blob that is taken [GB] (16)")
     parser.add_argument("-v", "--verbose", action="store_true", help="one line for each request")
