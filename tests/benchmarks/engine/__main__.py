@@ -1,0 +1,119 @@
+"""dxb beside other build tools: `python -m tests.benchmarks.engine --help`, or `make bench-engine`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.benchmarks.engine import machine, page, table
+from tests.benchmarks.engine.dags import SHAPES
+from tests.benchmarks.engine.extras.all import EXTRAS
+from tests.benchmarks.engine.extras.row import Bench, Row
+from tests.benchmarks.engine.extras.startup import start_up
+from tests.benchmarks.engine.phases import PHASES, Cell, Limits, course
+from tests.benchmarks.engine.tools.all import TOOLS
+from tests.benchmarks.engine.tools.tool import Tool
+
+SIZES = (100, 1_000, 10_000, 100_000)
+
+
+def main() -> int:
+    """Measure, print the tables, write them to files; 1 where anything failed or came out wrong."""
+    args = _arguments()
+    tools = {name: TOOLS[name] for name in args.tools}
+    with tempfile.TemporaryDirectory(prefix="dxb-bench-", dir=args.work, ignore_cleanup_errors=True) as folder:
+        work = Path(folder).resolve()
+        facts, versions = machine.machine(work), machine.versions(tools)
+        present = {name: tool for name, tool in tools.items() if versions[name]}
+        for name in tools.keys() - present.keys():
+            say(f"{name} is absent")
+        limits = Limits(args.limit, args.repeats, args.budget)
+        rows = list(start_up(Bench(present, work, limits)))
+        cells = list(_cells(args, present, work, limits))
+        if args.extra:
+            rows += _rows(Bench(present, work, limits, cells))
+    facts["load at the end"] = machine.load()
+    command = shlex.join(["python", "-m", "tests.benchmarks.engine", *sys.argv[1:]])
+    parts = [table.header(facts, versions, tools, command), table.cells(cells, args.limit), table.extras(rows)]
+    text = "\n\n".join(part.strip() for part in parts if part) + "\n"
+    print(text, end="")
+    if args.out:
+        results = {"machine": facts, "versions": versions, "command": command}
+        results |= {"cells": [cell.to_json() for cell in cells], "rows": [row.to_json() for row in rows]}
+        args.out.parent.mkdir(parents=True, exist_ok=True)
+        args.out.with_suffix(".json").write_text(json.dumps(results, indent=1) + "\n")
+        args.out.with_suffix(".md").write_text(text)
+    if args.page:
+        page.insert(args.page, text)
+    return 1 if any(cell.state in ("failed", "wrong") for cell in cells) else 0
+
+
+def _cells(args: argparse.Namespace, tools: dict[str, Tool], work: Path, limits: Limits) -> Iterator[Cell]:
+    """Graph by graph, so that the tools' figures for one graph are made close together."""
+    over: set[tuple[str, str]] = set()
+    for size in sorted(args.sizes):
+        for shape in args.shapes:
+            dag = SHAPES[shape](size)
+            for name, tool in tools.items():
+                if (name, shape) in over:
+                    yield from (Cell(name, shape, size, phase, "skipped") for phase in args.phases)
+                    continue
+                for cell in course(tool, dag, work, limits, args.phases):
+                    if cell.state in ("slow", "failed"):
+                        over.add((name, shape))
+                    shown = "" if cell.seconds is None else table.duration(cell.seconds)
+                    say(f"{shape} {size} {name} {cell.phase}: {shown or cell.state} {cell.why}")
+                    if cell.phase in args.phases:
+                        yield cell
+
+
+def _rows(bench: Bench) -> Iterator[Row]:
+    for extra in EXTRAS:
+        for row in extra(bench):
+            say(f"{row.what} {row.tool}: {'-' if row.value is None else f'{row.value:.4g} {row.unit}'} {row.note}")
+            yield row
+
+
+def say(text: str) -> None:
+    """One line of progress."""
+    print(text.rstrip(), file=sys.stderr, flush=True)
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.engine", description=__doc__)
+    parser.add_argument("--tools", type=_words(TOOLS), default=list(TOOLS), help=f"of {','.join(TOOLS)}")
+    parser.add_argument("--shapes", type=_words(SHAPES), default=list(SHAPES), help=f"of {','.join(SHAPES)}")
+    parser.add_argument("--phases", type=_words(PHASES), default=list(PHASES), help=f"of {','.join(PHASES)}")
+    parser.add_argument("--sizes", type=_sizes, default=list(SIZES), help="numbers of nodes: 100,1000")
+    parser.add_argument("--limit", type=float, default=120.0, help="seconds that one build may take")
+    parser.add_argument("--repeats", type=int, default=5, help="builds of which a phase shows the quickest")
+    parser.add_argument("--budget", type=float, default=10.0, help="seconds after which a phase is not repeated")
+    parser.add_argument("--extra", action="store_true", help="restore, worker pool, memory, chain, large folder, twin")
+    parser.add_argument("--work", type=Path, help="where the projects are made; default: the temporary folder")
+    parser.add_argument("--out", type=Path, metavar="STEM", help="write STEM.md and STEM.json")
+    parser.add_argument("--page", type=Path, help="put the tables into this page, between its two `engine` marks")
+    return parser.parse_args()
+
+
+def _words(known: object) -> object:
+    def parse(text: str) -> list[str]:
+        words = text.split(",")
+        for word in words:
+            if word not in list(known):  # type: ignore[call-overload]
+                raise argparse.ArgumentTypeError(f"`{word}` is not one of {', '.join(known)}")  # type: ignore[arg-type]
+        return words
+
+    return parse
+
+
+def _sizes(text: str) -> list[int]:
+    return [int(word.replace("_", "")) for word in text.split(",")]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

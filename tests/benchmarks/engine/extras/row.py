@@ -1,0 +1,75 @@
+"""A row beside the graphs, and what a measurement of such rows is given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TypeAlias
+
+from tests.benchmarks.engine import measure
+from tests.benchmarks.engine.dags import SHAPES
+from tests.benchmarks.engine.measure import Cost
+from tests.benchmarks.engine.phases import Cell, Limits, course, last_line
+from tests.benchmarks.engine.tools.tool import Tool
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure."""
+
+    what: str
+    tool: str
+    value: float | None
+    """None: it failed or took too long, and `note` says which."""
+    unit: str
+    note: str = ""
+
+    def to_json(self) -> dict[str, object]:
+        """Plain data."""
+        return asdict(self)
+
+
+@dataclass
+class Bench:
+    """What one run of the program has: the tools that are present, a folder, limits, and what it has measured so far."""
+
+    tools: Mapping[str, Tool]
+    work: Path
+    limits: Limits
+    cells: Sequence[Cell] = ()
+    _made: list[Cell] = field(default_factory=list)
+
+    def present(self, *names: str) -> Iterator[Tool]:
+        """Those of the tools that are here."""
+        return (self.tools[name] for name in names if name in self.tools)
+
+    def cell(self, tool: Tool, shape: str, size: int, phase: str) -> Cell:
+        """A phase of a graph, measured now if it was not before."""
+        wanted = (tool.name, shape, size, phase)
+        for cell in (*self.cells, *self._made):
+            if (cell.tool, cell.shape, cell.size, cell.phase) == wanted and cell.state != "skipped":
+                return cell
+        made = list(course(tool, SHAPES[shape](size), self.work, self.limits, [phase]))
+        self._made += made
+        return made[-1]
+
+    def quickest(self, command: Sequence[str], folder: Path, times: int | None = None, **env: str) -> Cost:
+        """The cheapest of several runs of a command."""
+
+        def once() -> Cost:
+            return measure.cost(command, folder, self.limits.cell, env)
+
+        return measure.best(once, times or self.limits.repeats, self.limits.budget)
+
+
+Extra: TypeAlias = Callable[[Bench], Iterator[Row]]
+
+
+def of_cost(what: str, tool: str, cost: Cost, value: float | None = None, unit: str = "s", note: str = "") -> Row:
+    """A row with the wall time of a command, or with `value`, which was made of it."""
+    if cost.late:
+        return Row(what, tool, None, unit, "took too long")
+    if not cost.ok:
+        return Row(what, tool, None, unit, f"exit code {cost.code}: {last_line(cost.log)}")
+    return Row(what, tool, cost.seconds if value is None else value, unit, note)

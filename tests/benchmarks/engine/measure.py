@@ -1,0 +1,61 @@
+"""What one cold process costs: wall time, processor time, greatest memory, exit code."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+LAUNCH = Path(__file__).with_name("launch.py")
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a command cost."""
+
+    code: int
+    late: bool
+    """Whether it was killed because its time was over."""
+    seconds: float
+    cpu: float
+    """Processor time of the process and all that it waited for [s]."""
+    rss_mib: float
+    """Greatest resident memory of any one of these processes [MiB]; not below that of the small Python that starts them."""
+    log: str = ""
+    """The end of what it printed."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether it ended in time and well."""
+        return not self.late and self.code == 0
+
+
+def environment(**more: str) -> dict[str, str]:
+    """The environment without settings of dxb."""
+    return {**{name: value for name, value in os.environ.items() if not name.startswith("DXB_")}, **more}
+
+
+def cost(command: Sequence[str], folder: Path, limit: float, env: Mapping[str, str] | None = None) -> Cost:
+    """Run a command in `folder` and say what it cost."""
+    with tempfile.NamedTemporaryFile(prefix="dxb-bench-", suffix=".log") as log:
+        words = [sys.executable, "-I", "-S", str(LAUNCH), str(limit), log.name, *command]
+        done = subprocess.run(words, cwd=folder, env=environment(**(env or {})), capture_output=True, text=True)
+        if done.returncode:
+            raise RuntimeError(f"`{command[0]}` cannot be started: {done.stderr.strip().splitlines()[-1]}")
+        text = Path(log.name).read_bytes()[-4000:].decode(errors="replace")
+    return Cost(**json.loads(done.stdout), log=text)
+
+
+def best(once: Callable[[], Cost], times: int, budget: float) -> Cost:
+    """The cheapest of several runs by wall time, with the greatest memory of all; ends at a failure or after `budget` seconds."""
+    costs: list[Cost] = []
+    while len(costs) < times and sum(one.seconds for one in costs) < budget:
+        costs.append(once())
+        if not costs[-1].ok:
+            return costs[-1]
+    return replace(min(costs, key=lambda one: one.seconds), rss_mib=max(one.rss_mib for one in costs))
