@@ -1,4 +1,4 @@
-"""The program that measures dxb beside other tools: that its checks hold and would notice a fault, and what it writes."""
+"""The program that measures dxb beside other tools: its checks would notice a fault, its tables have a form."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import pytest
 
 from tests.benchmarks.engine import measure, page, table
 from tests.benchmarks.engine.dags import FACTOR, PRIME, SHAPES, Dag, evaluate
+from tests.benchmarks.engine.extras import folder, graphs
 from tests.benchmarks.engine.extras.row import Bench, Row
 from tests.benchmarks.engine.phases import PHASES, Cell, Limits, course
 from tests.benchmarks.engine.tools.all import TOOLS
@@ -41,10 +42,10 @@ def test_dxb_and_make_on_thirty_nodes(tmp_path):
     assert ran["dxb", "cold"] == ran["make", "cold"] == 30
     assert ran["dxb", "no-op"] == ran["make", "no-op"] == 0
     assert ran["dxb", "leaf"] == ran["make", "leaf"] == ran["make", "comment"] == ran["make", "touched"] == reached
-    assert (ran["dxb", "comment"], ran["dxb", "touched"], ran["dxb", "deleted"]) == (1, 0, 0)
+    assert [ran["dxb", phase] for phase in ("back", "comment", "touched", "deleted")] == [0, 1, 0, 0]
     assert done.stdout == stem.with_suffix(".md").read_text()
     assert "### layered, 30 nodes" in done.stdout
-    row = r"\| (dxb|make) \|( [\d.]+ m?s \|){6} \d+ \| [\d /]+ \|"
+    row = r"\| (dxb|make) \|( [\d.]+ m?s \|){7} \d+ \| [\d /]+ \|"
     assert len(re.findall(row, done.stdout)) == 2
     assert {row["tool"] for row in results["rows"]} == {"python", "dxb", "make"}
 
@@ -97,8 +98,8 @@ class Slow(Make):
         return ["sh", "-c", "sleep 60 & sleep 60"]
 
 
-def measured(tool: Make, folder: Path, limits: Limits = QUICK) -> dict[str, Cell]:
-    return {cell.phase: cell for cell in course(tool, SHAPES["chain"](5), folder, limits, list(PHASES))}
+def measured(tool: Make, work: Path, limits: Limits = QUICK) -> dict[str, Cell]:
+    return {cell.phase: cell for cell in course(tool, SHAPES["chain"](5), work, limits, list(PHASES))}
 
 
 def test_a_result_that_is_old_is_wrong(tmp_path):
@@ -186,3 +187,22 @@ def test_words_that_are_not_known(words, text):
     done = run(*words)
     assert done.returncode == 2
     assert text in done.stderr
+
+
+def test_a_large_folder_comes_back_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr(folder, "FILES", 50)
+    monkeypatch.setattr(folder, "PER_FOLDER", 20)
+    rows = list(folder.large_folder(Bench({"dxb": TOOLS["dxb"]}, tmp_path, QUICK)))
+    assert [row.tool for row in rows] == ["sha256sum", "cp -r", "dxb", "dxb", "dxb"]
+    assert all(row.value is not None and row.value > 0 and "wrong" not in row.note for row in rows), rows
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_rows_that_are_phases_of_graphs(tmp_path, monkeypatch):
+    for name in ("RESTORED", "NODES", "LONG"):
+        monkeypatch.setattr(graphs, name, 20)
+    bench = Bench({"make": Make(), "ninja": Broken()}, tmp_path, QUICK)
+    rows = [row for extra in (graphs.restore, graphs.pool, graphs.long_chain, graphs.memory) for row in extra(bench)]
+    assert {row.tool for row in rows if row.value is not None} == {"make"}
+    assert [row.unit for row in rows if row.tool == "make" and row.value] == ["s", "MiB", "MiB", "MiB"]
+    assert all("nothing-of-this-name" in row.note for row in rows if row.value is None)

@@ -7,6 +7,7 @@ import json
 import shlex
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,7 +18,6 @@ from tests.benchmarks.engine.extras.row import Bench, Row
 from tests.benchmarks.engine.extras.startup import start_up
 from tests.benchmarks.engine.phases import PHASES, Cell, Limits, course
 from tests.benchmarks.engine.tools.all import TOOLS
-from tests.benchmarks.engine.tools.tool import Tool
 
 SIZES = (100, 1_000, 10_000, 100_000)
 
@@ -26,19 +26,40 @@ def main() -> int:
     """Measure, print the tables, write them to files; 1 where anything failed or came out wrong."""
     args = _arguments()
     tools = {name: TOOLS[name] for name in args.tools}
+    cells: list[Cell] = []
+    rows: list[Row] = []
     with tempfile.TemporaryDirectory(prefix="dxb-bench-", dir=args.work, ignore_cleanup_errors=True) as folder:
         work = Path(folder).resolve()
         facts, versions = machine.machine(work), machine.versions(tools)
         present = {name: tool for name, tool in tools.items() if versions[name]}
         for name in tools.keys() - present.keys():
             say(f"{name} is absent")
-        limits = Limits(args.limit, args.repeats, args.budget)
-        rows = list(start_up(Bench(present, work, limits)))
-        cells = list(_cells(args, present, work, limits))
-        if args.extra:
-            rows += _rows(Bench(present, work, limits, cells))
-    facts["load at the end"] = machine.load()
+        bench = Bench(present, work, Limits(args.limit, args.repeats, args.budget), cells)
+        try:
+            _measure(args, bench, rows)
+        finally:  # what was measured before a fault or Ctrl-C is worth keeping
+            facts |= {"ended": time.strftime("%Y-%m-%d %H:%M"), "load when ended": machine.load()}
+            _write(args, facts, versions, cells, rows)
+    return 1 if any(cell.state in ("failed", "wrong") for cell in cells) else 0
+
+
+def _measure(args: argparse.Namespace, bench: Bench, rows: list[Row]) -> None:
+    rows += start_up(bench)
+    for cell in _cells(args, bench):
+        shown = "" if cell.seconds is None else table.duration(cell.seconds)
+        say(f"{cell.shape} {cell.size} {cell.tool} {cell.phase}: {shown or cell.state} {cell.why}")
+        bench.cells.append(cell)
+    for extra in EXTRAS if args.extra else ():
+        for row in extra(bench):
+            say(f"{row.what} {row.tool}: {'-' if row.value is None else f'{row.value:.4g} {row.unit}'} {row.note}")
+            rows.append(row)
+
+
+def _write(
+    args: argparse.Namespace, facts: dict[str, str], versions: dict[str, str], cells: list[Cell], rows: list[Row]
+) -> None:
     command = shlex.join(["python", "-m", "tests.benchmarks.engine", *sys.argv[1:]])
+    tools = {name: TOOLS[name] for name in args.tools}
     parts = [table.header(facts, versions, tools, command), table.cells(cells, args.limit), table.extras(rows)]
     text = "\n\n".join(part.strip() for part in parts if part) + "\n"
     print(text, end="")
@@ -50,33 +71,23 @@ def main() -> int:
         args.out.with_suffix(".md").write_text(text)
     if args.page:
         page.insert(args.page, text)
-    return 1 if any(cell.state in ("failed", "wrong") for cell in cells) else 0
 
 
-def _cells(args: argparse.Namespace, tools: dict[str, Tool], work: Path, limits: Limits) -> Iterator[Cell]:
+def _cells(args: argparse.Namespace, bench: Bench) -> Iterator[Cell]:
     """Graph by graph, so that the tools' figures for one graph are made close together."""
     over: set[tuple[str, str]] = set()
     for size in sorted(args.sizes):
         for shape in args.shapes:
             dag = SHAPES[shape](size)
-            for name, tool in tools.items():
+            for name, tool in bench.tools.items():
                 if (name, shape) in over:
                     yield from (Cell(name, shape, size, phase, "skipped") for phase in args.phases)
                     continue
-                for cell in course(tool, dag, work, limits, args.phases):
+                for cell in course(tool, dag, bench.work, bench.limits, args.phases):
                     if cell.state in ("slow", "failed"):
                         over.add((name, shape))
-                    shown = "" if cell.seconds is None else table.duration(cell.seconds)
-                    say(f"{shape} {size} {name} {cell.phase}: {shown or cell.state} {cell.why}")
                     if cell.phase in args.phases:
                         yield cell
-
-
-def _rows(bench: Bench) -> Iterator[Row]:
-    for extra in EXTRAS:
-        for row in extra(bench):
-            say(f"{row.what} {row.tool}: {'-' if row.value is None else f'{row.value:.4g} {row.unit}'} {row.note}")
-            yield row
 
 
 def say(text: str) -> None:

@@ -1,8 +1,8 @@
 """The graphs that every tool builds, and what comes out of them.
 
-A node adds the first lines of its inputs, times 31, plus its own number, modulo a prime. So a change of one leaf changes
-every node that depends on it, a change of a leaf's second line changes none, and one `sh` without a further process does
-the work.
+A node adds the first lines of its inputs, times 31, plus its own number, modulo a prime. So a change of one leaf
+changes every node that depends on it, a change of a leaf's second line changes none, and one `sh` without a further
+process does the work.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def evaluate(dag: Dag, leaves: Mapping[str, int]) -> dict[str, int]:
     return values
 
 
-def write_leaf(folder: Path, leaf: str, value: int, comment: str = "first") -> None:
+def write_leaf(folder: Path, leaf: str, value: int, comment: str = "comment 0") -> None:
     """Write a leaf: its number, and a line that no node reads."""
     (folder / "leaves" / leaf).write_text(f"{value}\n# {comment}\n")
 

@@ -25,7 +25,7 @@ class Cost:
     cpu: float
     """Processor time of the process and all that it waited for [s]."""
     rss_mib: float
-    """Greatest resident memory of any one of these processes [MiB]; not below that of the small Python that starts them."""
+    """Greatest resident memory of one of these processes [MiB]; not below that of the bare Python that starts them."""
     log: str = ""
     """The end of what it printed."""
 
@@ -52,7 +52,7 @@ def cost(command: Sequence[str], folder: Path, limit: float, env: Mapping[str, s
 
 
 def best(once: Callable[[], Cost], times: int, budget: float) -> Cost:
-    """The cheapest of several runs by wall time, with the greatest memory of all; ends at a failure or after `budget` seconds."""
+    """The quickest of several runs, with the greatest memory of all; ends at a failure or after `budget` seconds."""
     costs: list[Cost] = []
     while len(costs) < times and sum(one.seconds for one in costs) < budget:
         costs.append(once())

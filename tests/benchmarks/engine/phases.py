@@ -18,6 +18,7 @@ PHASES = {
     "cold": "nothing is built",
     "no-op": "nothing changed",
     "leaf": "one leaf changed",
+    "back": "the leaf changed back to what it was a build ago",
     "comment": "a line of one leaf that no node reads changed",
     "touched": "one leaf has a new time stamp",
     "deleted": "all outputs deleted, what the tool remembers kept",
@@ -68,7 +69,7 @@ class Course:
     folder: Path
     limits: Limits
     leaves: dict[str, int] = field(default_factory=dict)
-    edits: int = 0
+    comments: int = 0
 
     def __post_init__(self) -> None:
         self.leaves = dict(self.dag.leaves)
@@ -93,7 +94,11 @@ class Course:
         before: list[object] = []
 
         def once() -> Cost:
-            time.sleep(self.tool.clock_s)
+            if phase == "back":
+                self._edit("leaf")
+                between = self._build()
+                if not between.ok:
+                    return between
             self._edit(phase)
             before[:] = [self.tool.stamps(self.folder, self.dag)]
             return self._build()
@@ -113,15 +118,13 @@ class Course:
         return measure.cost(self.tool.command(self.folder), self.folder, self.limits.cell, env)
 
     def _edit(self, phase: str) -> None:
-        self.edits += 1
-        leaf = self.folder / "leaves" / LEAF
-        if phase == "leaf":
-            self.leaves[LEAF] += 1
-            write_leaf(self.folder, LEAF, self.leaves[LEAF], f"edit {self.edits}")
-        elif phase == "comment":
-            write_leaf(self.folder, LEAF, self.leaves[LEAF], f"edit {self.edits}")
+        time.sleep(self.tool.clock_s)
+        if phase in ("leaf", "back", "comment"):
+            self.comments += phase == "comment"
+            self.leaves[LEAF] += {"leaf": 1, "back": -1, "comment": 0}[phase]
+            write_leaf(self.folder, LEAF, self.leaves[LEAF], f"comment {self.comments}")
         elif phase == "touched":
-            os.utime(leaf)
+            os.utime(self.folder / "leaves" / LEAF)
         elif phase == "deleted":
             self.tool.delete(self.folder, self.dag)
 
@@ -143,6 +146,7 @@ class Course:
             "cold": (everything, everything),
             "no-op": (0, 0),
             "leaf": (reached, reached),
+            "back": (0, reached),
             "comment": (0, readers if self.tool.cutoff else reached),
             "touched": (0, readers if self.tool.cutoff else reached),
             "deleted": (0, everything),

@@ -12,10 +12,13 @@ TITLES = {
     "cold": "cold",
     "no-op": "no-op",
     "leaf": "leaf changed",
+    "back": "changed back",
     "comment": "comment changed",
     "touched": "touched",
     "deleted": "outputs deleted",
 }
+
+COUNTED = ("leaf", "comment", "touched", "deleted")
 
 
 def header(machine: Mapping[str, str], versions: Mapping[str, str], tools: Mapping[str, Tool], command: str) -> str:
@@ -39,8 +42,8 @@ def cells(found: Sequence[Cell], limit: float) -> str:
         for tool in dict.fromkeys(cell.tool for cell in here):
             of = {cell.phase: cell for cell in here if cell.tool == tool}
             rows.append((tool, *(_shown(of[phase], limit) for phase in phases), _memory(of), _ran(of, phases)))
-        counted = " / ".join(TITLES[phase] for phase in phases if phase not in ("cold", "no-op"))
-        titles = ("tool", *(TITLES[phase] for phase in phases), "memory [MiB]", f"nodes run: {counted or 'none'}")
+        counted = " / ".join(TITLES[phase] for phase in phases if phase in COUNTED)
+        titles = ("tool", *(TITLES[phase] for phase in phases), "memory [MiB]", f"nodes run, {counted}")
         parts += [f"### {shape}, {size:,} nodes", "", *grid(titles, rows), *notes(here), ""]
     return "\n".join(parts)
 
@@ -86,5 +89,5 @@ def _memory(of: Mapping[str, Cell]) -> str:
 
 
 def _ran(of: Mapping[str, Cell], phases: Sequence[str]) -> str:
-    counts = [of[phase].ran for phase in phases if phase not in ("cold", "no-op")]
+    counts = [of[phase].ran for phase in phases if phase in COUNTED]
     return " / ".join("-" if count is None else str(count) for count in counts) or "-"

@@ -32,12 +32,12 @@ class Row:
 
 @dataclass
 class Bench:
-    """What one run of the program has: the tools that are present, a folder, limits, and what it has measured so far."""
+    """What a run of the program has: the tools that are present, a folder, limits, and what it has measured so far."""
 
     tools: Mapping[str, Tool]
     work: Path
     limits: Limits
-    cells: Sequence[Cell] = ()
+    cells: list[Cell] = field(default_factory=list)
     _made: list[Cell] = field(default_factory=list)
 
     def present(self, *names: str) -> Iterator[Tool]:

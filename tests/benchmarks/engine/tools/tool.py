@@ -54,6 +54,10 @@ class Tool:
         """Its version, or "" where the tool is absent."""
         return first_version([*self.words(), "--version"])
 
+    def start(self) -> list[str]:
+        """A command that does nothing."""
+        return [*self.words(), "--help"]
+
     def write(self, dag: Dag, folder: Path) -> None:
         """Write what it needs beside the leaves and an empty folder `out`."""
         raise NotImplementedError

@@ -18,6 +18,9 @@ class Tup(Tool):
     clock_s = 1.0
     note = "`^o^`: compares outputs; sees whole seconds of time stamps"
 
+    def start(self) -> list[str]:
+        return ["tup", "--version"]  # `--help` asks for a project
+
     def write(self, dag: Dag, folder: Path) -> None:
         # A Tupfile takes every `$(` for a variable, so the arithmetic stands in a file.
         (folder / "step.sh").write_text(shell_step("$*", "$number", "$out") + "\n")
