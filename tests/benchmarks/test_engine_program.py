@@ -85,7 +85,9 @@ class Eager(Make):
 
 
 class Broken(Make):
-    """A make that ends badly."""
+    """A tool that ends badly."""
+
+    name = "ninja"
 
     def command(self, folder: Path) -> list[str]:
         return [*super().command(folder), "nothing-of-this-name"]
@@ -203,6 +205,6 @@ def test_rows_that_are_phases_of_graphs(tmp_path, monkeypatch):
         monkeypatch.setattr(graphs, name, 20)
     bench = Bench({"make": Make(), "ninja": Broken()}, tmp_path, QUICK)
     rows = [row for extra in (graphs.restore, graphs.pool, graphs.long_chain, graphs.memory) for row in extra(bench)]
-    assert {row.tool for row in rows if row.value is not None} == {"make"}
-    assert [row.unit for row in rows if row.tool == "make" and row.value] == ["s", "MiB", "MiB", "MiB"]
+    assert [(row.tool, row.unit) for row in rows if row.value is not None] == [("make", "s"), *[("make", "MiB")] * 3]
+    assert [row.tool for row in rows if row.value is None] == ["ninja"] * 6
     assert all("nothing-of-this-name" in row.note for row in rows if row.value is None)

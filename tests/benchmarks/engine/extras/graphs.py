@@ -36,10 +36,12 @@ def memory(bench: Bench) -> Iterator[Row]:
     """The greatest memory of one process of a build of many nodes."""
     for tool in bench.present("dxb", "ninja", "make"):
         for phase in ("cold", "no-op", "leaf"):
-            cell = bench.cell(tool, "layered", LONG, phase)
+            cell = bench.cell(tool, "layered", LONG, phase, "cold", "no-op", "leaf")
             yield _row(f"memory, {LONG:,} nodes, {phase}", cell, cell.rss_mib, "MiB")
 
 
 def _row(what: str, cell: Cell, value: float | None, unit: str, note: str = "") -> Row:
+    if cell.state in ("slow", "failed", "skipped"):
+        value = None
     bad = "" if cell.state == "ok" else f"{cell.state}: {cell.why}".rstrip(": ")
     return Row(what, cell.tool, value, unit, bad or note)
