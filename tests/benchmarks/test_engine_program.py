@@ -132,6 +132,28 @@ def test_a_build_over_the_limit_is_ended_with_all_that_it_started(tmp_path):
     assert "> 0 s" in table.cells(list(cells.values()), 0.3)
 
 
+def test_a_program_that_is_ended_leaves_nothing_and_says_what_it_has(tmp_path):
+    words = [
+        sys.executable,
+        "-m",
+        "tests.benchmarks.engine",
+        "--tools",
+        "make",
+        "--sizes",
+        "20",
+        "--shapes",
+        "wide,chain",
+    ]
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": REPO}
+    program = subprocess.Popen([*words, "--repeats", "1000000", "--budget", "1", "--work", str(tmp_path)], **options)
+    assert program.stderr.readline().startswith("wide 20 make cold: ")
+    program.terminate()
+    out, _ = program.communicate(timeout=60)
+    assert program.returncode == 143
+    assert "### wide, 20 nodes" in out
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_cost_is_that_of_the_command(tmp_path):
     words = "import time; b = b'x' * 80_000_000; time.sleep(0.2); sum(range(3_000_000))"
     large = measure.cost([sys.executable, "-c", words], tmp_path, 60)

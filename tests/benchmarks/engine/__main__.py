@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
+import signal
 import sys
 import tempfile
 import time
@@ -26,6 +27,7 @@ def main() -> int:
     """Measure, print the tables, write them to files; 1 where anything failed or came out wrong."""
     args = _arguments()
     tools = {name: TOOLS[name] for name in args.tools}
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     cells: list[Cell] = []
     rows: list[Row] = []
     with tempfile.TemporaryDirectory(prefix="dxb-bench-", dir=args.work, ignore_cleanup_errors=True) as folder:
@@ -60,7 +62,11 @@ def _write(
 ) -> None:
     command = shlex.join(["python", "-m", "tests.benchmarks.engine", *sys.argv[1:]])
     tools = {name: TOOLS[name] for name in args.tools}
-    parts = [table.header(facts, versions, tools, command), table.cells(cells, args.limit), table.extras(rows)]
+    parts = [
+        table.header(facts, versions, tools, command),
+        table.cells(cells, args.limit, cpu=args.cpu),
+        table.extras(rows),
+    ]
     text = "\n\n".join(part.strip() for part in parts if part) + "\n"
     print(text, end="")
     if args.out:
@@ -105,6 +111,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--repeats", type=int, default=5, help="builds of which a phase shows the quickest")
     parser.add_argument("--budget", type=float, default=10.0, help="seconds after which a phase is not repeated")
     parser.add_argument("--extra", action="store_true", help="restore, worker pool, memory, chain, large folder, twin")
+    parser.add_argument("--cpu", action="store_true", help="show processor times, too: for a machine that is busy")
     parser.add_argument("--work", type=Path, help="where the projects are made; default: the temporary folder")
     parser.add_argument("--out", type=Path, metavar="STEM", help="write STEM.md and STEM.json")
     parser.add_argument("--page", type=Path, help="put the tables into this page, between its two `engine` marks")

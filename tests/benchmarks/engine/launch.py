@@ -27,7 +27,8 @@ def main(limit: float, log: str, command: list[str]) -> None:
         late.append(True)
         os.killpg(pid, signal.SIGKILL)
 
-    signal.signal(signal.SIGALRM, stop)
+    for reason in (signal.SIGALRM, signal.SIGTERM, signal.SIGINT):
+        signal.signal(reason, stop)
     signal.setitimer(signal.ITIMER_REAL, limit)
     _, status, used = os.wait4(pid, 0)
     seconds = time.perf_counter() - began

@@ -44,11 +44,18 @@ def cost(command: Sequence[str], folder: Path, limit: float, env: Mapping[str, s
     """Run a command in `folder` and say what it cost."""
     with tempfile.NamedTemporaryFile(prefix="dxb-bench-", suffix=".log") as log:
         words = [sys.executable, "-I", "-S", str(LAUNCH), str(limit), log.name, *command]
-        done = subprocess.run(words, cwd=folder, env=environment(**(env or {})), capture_output=True, text=True)
-        if done.returncode:
-            raise RuntimeError(f"`{command[0]}` cannot be started: {done.stderr.strip().splitlines()[-1]}")
+        options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        launcher = subprocess.Popen(words, cwd=folder, env=environment(**(env or {})), **options)
+        try:
+            out, err = launcher.communicate()
+        except BaseException:
+            launcher.terminate()  # it ends the command and all that the command started
+            launcher.wait()
+            raise
+        if launcher.returncode:
+            raise RuntimeError(f"`{command[0]}` cannot be started: {err.strip().splitlines()[-1]}")
         text = Path(log.name).read_bytes()[-4000:].decode(errors="replace")
-    return Cost(**json.loads(done.stdout), log=text)
+    return Cost(**json.loads(out), log=text)
 
 
 def best(once: Callable[[], Cost], times: int, budget: float) -> Cost:

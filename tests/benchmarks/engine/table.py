@@ -32,8 +32,8 @@ def header(machine: Mapping[str, str], versions: Mapping[str, str], tools: Mappi
     return "\n".join(lines)
 
 
-def cells(found: Sequence[Cell], limit: float) -> str:
-    """One table for every graph."""
+def cells(found: Sequence[Cell], limit: float, *, cpu: bool = False) -> str:
+    """One table for every graph, with processor times in brackets if `cpu`."""
     parts = []
     for shape, size in dict.fromkeys((cell.shape, cell.size) for cell in found):
         here = [cell for cell in found if (cell.shape, cell.size) == (shape, size)]
@@ -41,7 +41,7 @@ def cells(found: Sequence[Cell], limit: float) -> str:
         rows = []
         for tool in dict.fromkeys(cell.tool for cell in here):
             of = {cell.phase: cell for cell in here if cell.tool == tool}
-            rows.append((tool, *(_shown(of[phase], limit) for phase in phases), _memory(of), _ran(of, phases)))
+            rows.append((tool, *(_shown(of[phase], limit, cpu) for phase in phases), _memory(of), _ran(of, phases)))
         counted = " / ".join(TITLES[phase] for phase in phases if phase in COUNTED)
         titles = ("tool", *(TITLES[phase] for phase in phases), "memory [MiB]", f"nodes run, {counted}")
         parts += [f"### {shape}, {size:,} nodes", "", *grid(titles, rows), *notes(here), ""]
@@ -75,12 +75,13 @@ def duration(seconds: float) -> str:
     return f"{seconds:.2f} s" if seconds < 10 else f"{seconds:.0f} s"
 
 
-def _shown(cell: Cell, limit: float) -> str:
+def _shown(cell: Cell, limit: float, cpu: bool) -> str:
     if cell.state == "slow":
         return f"> {limit:.0f} s"
     if cell.seconds is None:
         return "fails" if cell.state == "failed" else "-"
-    return duration(cell.seconds) + (" (wrong)" if cell.state == "wrong" else "")
+    used = f" ({duration(cell.cpu)})" if cpu and cell.cpu is not None else ""
+    return duration(cell.seconds) + used + (" wrong" if cell.state == "wrong" else "")
 
 
 def _memory(of: Mapping[str, Cell]) -> str:
