@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 from pathlib import Path
 
 from tests.benchmarks.engine.dags import Dag
-from tests.benchmarks.engine.tools.tool import Tool, shell_step
+from tests.benchmarks.engine.tools.tool import Tool, first_version, shell_step
 
 STEP = """def _step(ctx):
     out = ctx.actions.declare_file(ctx.label.name + ".out")
@@ -33,10 +34,12 @@ class Bazel(Tool):
         return ["bazel", "--host_jvm_args=-Xmx6g"]
 
     def version(self) -> str:
-        done = subprocess.run(
-            ["dpkg-query", "-W", "-f", "${Version}", "bazel-bootstrap"], capture_output=True, text=True
-        )
-        return done.stdout.strip()
+        found = first_version(["bazel", "--version"])
+        if found != "?" or shutil.which("dpkg-query") is None:
+            return found
+        # Debian's says `no_version`.
+        command = ["dpkg-query", "--show", "--showformat", "${Version}", "bazel-bootstrap"]
+        return subprocess.run(command, capture_output=True, text=True).stdout.strip() or found
 
     def write(self, dag: Dag, folder: Path) -> None:
         body = shell_step("PATHS", "NUMBER", "OUT")

@@ -35,16 +35,5 @@ class SCons(PeerTool):
         write_json(dag, folder)
         (folder / "SConstruct").write_text(SCONSTRUCT)
 
-    def version(self) -> str:
-        return super().version() and _version(self)
-
     def command(self, folder: Path) -> list[str]:
         return [*self.words(), "-Qs", f"-j{len(os.sched_getaffinity(0))}"]
-
-
-def _version(tool: PeerTool) -> str:
-    from tests.benchmarks.engine.tools.tool import first_version
-
-    return first_version(
-        [str(tool.words()[0]).removesuffix("scons") + "python", "-c", "import SCons; print(SCons.__version__)"]
-    )

@@ -106,6 +106,10 @@ class PeerTool(Tool):
     def words(self) -> list[str]:
         return [str(PEERS / "bin" / self.name)]
 
+    def version(self) -> str:
+        script = f"from importlib import metadata; print(metadata.version('{self.name}'))"
+        return first_version([str(PEERS / "bin" / "python"), "-c", script]) if Path(self.words()[0]).exists() else ""
+
 
 def first_version(command: Sequence[str], env: dict[str, str] | None = None) -> str:
     """The first word with a digit that a command prints, or "" where there is no such command."""
