@@ -161,7 +161,9 @@ def test_cost_is_that_of_the_command(tmp_path):
     assert large.seconds > 0.2 + large.cpu / 4
     assert large.cpu > small.cpu
     assert large.rss_mib > 75 > small.rss_mib
-    assert measure.cost(["sh", "-c", "echo no >&2; exit 3"], tmp_path, 60).log == "no\n"
+    assert measure.cost(["sh", "-c", "echo no >&2; exit 3"], tmp_path, 60).why == "exit code 3: no"
+    assert measure.cost(["sh", "-c", "kill -SEGV $$"], tmp_path, 60).why == "ended by SIGSEGV"
+    assert measure.cost(["sleep", "60"], tmp_path, 0.1).why == "took too long"
     with pytest.raises(RuntimeError, match="`no-such-tool` cannot be started"):
         measure.cost(["no-such-tool"], tmp_path, 60)
 

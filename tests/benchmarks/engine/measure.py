@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -33,6 +34,16 @@ class Cost:
     def ok(self) -> bool:
         """Whether it ended in time and well."""
         return not self.late and self.code == 0
+
+    @property
+    def why(self) -> str:
+        """In what way it did not end well."""
+        if self.late:
+            return "took too long"
+        if self.code < 0:
+            return f"ended by {signal.Signals(-self.code).name}"
+        last = next((line.strip() for line in reversed(self.log.splitlines()) if line.strip()), "")
+        return f"exit code {self.code}: {last}"
 
 
 def environment(**more: str) -> dict[str, str]:

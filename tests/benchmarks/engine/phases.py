@@ -105,10 +105,8 @@ class Course:
 
         times = 1 if phase == "cold" else self.limits.repeats
         cost = measure.best(once, times, self.limits.budget)
-        if cost.late:
-            return self._cell(phase, "slow", cost, why=f"over {self.limits.cell:.0f} s")
         if not cost.ok:
-            return self._cell(phase, "failed", cost, why=f"exit code {cost.code}: {last_line(cost.log)}")
+            return self._cell(phase, "slow" if cost.late else "failed", cost, why=cost.why)
         ran = self.tool.ran(self.folder, self.dag, before[0])
         why = self._wrong(phase, ran)
         return self._cell(phase, "wrong" if why else "ok", cost, ran, why)
@@ -177,8 +175,3 @@ def _make_writable(remove: object, path: str, error: object) -> None:
         shutil.rmtree(path, ignore_errors=True)
     else:
         os.unlink(path)
-
-
-def last_line(text: str) -> str:
-    """The last line that says something."""
-    return next((line.strip() for line in reversed(text.splitlines()) if line.strip()), "")

@@ -10,7 +10,7 @@ from typing import TypeAlias
 from tests.benchmarks.engine import measure
 from tests.benchmarks.engine.dags import SHAPES
 from tests.benchmarks.engine.measure import Cost
-from tests.benchmarks.engine.phases import Cell, Limits, course, last_line
+from tests.benchmarks.engine.phases import Cell, Limits, course
 from tests.benchmarks.engine.tools.tool import Tool
 
 
@@ -77,8 +77,6 @@ Extra: TypeAlias = Callable[[Bench], Iterator[Row]]
 
 def of_cost(what: str, tool: str, cost: Cost, value: float | None = None, unit: str = "s", note: str = "") -> Row:
     """A row with the wall time of a command, or with `value`, which was made of it."""
-    if cost.late:
-        return Row(what, tool, None, unit, "took too long")
     if not cost.ok:
-        return Row(what, tool, None, unit, f"exit code {cost.code}: {last_line(cost.log)}")
+        return Row(what, tool, None, unit, cost.why)
     return Row(what, tool, cost.seconds if value is None else value, unit, note)
