@@ -49,12 +49,12 @@ def _measure(args: argparse.Namespace, bench: Bench, rows: list[Row]) -> None:
     rows += start_up(bench)
     for cell in _cells(args, bench):
         shown = "" if cell.seconds is None else table.duration(cell.seconds)
-        say(f"{cell.shape} {cell.size} {cell.tool} {cell.phase}: {shown or cell.state} {cell.why}")
         bench.cells.append(cell)
+        say(f"{cell.shape} {cell.size} {cell.tool} {cell.phase}: {shown or cell.state} {cell.why}")
     for extra in EXTRAS if args.extra else ():
         for row in extra(bench):
-            say(f"{row.what} {row.tool}: {'-' if row.value is None else f'{row.value:.4g} {row.unit}'} {row.note}")
             rows.append(row)
+            say(f"{row.what} {row.tool}: {'-' if row.value is None else f'{row.value:.4g} {row.unit}'} {row.note}")
 
 
 def _write(
