@@ -197,6 +197,13 @@ def test_durations(seconds, text):
     assert table.duration(seconds) == text
 
 
+def test_a_table_of_a_run_that_was_broken_off():
+    of_make = [Cell("make", "wide", 3, phase, "ok", 1.5, 1.0, 5.0, 3) for phase in ("cold", "leaf")]
+    lines = table.cells([*of_make, Cell("dxb", "wide", 3, "cold", "ok", 0.2, 0.1, 7.0, 3)], 120, cpu=True).splitlines()
+    assert "| make | 1.50 s (1.00 s) | 1.50 s (1.00 s) | 5 | 3 |" in lines
+    assert "| dxb | 200 ms (100 ms) | - | 7 | - |" in lines
+
+
 def test_rows_take_what_was_measured_before(tmp_path):
     known = Cell("make", "wide", 3, "cold", "ok", 1.5, 1.0, 5.0, 3)
     bench = Bench({"make": Make()}, tmp_path, QUICK, [known])

@@ -61,19 +61,19 @@ def _write(
     args: argparse.Namespace, facts: dict[str, str], versions: dict[str, str], cells: list[Cell], rows: list[Row]
 ) -> None:
     command = shlex.join(["python", "-m", "tests.benchmarks.engine", *sys.argv[1:]])
-    tools = {name: TOOLS[name] for name in args.tools}
+    if args.out:
+        results = {"machine": facts, "versions": versions, "command": command}
+        results |= {"cells": [cell.to_json() for cell in cells], "rows": [row.to_json() for row in rows]}
+        args.out.parent.mkdir(parents=True, exist_ok=True)
+        args.out.with_suffix(".json").write_text(json.dumps(results, indent=1) + "\n")
     parts = [
-        table.header(facts, versions, tools, command),
+        table.header(facts, versions, {name: TOOLS[name] for name in args.tools}, command),
         table.cells(cells, args.limit, cpu=args.cpu),
         table.extras(rows),
     ]
     text = "\n\n".join(part.strip() for part in parts if part) + "\n"
     print(text, end="")
     if args.out:
-        results = {"machine": facts, "versions": versions, "command": command}
-        results |= {"cells": [cell.to_json() for cell in cells], "rows": [row.to_json() for row in rows]}
-        args.out.parent.mkdir(parents=True, exist_ok=True)
-        args.out.with_suffix(".json").write_text(json.dumps(results, indent=1) + "\n")
         args.out.with_suffix(".md").write_text(text)
     if args.page:
         page.insert(args.page, text)

@@ -41,7 +41,7 @@ def cells(found: Sequence[Cell], limit: float, *, cpu: bool = False) -> str:
         rows = []
         for tool in dict.fromkeys(cell.tool for cell in here):
             of = {cell.phase: cell for cell in here if cell.tool == tool}
-            rows.append((tool, *(_shown(of[phase], limit, cpu) for phase in phases), _memory(of), _ran(of, phases)))
+            rows.append((tool, *(_shown(of.get(phase), limit, cpu) for phase in phases), _memory(of), _ran(of, phases)))
         counted = " / ".join(TITLES[phase] for phase in phases if phase in COUNTED)
         titles = ("tool", *(TITLES[phase] for phase in phases), "memory [MiB]", f"nodes run, {counted}")
         parts += [f"### {shape}, {size:,} nodes", "", *grid(titles, rows), *notes(here), ""]
@@ -75,7 +75,9 @@ def duration(seconds: float) -> str:
     return f"{seconds:.2f} s" if seconds < 10 else f"{seconds:.0f} s"
 
 
-def _shown(cell: Cell, limit: float, cpu: bool) -> str:
+def _shown(cell: Cell | None, limit: float, cpu: bool) -> str:
+    if cell is None:
+        return "-"
     if cell.state == "slow":
         return f"> {limit:.0f} s"
     if cell.seconds is None:
@@ -90,5 +92,5 @@ def _memory(of: Mapping[str, Cell]) -> str:
 
 
 def _ran(of: Mapping[str, Cell], phases: Sequence[str]) -> str:
-    counts = [of[phase].ran for phase in phases if phase in COUNTED]
+    counts = [of[phase].ran if phase in of else None for phase in phases if phase in COUNTED]
     return " / ".join("-" if count is None else str(count) for count in counts) or "-"
