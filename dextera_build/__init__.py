@@ -5,11 +5,12 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
+from dextera_build.version import __version__
+
 if TYPE_CHECKING:
     from dextera_build.api import Project as Project
     from dextera_build.api import Result as Result
 
-__version__ = "0.1.0"
 __all__ = ["Project", "Result", "__version__"]
 
 

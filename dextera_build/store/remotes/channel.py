@@ -9,11 +9,11 @@ from typing import TypeVar
 
 import grpc
 
-from dextera_build import __version__
 from dextera_build.store import wire
 from dextera_build.store.remotes import action, credentials, execution
 from dextera_build.store.remotes.remote import MOST_ENTRY, Digest, RemoteFault
 from dextera_build.store.remotes.stall import Stall
+from dextera_build.version import __version__
 
 T = TypeVar("T")
 
