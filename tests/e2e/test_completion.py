@@ -106,7 +106,6 @@ def typed(space: Space, shell: list[str], setup: str, line: str, enough: str) ->
         for text, until in (
             (f"{setup}; echo rea''dy\n", "ready"),
             (f"{line}\t", ""),
-            ("'" if "'" in line else "", ""),
             ("\x01printf '<%s>' \x05\n", enough),
         ):
             time.sleep(1.0)
