@@ -204,6 +204,11 @@ def test_a_table_of_a_run_that_was_broken_off():
     assert "| dxb | 200 ms (100 ms) | - | 7 | - |" in lines
 
 
+@pytest.mark.parametrize(("value", "text"), [(0.2871, "0.29"), (63.2, "63"), (4237.3, "4,237")])
+def test_numbers(value, text):
+    assert table.number(value) == text
+
+
 def test_rows_take_what_was_measured_before(tmp_path):
     known = Cell("make", "wide", 3, "cold", "ok", 1.5, 1.0, 5.0, 3)
     bench = Bench({"make": Make()}, tmp_path, QUICK, [known])

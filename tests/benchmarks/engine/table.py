@@ -56,9 +56,7 @@ def notes(found: Sequence[Cell]) -> list[str]:
 
 def extras(rows: Sequence[Row]) -> str:
     """The rows beside the graphs."""
-    shown = [
-        (row.what, row.tool, "-" if row.value is None else f"{row.value:,.4g}", row.unit, row.note) for row in rows
-    ]
+    shown = [(row.what, row.tool, "-" if row.value is None else number(row.value), row.unit, row.note) for row in rows]
     return "\n".join(grid(("what", "tool", "value", "unit", "notes"), shown))
 
 
@@ -73,6 +71,11 @@ def duration(seconds: float) -> str:
     if seconds < 1:
         return f"{seconds * 1000:.0f} ms"
     return f"{seconds:.2f} s" if seconds < 10 else f"{seconds:.0f} s"
+
+
+def number(value: float) -> str:
+    """`0.29`, `63`, `4,237`."""
+    return f"{value:,.0f}" if value >= 10 else f"{value:.2g}"
 
 
 def _shown(cell: Cell | None, limit: float, cpu: bool) -> str:

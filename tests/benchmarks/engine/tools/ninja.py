@@ -23,6 +23,9 @@ class Ninja(Tool):
     cutoff = True
     note = "`restat = 1`: a step leaves an unchanged output alone"
 
+    def start(self) -> list[str]:
+        return ["ninja", "--version"]  # `--help` ends with 1
+
     def write(self, dag: Dag, folder: Path) -> None:
         edges = [f"build {out}: step {' '.join(ins)}\n  number = {n}\n" for n, _, ins, out in dag.steps()]
         (folder / "build.ninja").write_text(RULE + "".join(edges))
