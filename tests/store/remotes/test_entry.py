@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dextera_build.store.actions import ActionResult
@@ -51,11 +51,13 @@ def test_what_dxb_wrote_passes(built: tuple[bytes, Digest]) -> None:
     assert accepted(changed(built[0], line="another"), built[1]) is not None
 
 
+@settings(deadline=None)
 @given(data=st.binary(max_size=400))
 def test_random_bytes_are_no_entry(data: bytes) -> None:
     assert entries.read(data, Digest(HEX, 3)) is None
 
 
+@settings(deadline=None)
 @given(data=st.data())
 def test_a_changed_byte_is_no_harm(built: tuple[bytes, Digest], data: st.DataObject) -> None:
     message, key = built
