@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import defaultdict
 from typing import Any, get_args, get_origin, get_type_hints
 
 from hypothesis import strategies as st
 
+from dextera_build.store import wire
 from dextera_build.store.remotes import execution, protocol
 from dextera_build.store.remotes.remote import Digest
 
@@ -28,6 +30,9 @@ THEIRS = {
     "Tool": "ToolDetails",
 }
 """Names of ours that are others in the published files."""
+_AS_BYTES: defaultdict[type, list[tuple[str, type]]] = defaultdict(list)
+"""Fields that hold a message which we hand on as it came."""
+_AS_BYTES[protocol.UpdateActionResultRequest] = [("action_result", execution.ActionResult)]
 _PLAIN = {
     str: st.text(st.characters(exclude_categories=["Cs"]), max_size=8),
     bytes: st.binary(max_size=300),
@@ -50,13 +55,11 @@ def messages(kind: type) -> st.SearchStrategy[Any]:
     """Messages of one class."""
     if kind in _PLAIN:
         return _PLAIN[kind]
-    return st.builds(
-        kind,
-        **{
-            name: st.lists(messages(each), max_size=3).map(tuple) if many else messages(each)
-            for name, each, many in numbered(kind).values()
-        },
-    )
+    fields = {
+        name: st.lists(messages(each), max_size=3).map(tuple) if many else messages(each)
+        for name, each, many in numbered(kind).values()
+    }
+    return st.builds(kind, **fields | {name: messages(inner).map(wire.encode) for name, inner in _AS_BYTES[kind]})
 
 
 def plain(message: Any) -> Any:
@@ -68,6 +71,8 @@ def plain(message: Any) -> Any:
     found = {}
     for number, (name, _, many) in numbered(type(message)).items():
         value = getattr(message, name)
+        for opaque, inner in _AS_BYTES[type(message)]:
+            value = wire.decode(inner, value) if name == opaque else value
         body = [plain(one) for one in value] if many else plain(value)
         if body:
             found[str(number)] = body
