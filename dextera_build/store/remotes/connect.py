@@ -70,8 +70,7 @@ def _reapi(address: str, spec: Spec) -> Remote:
     from dextera_build.store.remotes.reapi import Reapi
 
     parts = urlsplit(address)
-    remote: Remote = Reapi(parts.netloc, parts.path.strip("/"), tls=parts.scheme == "grpcs", timeout_s=spec.timeout_s)
-    return remote
+    return Reapi(parts.netloc, parts.path.strip("/"), tls=parts.scheme == "grpcs", timeout_s=spec.timeout_s)
 
 
 _OPENERS: Mapping[str, Callable[[str, Spec], Remote]] = {

@@ -54,9 +54,8 @@ def _measure(args: argparse.Namespace, bench: Bench, rows: list[Row]) -> None:
     for extra in EXTRAS if args.extra else ():
         for row in extra(bench):
             rows.append(row)
-            say(
-                f"{row.what} {row.tool}: {'-' if row.value is None else f'{table.number(row.value)} {row.unit}'} {row.note}"
-            )
+            value = "-" if row.value is None else f"{table.number(row.value)} {row.unit}"
+            say(f"{row.what} {row.tool}: {value} {row.note}")
 
 
 def _write(
