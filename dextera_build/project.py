@@ -11,14 +11,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
+from dextera_build.store.remotes.choice import Choice
 
 if TYPE_CHECKING:
     # A build that does nothing reads the settings and no recipe; it need not wait for these.
+    from dextera_build.engine.capacity import Capacity
     from dextera_build.loader import Library
     from dextera_build.recipe.schema import Recipe
 
 MARKER = "dxb.toml"
-_DEFAULTS: dict[str, Any] = {"cache": "cache", "profile": "cpu", "jobs": 0, "console": "auto"} | {
+LOCK = "dxb.lock"
+_DEFAULTS: dict[str, Any] = {
+    "cache": "cache",
+    "remotes": {},
+    "profile": "cpu",
+    "jobs": 0,
+    "resources": {},
+    "console": "auto",
+    "durable": True,
     "trusted_keys": "",
     "require_signed": False,
 }
@@ -45,6 +55,8 @@ class Project:
     def __init__(self, root: Path, flags: Mapping[str, Any] | None = None, *, declared: bool = True) -> None:
         self.root = root
         self.declared = declared
+        self.remotes = Choice(root)
+        """The remotes; known when `config` is."""
         self._flags = {name: value for name, value in (flags or {}).items() if value is not None}
 
     @cached_property
@@ -55,7 +67,7 @@ class Project:
             home = Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser()
             found["cache"] = Setting(str(home / "dxb"), "default outside a project")
         for origin, values in self._layers():
-            for name, value in values.items():
+            for name, value in self.remotes.take(values, origin).items():
                 if name not in _DEFAULTS:
                     raise RecipeError(
                         f"`{name}` is not a setting",
@@ -64,14 +76,24 @@ class Project:
                         facts={"settings": listing(_DEFAULTS)},
                         hint=did_you_mean(name, _DEFAULTS),
                     )
-                found[name] = Setting(value, origin)
+                found[name] = Setting(self._over(found, name, value, origin), origin)
         if found["profile"].value not in PROFILES:
             raise UsageError(
                 f"`{found['profile'].value}` is not a profile",
                 code="DXB-U103",
                 facts={"profiles": listing(PROFILES), "from": found["profile"].origin},
             )
-        return found
+        del found["remotes"]
+        return found | {name: Setting(value, origin) for name, (value, origin) in self.remotes.rows().items()}
+
+    @staticmethod
+    def _over(found: Mapping[str, Setting], name: str, value: Any, origin: str) -> Any:
+        """The value of a setting over that of lower layers; resources add up by name."""
+        if name != "resources":
+            return value
+        from dextera_build.engine.capacity import parse
+
+        return {**found[name].value, **parse(value, origin)}
 
     @property
     def cache(self) -> Path:
@@ -90,6 +112,20 @@ class Project:
         if not str(value).isdigit():
             raise UsageError(f"`jobs` is a number, not `{value}`", code="DXB-U103")
         return int(value) or len(os.sched_getaffinity(0))
+
+    def capacity(self, *, gpus: bool) -> Capacity:
+        """What this machine has to share out, or what the settings say that it has; `gpus`: look for devices."""
+        from dextera_build.engine.capacity import measure
+
+        said = dict(self.config["resources"].value)
+        if self.config["jobs"].origin in ("command line", "environment"):
+            said.pop("cpu", None)
+        return measure(self.jobs, said, gpus=gpus)
+
+    @property
+    def durable(self) -> bool:
+        """Whether a build waits until what it made is on the disk."""
+        return str(self.config["durable"].value).lower() not in ("false", "0", "no", "off")
 
     @property
     def trusted_keys(self) -> list[Path]:

@@ -9,12 +9,15 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.errors import DxbError, RuleError
-from dextera_build.loader import Library
+from dextera_build.loader import Library, RuleFile
 from dextera_build.store import space
 from dextera_build.store.store import Store
+
+if TYPE_CHECKING:
+    from dextera_build.rule import Context
 
 Emit = Callable[[str, Mapping[str, object]], None]
 
@@ -40,7 +43,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     store = _store(task["store"])
     rule = found.rule
     inputs = {
-        name: slot.annotation.decode(task["inputs"][name], store.blobs.get)
+        name: slot.annotation.decode(task["inputs"][name], store.reader)
         for name, slot in rule.slots.items()
         if name in task["inputs"]
     }
@@ -51,7 +54,12 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         ctx = Context(backend, scratch=Path(scratch), emit=emit, keep=keep)
         keyword = {"options": options} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)
-    wanted = rule.returns
+        # Before the scratch folder goes: what is returned may lie there.
+        return _stored(store, found, result, ctx)
+
+
+def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[str, Any]:
+    wanted = found.rule.returns
     if not any(base.__name__ == wanted.__name__ for base in type(result).__mro__):
         raise RuleError(
             f"{found.path} returned {type(result).__name__}, but {wanted.__name__} is declared",
@@ -59,7 +67,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
             where=found.place,
         )
     return {
-        "output": result.encode(store.blobs.put),
+        "output": result.encode(store.writer),
         "line": ctx.outcome.line,
         "previews": [[caption, store.blobs.put(data)] for caption, data in ctx.outcome.previews],
         "metrics": {name: list(value) for name, value in ctx.outcome.metrics.items()},

@@ -37,21 +37,34 @@ def save(
 
     A file that was changed after `watch` was made keeps the snapshot from being written, so it may be noted here.
     """
+    outputs = [Path(line.partition("\t")[2]).absolute() for line in lines]
+    note(project, watch, plan)
+    store = Store(project.cache)
+    keys = {record.key for record in result.nodes.values() if record.key is not None}
+    watch.blobs([*outputs, *(file for key in sorted(keys) for file in store.actions.files(key))])
+    save_snapshot(_file(project, fingerprint), dict(fingerprint), watch, [str(len(result.nodes)), *lines])
+
+
+def note(project: Project, watch: Watch, plan: Plan) -> None:
+    """Note what planning read: recipes, code, configuration, and the folders in which a new one would lie."""
     from dextera_build.loader import bundled
 
-    outputs = [Path(line.partition("\t")[2]).absolute() for line in lines]
     configuration = [project.root / name for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml")]
     for file in (*plan.recipes, *project.library.code.files(), *configuration):
         watch.file(file)
     # A new rule, backend or recipe, an installed or upgraded package: all change the names in a folder.
     stages = [folder for root in project.library.roots for folder in (root.path, *root.path.iterdir())]
-    for folder in (*stages, project.root / "recipes", bundled("recipes"), *map(Path, site.getsitepackages())):
+    for folder in (*stages, project.root / "recipes", bundled("recipes")):
         if folder.is_dir():
             watch.folder(folder)
-    store = Store(project.cache)
-    keys = {record.key for record in result.nodes.values() if record.key is not None}
-    watch.blobs([*outputs, *(file for key in sorted(keys) for file in store.actions.files(key))])
-    save_snapshot(_file(project, fingerprint), dict(fingerprint), watch, [str(len(result.nodes)), *lines])
+    note_packages(watch)
+
+
+def note_packages(watch: Watch) -> None:
+    """Note which packages are installed."""
+    for folder in site.getsitepackages():
+        if Path(folder).is_dir():
+            watch.folder(folder)
 
 
 def _file(project: Project, fingerprint: Mapping[str, object]) -> Path:

@@ -13,7 +13,7 @@ from typing import Any, Self
 
 from dextera_build.engine.events import Event, NodeProgress
 from dextera_build.errors import UsageError, listing
-from dextera_build.store import files, space
+from dextera_build.store import files, sharing, space
 from dextera_build.store.store import Store
 
 _FILE = "events.jsonl"
@@ -42,10 +42,12 @@ class EventLog:
         self._descriptor = -1
         folder = store.root / "runs"
         try:
-            folder.mkdir(exist_ok=True)
+            sharing.make_folder(str(folder))
             self.run = _allocate(folder)
+            sharing.share_tree(str(folder / self.run))
             path = folder / self.run / _FILE
             self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+            sharing.share_file(self._descriptor, str(folder), 0o644)
         except OSError as error:
             if error.errno in _NOT_WRITABLE:
                 self.run = ""
@@ -103,6 +105,11 @@ def read(store: Store, run: str) -> list[dict[str, Any]]:
     return list(_events(store, run))
 
 
+def lines(store: Store, run: str) -> Iterator[dict[str, Any]]:
+    """The events of a run one after another, so that a look at the first reads no more."""
+    return _events(store, run)
+
+
 def latest(store: Store, recipe: str | None = None) -> str | None:
     """Id of the last run, or of the last one of `recipe`; None where there is none."""
     for run in reversed(runs(store)):
@@ -118,7 +125,8 @@ def _events(store: Store, run: str) -> Iterator[dict[str, Any]]:
         with path.open("rb") as lines:
             for line in lines:
                 if line.endswith(b"\n"):
-                    yield json.loads(line)
+                    with suppress(ValueError):  # a power cut may leave a hole in the middle
+                        yield json.loads(line)
     except (FileNotFoundError, NotADirectoryError):
         if not path.parent.is_dir() or not run:
             raise UsageError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -19,7 +19,9 @@ from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Node, Opening, Unit, producers
+from dextera_build.engine.uplink import Uplink
 from dextera_build.errors import DxbError
+from dextera_build.store.remotes.exchange import Exchange
 from dextera_build.store.store import Store
 
 
@@ -46,7 +48,7 @@ class NodeRecord:
     output: str | None
     """Digest of the output's header."""
     seconds: float
-    """How long it ran [s], in this run or, for a cached one, when it was made."""
+    """How long it ran or was fetched [s], in this run or, for a cached one, when it was made."""
     line: str
     error: DxbError | None
     inputs: Mapping[str, str]
@@ -59,6 +61,9 @@ class NodeRecord:
     """Digest of what it printed, also when it failed."""
     blocked_by: tuple[str, ...] = ()
     """Addresses of the failed nodes that it waits for."""
+    usage: Mapping[str, float] = field(default_factory=dict)
+    tries: int = 0
+    """How often it ran in this run."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +91,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     keep_going: bool = False,
     force: frozenset[str] = frozenset(),
     only: frozenset[str] | None = None,
+    exchange: Exchange | None = None,
 ) -> RunResult:
     """Bring targets up to date.
 
@@ -99,6 +105,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
         keep_going: After a failure go on with everything that does not depend on it.
         force: Addresses (`body[mug].mesh`, or `body.mesh` for every copy) that run although they are cached.
         only: Addresses that may run; a stale node outside fails with a `StaleError`. None: all may.
+        exchange: Remotes to take results from and to give them to; closed here.
 
     Raises:
         UsageError: A target names nothing.
@@ -108,17 +115,22 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
     info = info or RunInfo()
     policy = Policy(keep_going, force, only, project=info.project, profile=info.profile)
-    return _Run(graph, store, executor, policy, listen, info).run(wanted)
+    if info.project:
+        store.workspaces.note(info.project)
+    with store.running.announced():
+        return _Run(graph, store, executor, policy, Uplink(exchange, listen), info).run(wanted)
 
 
 class _Run:
     def __init__(
-        self, graph: Graph, store: Store, executor: Executor, policy: Policy, listen: Listener, info: RunInfo
+        self, graph: Graph, store: Store, executor: Executor, policy: Policy, uplink: Uplink, info: RunInfo
     ) -> None:
-        self.graph, self.store, self.executor, self.listen, self.info = graph, store, executor, listen, info
+        self.graph, self.store, self.executor, self.uplink, self.info = graph, store, executor, uplink, info
+        self.listen = uplink.listen
         self.history = History(store, graph.name, info.project)
         hooks = Hooks(self._sized, self._opened, self._started, self._said, self._settled, self._broken)
-        self.scheduler = Scheduler(graph, store, executor, policy, hooks)
+        policy = replace(policy, peak_gb=self.history.peak_gb)
+        self.scheduler = Scheduler(graph, store, executor, policy, hooks, uplink.exchange)
         self.errors: dict[str, DxbError] = {}
         self.members: Counter[tuple[str, ...]] = Counter()
         """Group, or () for the root -> how many of its calls the targets need."""
@@ -134,6 +146,7 @@ class _Run:
         try:
             self.scheduler.run(targets)
             whole = True
+            self.uplink.finish()
         except KeyboardInterrupt:
             interrupted = True
             self.executor.stop()
@@ -142,6 +155,7 @@ class _Run:
             self.executor.stop()
             raise
         finally:
+            self.uplink.close()
             result = self._close(whole)
             self._finish(result, time.monotonic() - began, interrupted)
         return result
@@ -180,12 +194,17 @@ class _Run:
             self.listen(events.NodeProgress(time.time(), node.address, int(data["done"]), int(data["total"]), what))
         elif kind == "log":
             self.listen(events.NodeLog(time.time(), node.address, str(data["text"])))
+        elif kind == "retried":
+            self.listen(events.NodeRetried(time.time(), node.address, **data))
 
     def _settled(self, node: Node) -> None:
         record = self._record(node)
         if record.result is not None and node.result is not None and record.key is not None:
-            entry = Entry(record.key, node.result.key_document, self.info.run, record.seconds, time.time())
+            # How long a fetch took says nothing of how long the node runs.
+            seconds, usage = node.result.seconds, dict(record.usage)
+            entry = Entry(record.key, node.result.key_document, self.info.run, seconds, time.time(), usage)
             self.history.note(node.address, entry)
+        self.uplink.tell()
         self._tell(node, record)
 
     def _broken(self, unit: Unit, error: DxbError) -> None:
@@ -211,6 +230,9 @@ class _Run:
                 inputs=dict(record.inputs),
                 depends_on=[node.address for node in producers(unit)],
                 files=self._files(unit) if isinstance(unit, Node) else {},
+                remote=unit.remote if isinstance(unit, Node) and record.status == "fetched" else "",
+                usage=dict(record.usage),
+                tries=record.tries,
             )
         )
 
@@ -234,7 +256,7 @@ class _Run:
             status=_status(node),
             key=node.key,
             output=result.output if result and done else None,
-            seconds=result.seconds if result and done else node.seconds,
+            seconds=result.seconds if result and done and node.status != "fetched" else node.seconds,
             line=result.line if result and done else "",
             error=node.error,
             inputs=node.inputs,
@@ -243,6 +265,8 @@ class _Run:
             result=result.digest if result and done else None,
             log=result.log if result and done else node.log,
             blocked_by=tuple(blockers),
+            usage=node.usage,
+            tries=node.tries,
         )
 
     def _close(self, whole: bool) -> RunResult:
@@ -266,8 +290,10 @@ class _Run:
         self.history.save()
         self.store.leaves.save()
         counts: Counter[str] = Counter(record.status for record in result.nodes.values())
-        saved = sum(record.seconds for record in result.nodes.values() if record.status == "cached")
-        self.listen(events.RunFinished(time.time(), result.ok, seconds, dict(counts), saved, interrupted))
+        spared = [node for node in self.scheduler.wiring.nodes.values() if _status(node) in ("cached", "fetched")]
+        saved = sum(node.result.seconds for node in spared if node.result)
+        saved -= sum(node.seconds for node in spared if node.status == "fetched")
+        self.listen(events.RunFinished(time.time(), result.ok, seconds, dict(counts), max(saved, 0.0), interrupted))
 
 
 def blocked_by(failed: Sequence[Unit]) -> dict[str, list[str]]:
@@ -293,7 +319,7 @@ def _readers(root: Unit) -> Iterator[Unit]:
 
 def _status(node: Node) -> events.Status:
     if node.state is State.DONE:
-        return "ran" if node.status == "ran" else "cached"
+        return "ran" if node.status == "ran" else "fetched" if node.status == "fetched" else "cached"
     if node.state is State.FAILED:
         return "failed"
     return "waits" if node.state is State.BLOCKED else "cancelled"

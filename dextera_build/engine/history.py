@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
@@ -27,6 +28,8 @@ class Entry:
     """How long the rule ran [s]."""
     time: float
     """Seconds since the epoch."""
+    usage: Mapping[str, float] = field(default_factory=dict)
+    """What its last run on this machine used; see `usage.Usage`."""
 
 
 class History:
@@ -42,6 +45,7 @@ class History:
         name = digests.of_value([project, recipe])[:16]
         stem = "".join(c if c.isalnum() else "-" for c in recipe)[-40:]
         self._path = store.local / "history" / f"{stem}-{name}.json"
+        self._project = project
         self._entries: dict[str, Entry] | None = None
         self._dirty = False
 
@@ -56,16 +60,31 @@ class History:
     def note(self, address: str, entry: Entry) -> None:
         """Remember a node; one that still has its key stays with the run that gave it that."""
         known = self._load().get(address)
-        if known is None or known.key != entry.key or known.key_document != entry.key_document:
-            self._load()[address] = entry
-            self._dirty = True
+        if known is not None and known.key == entry.key and known.key_document == entry.key_document:
+            if not entry.usage:
+                return
+            entry = replace(known, usage=entry.usage)
+        elif known is not None and not entry.usage:
+            entry = replace(entry, usage=known.usage)
+        self._load()[address] = entry
+        self._dirty = True
+
+    def peak_gb(self, address: str) -> float | None:
+        """Most memory that the last run of a node took [GiB], where that is known."""
+        known = self.get(address)
+        peak = known.usage.get("memory_bytes") if known else None
+        return peak / 2**30 if peak else None
 
     def save(self) -> None:
         """Write it down, all or nothing; a store that cannot be written keeps the old one."""
         if self._dirty:
             rows = {address: list(vars(entry).values()) for address, entry in self._load().items()}
             with suppress(StoreError):
-                files.write(str(self._path), json.dumps({"form": _FORM, "nodes": rows}).encode(), 0o644)
+                files.write(
+                    str(self._path),
+                    json.dumps({"form": _FORM, "project": self._project, "nodes": rows}).encode(),
+                    0o644,
+                )
                 self._dirty = False
 
     def _load(self) -> dict[str, Entry]:

@@ -24,6 +24,8 @@ class Policy:
     """Nothing runs; what would is left in `State.STALE`."""
     project: str = ""
     profile: str = ""
+    peak_gb: Callable[[str], float | None] = lambda address: None
+    """Memory that a node took the last time [GiB], where that is known."""
 
 
 @dataclass
