@@ -11,6 +11,7 @@ import types
 import typing
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, get_args, get_origin
 
@@ -171,7 +172,7 @@ class Rule(Generic[P, R]):
         """First line of the docstring."""
         return (inspect.getdoc(self.function) or "").partition("\n")[0]
 
-    @property
+    @cached_property
     def slots(self) -> dict[str, Slot]:
         """Inputs by name, in order."""
         hints = typing.get_type_hints(self.function, include_extras=True)
@@ -184,18 +185,18 @@ class Rule(Generic[P, R]):
             found[name] = Slot(name, _without_none(annotation), optional)
         return found
 
-    @property
+    @cached_property
     def takes_options(self) -> bool:
         """Whether the function has an `options` parameter."""
         return "options" in inspect.signature(self.function).parameters
 
-    @property
+    @cached_property
     def options(self) -> type[Options]:
         """The options class; an empty one where the rule has none."""
         kind = typing.get_type_hints(self.function).get("options", Options)
         return typing.cast(type[Options], _without_none(kind))
 
-    @property
+    @cached_property
     def returns(self) -> Any:
         """The artifact type that comes out."""
         return typing.get_type_hints(self.function, include_extras=True)["return"]

@@ -172,16 +172,16 @@ def _input(name: str, node: Node) -> InputDecl:
 
 
 def _nodes(node: Node | None, where: Place) -> dict[str, Decl]:
-    found = {name: _node(name, inner, node) for name, inner in _entries(node, "nodes").items() if node is not None}
+    places = node.keys if node is not None and isinstance(node.value, dict) else {}
+    found = {name: _node(name, inner, places[name]) for name, inner in _entries(node, "nodes").items()}
     if not found:
         raise RecipeError("no nodes are declared", code="DXB-R112", where=node.place if node else where)
     return found
 
 
-def _node(name: str, node: Node, parent: Node) -> Decl:
+def _node(name: str, node: Node, place: Place) -> Decl:
     if not isinstance(node.value, dict):
         raise RecipeError(f"the node `{name}` is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
-    place = parent.keys[name]
     kinds = [kind for kind in ("rule", "recipe", "each") if kind in node.value]
     if len(kinds) != 1:
         raise RecipeError(
