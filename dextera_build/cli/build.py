@@ -57,6 +57,7 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
     fingerprint = {
         "dxb": __version__,
         "python": sys.version,
+        "path": sys.path,
         "root": str(project.root),
         "recipe": recipe,
         "targets": targets,
@@ -89,10 +90,12 @@ def _run(
 ) -> int:
     from dextera_build.cli.session import Session, addresses
     from dextera_build.store.cas import MissingBlob
+    from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
 
     session = Session(project, recipe)
     session.store.leaves.watch = watch = Watch()
+    session.store.actions.presence = presence = Presence(str(session.store.root))
     plan = session.plan(options.request(args, project.profile))
     wanted = [address for target in targets for address in addresses(plan.graph, target)]
     if args.check:
@@ -111,7 +114,7 @@ def _run(
         lines = results.place(session, result)
     print("".join(line + "\n" for line in lines), end="")
     if result.ok:
-        fresh.save(project, fingerprint, watch, plan, result, lines)
+        fresh.save(project, fingerprint, watch, presence, plan, result, lines)
     return 0 if result.ok else 1
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import site
+import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,12 +12,12 @@ from dextera_build import digest
 from dextera_build.engine.snapshot import load_if_fresh
 from dextera_build.engine.snapshot import save as save_snapshot
 from dextera_build.store.signature import Watch
-from dextera_build.store.store import Store
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
+    from dextera_build.store.presence import Presence
 
 
 def load(project: Project, fingerprint: Mapping[str, object]) -> tuple[str, tuple[str, ...]] | None:
@@ -29,6 +30,7 @@ def save(
     project: Project,
     fingerprint: Mapping[str, object],
     watch: Watch,
+    presence: Presence,
     plan: Plan,
     result: RunResult,
     lines: list[str],
@@ -45,13 +47,14 @@ def save(
         watch.file(file)
     # A new rule, backend or recipe, an installed or upgraded package: all change the names in a folder.
     stages = [folder for root in project.library.roots for folder in (root.path, *root.path.iterdir())]
-    for folder in (*stages, project.root / "recipes", bundled("recipes"), *map(Path, site.getsitepackages())):
+    for folder in (*stages, project.root / "recipes", bundled("recipes")):
         if folder.is_dir():
             watch.folder(folder)
-    store = Store(project.cache)
-    keys = {record.key for record in result.nodes.values() if record.key is not None}
-    watch.blobs([*outputs, *(file for key in sorted(keys) for file in store.actions.files(key))])
-    save_snapshot(_file(project, fingerprint), dict(fingerprint), watch, [str(len(result.nodes)), *lines])
+    for entry in sys.path:
+        watch.modules(entry or os.getcwd())
+    watch.blobs(outputs)
+    store = (str(project.cache), presence)
+    save_snapshot(_file(project, fingerprint), dict(fingerprint), watch, [str(len(result.nodes)), *lines], store)
 
 
 def _file(project: Project, fingerprint: Mapping[str, object]) -> Path:

@@ -19,6 +19,7 @@ from typing import Any
 from dextera_build import digest as digests
 from dextera_build.store import files, header
 from dextera_build.store.cas import Blobs, MissingBlob, entries
+from dextera_build.store.presence import Presence
 from dextera_build.store.reapi import OutputFile, decode, encode
 
 _RESULT = "result.json"
@@ -95,6 +96,8 @@ class Actions:
         self._base = f"{root}/"
         self._workshop = f"{root}/{files.TEMPORARY}"
         self._blobs = blobs
+        self.presence: Presence | None = None
+        """When set, every file that a result stands on is noted there."""
         self._direct: dict[str, tuple[list[str], list[str]]] = {}
 
     def get(self, key: str) -> ActionResult | None:
@@ -108,7 +111,10 @@ class Actions:
                 if size is not None:
                     self._blobs.verify(file.digest)
                 return None
-        return self._result(outputs)
+        result = self._result(outputs)
+        if result is not None and self.presence is not None:
+            self.presence.note(key, outputs)
+        return result
 
     def put(self, key: str, result: ActionResult) -> str:
         """Store the result of `key` after all that it needs, and return the digest of its `result.json`.
@@ -121,6 +127,8 @@ class Actions:
         self._blobs.put(result.document)
         outputs = [*self._needs(result), OutputFile(_RESULT, result.digest, len(result.document), result.document)]
         files.write(self._file(key), encode(outputs), workshop=self._workshop)
+        if self.presence is not None:
+            self.presence.note(key, outputs)
         return result.digest
 
     def files(self, key: str) -> list[Path]:

@@ -1,0 +1,121 @@
+"""Which files of a store a build relies on, and whether they are still there, without a look at each.
+
+A folder's time stamp moves when a name in it comes or goes, so as long as the folder `cas/ab` is as it was, nothing in it
+was deleted. Only where it moved, or where the machine was started anew since (a power cut leaves short files), each file
+is looked at.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import defaultdict
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import TYPE_CHECKING, TypeAlias
+
+from dextera_build.store import signature
+
+if TYPE_CHECKING:
+    from dextera_build.store.reapi import OutputFile
+
+_ROW = 40
+"""32 bytes of digest, 8 of size."""
+_ANY = b"\xff" * 8
+"""Stands for any size."""
+Shards: TypeAlias = dict[str, list[int]]
+"""Folder below the store's root, `cas/ab` -> [time stamp (0: too young to be trusted), inode, first row, end of rows]."""
+
+
+class Presence:
+    """Collects files of one store.
+
+    Args:
+        root: The store's folder.
+    """
+
+    def __init__(self, root: str) -> None:
+        self._root = root
+        self._rows: dict[str, set[bytes]] = defaultdict(set)
+
+    def note(self, key: str, needs: Iterable[OutputFile]) -> None:
+        """Rely on the result of a key and on all that it needs."""
+        self._rows[f"ac/{key[:2]}"].add(bytes.fromhex(key) + _ANY)
+        for file in needs:
+            digest = file.digest
+            self._rows[f"cas/{digest[:2]}"].add(bytes.fromhex(digest) + file.size.to_bytes(8, "big"))
+
+    def freeze(self) -> tuple[Shards, bytes] | None:
+        """The folders as they are now and the files in them, or None where a file is gone already."""
+        shards: Shards = {}
+        parts: list[bytes] = []
+        place = 0
+        for shard in sorted(self._rows):
+            rows = self._rows[shard]
+            found = look(self._root, shard)
+            names = frozenset(_names(f"{self._root}/{shard}"))
+            if found is None or not all(row.hex()[2:64] in names for row in rows):
+                return None
+            shards[shard] = [*found, place, place + len(rows)]
+            place += len(rows)
+            parts.extend(sorted(rows))
+        return shards, b"".join(parts)
+
+    def thaw(self, shards: Shards, rows: bytes) -> None:
+        """Rely on what `freeze` gave, too."""
+        for shard, (_, _, first, end) in shards.items():
+            self._rows[shard].update(rows[place * _ROW : (place + 1) * _ROW] for place in range(first, end))
+
+
+def look(root: str, shard: str) -> tuple[int, int] | None:
+    """(time stamp, or 0 where it is too young to be trusted; inode) of a folder of the store, None where it is gone."""
+    now = time.time_ns()
+    try:
+        state = os.stat(f"{root}/{shard}")
+    except OSError:
+        return None
+    seen = signature.of(state)
+    return (0 if signature.is_racy(seen, now) else seen[0], seen[3])
+
+
+def moved(root: str, shards: Shards) -> list[str]:
+    """The folders that are not what they were, or that were too young to be trusted."""
+    found = []
+    for shard, row in shards.items():
+        if row[0]:
+            with suppress(OSError):
+                state = os.stat(f"{root}/{shard}")
+                if state.st_mtime_ns == row[0] and state.st_ino == row[1]:
+                    continue
+        found.append(shard)
+    return found
+
+
+def whole(root: str, rows: bytes, shard: str, row: list[int]) -> bool:
+    """Whether every file that is relied on in a folder is there with its size."""
+    stat, folder = os.stat, f"{root}/{shard}/"
+    try:
+        for place in range(row[2] * _ROW, row[3] * _ROW, _ROW):
+            name = folder + rows[place + 1 : place + 32].hex()
+            size, known = stat(name).st_size, rows[place + 32 : place + 40]
+            if known not in (_ANY, size.to_bytes(8, "big")):
+                return False
+    except OSError:
+        return False
+    return True
+
+
+def boot() -> str:
+    """Names the time since the machine was started; "" where the system does not say."""
+    try:
+        with open("/proc/sys/kernel/random/boot_id") as file:
+            return file.read().strip()
+    except OSError:
+        return ""
+
+
+def _names(folder: str) -> list[str]:
+    try:
+        return os.listdir(folder)
+    except OSError:
+        return []
