@@ -73,7 +73,7 @@ class Context:
 
     Args:
         backend: The chosen backend's module, or None for a rule without backends.
-        scratch: A folder of this call alone, removed afterwards.
+        scratch: A folder of this call alone, removed afterwards; or what makes it when it is asked for.
         emit: Takes (kind, data) as it happens: `progress`, `log`.
         keep: See the property `keep`; None is a folder below `scratch`.
     """
@@ -82,15 +82,20 @@ class Context:
         self,
         backend: Any = None,
         *,
-        scratch: Path,
+        scratch: Path | Callable[[], Path],
         emit: Callable[[str, Mapping[str, object]], None] | None = None,
         keep: Path | None = None,
     ) -> None:
         self.backend = backend
-        self.scratch = scratch
+        self._scratch = scratch
         self.outcome = Outcome()
         self._emit = emit or (lambda kind, data: None)
-        self._keep = keep or scratch / "keep"
+        self._keep = keep
+
+    @cached_property
+    def scratch(self) -> Path:
+        """A folder of this call alone, removed afterwards."""
+        return self._scratch if isinstance(self._scratch, Path) else self._scratch()
 
     @property
     def keep(self) -> Path:
@@ -100,8 +105,9 @@ class Context:
         return the bytes that it would have returned in one go. A kill may come at any moment, so write a file aside and
         rename it.
         """
-        self._keep.mkdir(parents=True, exist_ok=True)
-        return self._keep
+        folder = self._keep or self.scratch / "keep"
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
 
     def check(self, holds: bool, message: str, *, hint: str | None = None, **facts: object) -> None:
         """A post-condition: nothing is published where it does not hold.

@@ -17,6 +17,7 @@ import json
 import types
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Generic, Self, TypeVar, Union, get_args, get_origin
 
@@ -182,6 +183,7 @@ class Folder(Artifact):
         return written
 
 
+@cache
 def array_specs(kind: type[BaseModel]) -> dict[str, Array]:
     """Field -> declared array form, for the array fields of `kind`."""
     return {

@@ -40,6 +40,7 @@ class EventLog:
         self.lost = 0
         self._told: dict[str, float] = {}
         self._descriptor = -1
+        self._size = 0
         folder = store.root / "runs"
         try:
             folder.mkdir(exist_ok=True)
@@ -56,13 +57,15 @@ class EventLog:
         """Append one event; of a node's progress no more than what a second brings."""
         if self._descriptor < 0 or self._is_told(event):
             return
-        size = os.fstat(self._descriptor).st_size
+        line = event.to_line().encode() + b"\n"
         try:
-            files.write_all(self._descriptor, event.to_line().encode() + b"\n")
+            files.write_all(self._descriptor, line)
         except OSError:
             self.lost += 1
             with suppress(OSError):
-                os.ftruncate(self._descriptor, size)  # a torn line would spoil the next one
+                os.ftruncate(self._descriptor, self._size)  # a torn line would spoil the next one
+        else:
+            self._size += len(line)
 
     def __enter__(self) -> Self:
         return self

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -11,7 +12,7 @@ from pathlib import Path
 from dextera_build.errors import StoreError
 from dextera_build.store import files
 
-_HEX = frozenset("0123456789abcdef")
+_DIGEST = re.compile(r"[0-9a-f]{64}", re.ASCII)
 
 
 class MissingBlob(StoreError):  # noqa: N818 - says what it found
@@ -155,7 +156,7 @@ class Blobs:
 
 def is_digest(text: str) -> bool:
     """Whether `text` is written as digests are: 64 lower-case hex digits."""
-    return len(text) == 64 and _HEX.issuperset(text)
+    return _DIGEST.fullmatch(text) is not None
 
 
 class _ChangedError(StoreError):

@@ -109,10 +109,13 @@ class Watch:
 
     def settled(self) -> bool:
         """Whether every file is what it was at the first look, and none may change without a trace."""
-        return all(
-            look(path) == known and (known is None or not is_racy(known, self.started_ns))
-            for path, known in self.files.items()
-        ) and self._listed()
+        return (
+            all(
+                look(path) == known and (known is None or not is_racy(known, self.started_ns))
+                for path, known in self.files.items()
+            )
+            and self._listed()
+        )
 
     def _listed(self) -> bool:
         return all(names(path) == known for path, known in self.folders.items()) and all(
