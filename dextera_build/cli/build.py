@@ -86,35 +86,47 @@ def _say_nothing_ran(project: Project, recipe: str, nodes: str, seconds: float) 
 
 
 def _run(
-    args: argparse.Namespace, project: Project, recipe: str, targets: list[str], fingerprint: dict[str, object]
+    args: argparse.Namespace,
+    project: Project,
+    recipe: str,
+    targets: list[str],
+    fingerprint: dict[str, object],
+    *,
+    whole: bool = False,
 ) -> int:
+    from dextera_build.cli import execution, fresh, results
     from dextera_build.cli.session import Session, addresses
+    from dextera_build.engine.graph import Plan
     from dextera_build.store.cas import MissingBlob
     from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
 
     session = Session(project, recipe)
-    session.store.leaves.watch = watch = Watch()
-    session.store.actions.presence = presence = Presence(str(session.store.root))
-    plan = session.plan(options.request(args, project.profile))
+    seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
+    session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
+    quick = not (whole or args.force or args.check or project.config["console"].value == "jsonl")
+    near = fresh.near(project, fingerprint) if quick else None
+    plan = Plan(near.known.graph, ()) if near else session.plan(options.request(args, project.profile))
     wanted = [address for target in targets for address in addresses(plan.graph, target)]
     if args.check:
         return _check(session, plan, wanted)
     _refuse_unknown_force(args.force, plan)
-    from dextera_build.cli import execution, fresh, results
-
-    result = execution.execute(session, plan, wanted, args)
+    result = execution.execute(session, plan, wanted, args, near.known if near else None)
     try:
         lines = results.place(session, result)
     except StoreError as error:
         if error.code != MissingBlob.CODE:
             raise
+        if near is not None:
+            return _run(args, project, recipe, targets, fingerprint, whole=True)
         # A blob was damaged on disk; it has been put aside, so building again makes it anew.
         result = execution.execute(session, plan, wanted, args)
         lines = results.place(session, result)
     print("".join(line + "\n" for line in lines), end="")
-    if result.ok:
-        fresh.save(project, fingerprint, watch, presence, plan, result, lines)
+    if result.ok and near is not None:
+        fresh.renew(project, fingerprint, seen, near, lines)
+    elif result.ok:
+        fresh.save(project, fingerprint, seen, plan, result, lines)
     return 0 if result.ok else 1
 
 

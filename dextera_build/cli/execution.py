@@ -16,12 +16,15 @@ from dextera_build.engine.graph import Address
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
+    from dextera_build.engine.known import Known
     from dextera_build.recipe.plan import Plan
 
 RUNNER = "dextera_build.runner:run_task"
 
 
-def execute(session: Session, plan: Plan, wanted: Sequence[Address], args: argparse.Namespace) -> RunResult:
+def execute(
+    session: Session, plan: Plan, wanted: Sequence[Address], args: argparse.Namespace, known: Known | None = None
+) -> RunResult:
     """Build `wanted` and return what became of every node."""
     from dextera_build.engine.eventlog import EventLog
     from dextera_build.engine.execute import RunInfo, build
@@ -46,6 +49,7 @@ def execute(session: Session, plan: Plan, wanted: Sequence[Address], args: argpa
             info=RunInfo(log.run, str(project.root), project.profile, __version__, tuple(sys.argv[1:])),
             keep_going=args.keep_going,
             force=force,
+            known=known,
         )
     if log.lost:
         print(f"the disk is full: {log.lost} events of run {log.run} are not in its log", file=sys.stderr)

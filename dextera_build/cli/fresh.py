@@ -5,56 +5,128 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build import digest
-from dextera_build.engine.snapshot import load_if_fresh
-from dextera_build.engine.snapshot import save as save_snapshot
-from dextera_build.store.signature import Watch
+from dextera_build.engine import snapshot
+from dextera_build.errors import StoreError
+
+_DEEPEST = 30
+"""After so many builds that went on from one another comes one that looks at everything: its log stands alone."""
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
+    from dextera_build.engine.known import Known
+    from dextera_build.engine.snapshot import Stale
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
     from dextera_build.store.presence import Presence
+    from dextera_build.store.signature import Watch
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a build looks at."""
+
+    watch: Watch
+    presence: Presence
+
+
+@dataclass(frozen=True)
+class Near:
+    """A build to go on from."""
+
+    stale: Stale
+    known: Known
 
 
 def load(project: Project, fingerprint: Mapping[str, object]) -> tuple[str, tuple[str, ...]] | None:
     """How many nodes the same request had and the lines that it printed, if nothing it saw has changed since."""
-    found = load_if_fresh(_file(project, fingerprint), dict(fingerprint))
+    found = snapshot.load_if_fresh(_file(project, fingerprint), dict(fingerprint))
     return (found.lines[0], found.lines[1:]) if found else None
 
 
 def save(
-    project: Project,
-    fingerprint: Mapping[str, object],
-    watch: Watch,
-    presence: Presence,
-    plan: Plan,
-    result: RunResult,
-    lines: list[str],
+    project: Project, fingerprint: Mapping[str, object], seen: Seen, plan: Plan, result: RunResult, lines: list[str]
 ) -> None:
     """Remember a build that went well.
 
-    A file that was changed after `watch` was made keeps the snapshot from being written, so it may be noted here.
+    A file that was changed after `seen` was made keeps the snapshot from being written, so it may be noted here.
     """
+    from dextera_build.engine import known
     from dextera_build.loader import bundled
 
     outputs = [Path(line.partition("\t")[2]).absolute() for line in lines]
     configuration = [project.root / name for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml")]
-    for file in (*plan.recipes, *project.library.code.files(), *configuration):
+    watch, path = seen.watch, _file(project, fingerprint)
+    fixed = [os.fspath(file) for file in (*plan.recipes, *project.library.code.files(), *configuration)]
+    for file in fixed:
         watch.file(file)
+    fixed_folders = []
     # A new rule, backend or recipe, an installed or upgraded package: all change the names in a folder.
     stages = [folder for root in project.library.roots for folder in (root.path, *root.path.iterdir())]
     for folder in (*stages, project.root / "recipes", bundled("recipes")):
         if folder.is_dir():
             watch.folder(folder)
+            fixed_folders.append(os.fspath(folder))
     for entry in sys.path:
         watch.modules(entry or os.getcwd())
     watch.blobs(outputs)
-    store = (str(project.cache), presence)
-    save_snapshot(_file(project, fingerprint), dict(fingerprint), watch, [str(len(result.nodes)), *lines], store)
+    store = (str(project.cache), seen.presence)
+    snapshot.forget(path)
+    assert result.wiring is not None
+    with suppress(StoreError):
+        if not known.write(path, plan.graph, result.wiring, result.run):
+            snapshot.forget(path.with_suffix(".plan"))
+    more = {"fixed": [*fixed, *fixed_folders], "nodes": str(len(result.nodes))}
+    snapshot.save(path, dict(fingerprint), watch, [str(len(result.nodes)), *lines], store, more)
+
+
+def near(project: Project, fingerprint: Mapping[str, object]) -> Near | None:
+    """What the last build of the same request knew, if nothing changed since but files that nodes read."""
+    from dextera_build.engine import known
+
+    path = _file(project, fingerprint)
+    stale = snapshot.load_if_near(path, dict(fingerprint))
+    if stale is None or not set(stale.changed).isdisjoint(stale.head["fixed"]):
+        return None
+    try:
+        found = known.read(path)
+    except (OSError, ValueError, KeyError, TypeError, IndexError):
+        return None
+    tops = {_leaf_of(name, found.head["leaves"]) for name in stale.changed}
+    if found.depth >= _DEEPEST or not (project.cache / "runs" / found.run).is_dir():
+        return None
+    if not all(top is not None and _is_whole(top, stale.head) for top in tops) or not found.spread(map(str, tops)):
+        return None
+    return Near(stale, found)
+
+
+def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near: Near, lines: list[str]) -> None:
+    """Remember a build that went on from another."""
+    path = _file(project, fingerprint)
+    seen.watch.blobs(Path(line.partition("\t")[2]).absolute() for line in lines)
+    with suppress(StoreError, OSError):
+        near.known.write_state(path)
+        snapshot.renew(path, near.stale, seen.watch, [near.stale.head["nodes"], *lines], seen.presence)
+
+
+def _leaf_of(name: str, leaves: Mapping[str, object]) -> str | None:
+    """The declared file or folder that a watched one is or lies in."""
+    while name not in leaves:
+        above = os.path.dirname(name)
+        if above == name:
+            return None
+        name = above
+    return name
+
+
+def _is_whole(leaf: str, head: Mapping[str, Mapping[str, object]]) -> bool:
+    """Whether a declared file is a file still, and a folder a folder: the plan depends on that."""
+    return os.path.isdir(leaf) if leaf in head["folders"] else os.path.isfile(leaf)
 
 
 def _file(project: Project, fingerprint: Mapping[str, object]) -> Path:

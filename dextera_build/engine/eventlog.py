@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from dextera_build.engine.events import Event, NodeProgress
+from dextera_build.engine.events import Event, NodeFinished, NodeProgress, NodesKept
 from dextera_build.errors import UsageError, listing
 from dextera_build.store import files, space
 from dextera_build.store.store import Store
@@ -103,7 +103,12 @@ def read(store: Store, run: str) -> list[dict[str, Any]]:
     Raises:
         UsageError: There is no such run.
     """
-    return list(_events(store, run))
+    found = list(_events(store, run))
+    place = next((place for place, event in enumerate(found) if event["event"] == NodesKept.kind), None)
+    if place is None:
+        return found
+    own = {event["node"] for event in found if event["event"] == NodeFinished.kind}
+    return [*found[:place], *_kept(store, found[place], own), *found[place + 1 :]]
 
 
 def latest(store: Store, recipe: str | None = None) -> str | None:
@@ -130,6 +135,24 @@ def _events(store: Store, run: str) -> Iterator[dict[str, Any]]:
                 facts={"runs": listing(runs(store)[-12:])},
                 hint="dxb ls runs",
             ) from None
+
+
+def _kept(store: Store, kept: dict[str, Any], own: set[str]) -> list[dict[str, Any]]:
+    """What older logs say of the nodes that a run did not look at."""
+    said: dict[str, dict[str, Any]] = {}
+    run: str | None = kept["run"]
+    while run:
+        following = None
+        with suppress(UsageError):
+            for event in _events(store, run):
+                if event["event"] == NodeFinished.kind and event["node"] not in own:
+                    said.setdefault(event["node"], {})
+                    said[event["node"]] = event if event["output"] else said[event["node"]]
+                elif event["event"] == NodesKept.kind:
+                    following = event["run"]
+        own |= said.keys()
+        run = following
+    return [{**event, "status": "cached", "time": kept["time"]} for event in said.values() if event]
 
 
 def _allocate(folder: Path) -> str:

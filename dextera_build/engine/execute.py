@@ -13,12 +13,15 @@ from dextera_build.engine import events
 from dextera_build.engine.events import Listener
 from dextera_build.engine.graph import Address, Graph, Leaf, Pack
 from dextera_build.engine.history import Entry, History
+from dextera_build.engine.known import Known, is_stub
 from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.reach import leaves, reach
+from dextera_build.engine.records import Kept, NodeRecord
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Node, Opening, Unit, producers
+from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError
 from dextera_build.store.store import Store
 
@@ -38,30 +41,6 @@ class RunInfo:
 
 
 @dataclass(frozen=True)
-class NodeRecord:
-    """What became of one node."""
-
-    status: events.Status
-    key: str | None
-    output: str | None
-    """Digest of the output's header."""
-    seconds: float
-    """How long it ran [s], in this run or, for a cached one, when it was made."""
-    line: str
-    error: DxbError | None
-    inputs: Mapping[str, str]
-    """Slot -> digest."""
-    rule: str = ""
-    backend: str | None = None
-    result: str | None = None
-    """Digest of its `result.json`."""
-    log: str | None = None
-    """Digest of what it printed, also when it failed."""
-    blocked_by: tuple[str, ...] = ()
-    """Addresses of the failed nodes that it waits for."""
-
-
-@dataclass(frozen=True)
 class RunResult:
     """What became of a run."""
 
@@ -71,6 +50,10 @@ class RunResult:
     """Address -> record, in the order in which the run came to them."""
     targets: tuple[str, ...]
     """Addresses of the nodes that were asked for, every copy by itself."""
+    run: str = ""
+    """Id of the run."""
+    wiring: Wiring | None = field(default=None, repr=False, compare=False)
+    """What the run was made of."""
     errors: Mapping[str, DxbError] = field(default_factory=dict)
     """Address of a group, collection or target that failed without being a node -> why."""
 
@@ -86,6 +69,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     keep_going: bool = False,
     force: frozenset[str] = frozenset(),
     only: frozenset[str] | None = None,
+    known: Known | None = None,
 ) -> RunResult:
     """Bring targets up to date.
 
@@ -99,6 +83,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
         keep_going: After a failure go on with everything that does not depend on it.
         force: Addresses (`body[mug].mesh`, or `body.mesh` for every copy) that run although they are cached.
         only: Addresses that may run; a stale node outside fails with a `StaleError`. None: all may.
+        known: What the last build of the same request found, with what changed since; `graph` is its graph.
 
     Raises:
         UsageError: A target names nothing.
@@ -107,7 +92,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     """
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
     info = info or RunInfo()
-    policy = Policy(keep_going, force, only, project=info.project, profile=info.profile)
+    policy = Policy(keep_going, force, only, known=known, project=info.project, profile=info.profile)
     return _Run(graph, store, executor, policy, listen, info).run(wanted)
 
 
@@ -119,15 +104,18 @@ class _Run:
         self.history = History(store, graph.name, info.project)
         hooks = Hooks(self._sized, self._opened, self._started, self._said, self._settled, self._broken)
         self.scheduler = Scheduler(graph, store, executor, policy, hooks)
+        self.known = policy.known
+        self.history.lean = self.known is not None
         self.errors: dict[str, DxbError] = {}
         self.members: Counter[tuple[str, ...]] = Counter()
         """Group, or () for the root -> how many of its calls the targets need."""
 
     def run(self, targets: list[Address]) -> RunResult:
-        self.members = Counter(path[:-1] for path in reach(self.graph, targets))
-        # What is missing is said before an hour of work, not after.
-        for leaf in leaves(self.graph, targets):
-            self.scheduler.wiring.leaf(leaf)
+        if self.known is None:
+            self.members = Counter(path[:-1] for path in reach(self.graph, targets))
+            # What is missing is said before an hour of work, not after.
+            for leaf in leaves(self.graph, targets):
+                self.scheduler.wiring.leaf(leaf)
         began = time.monotonic()
         self._announce(targets)
         interrupted = whole = False
@@ -147,7 +135,11 @@ class _Run:
         return result
 
     def _announce(self, targets: list[Address]) -> None:
-        groups = {path[:depth] for path in self.members for depth in range(1, len(path) + 1)}
+        groups = len({path[:depth] for path in self.members for depth in range(1, len(path) + 1)})
+        if self.known is not None:
+            calls, groups = self.known.head["calls"], self.known.head["groups"]
+        else:
+            calls = self.members.total()
         self.listen(
             events.RunStarted(
                 time=time.time(),
@@ -156,11 +148,13 @@ class _Run:
                 targets=[str(target) for target in targets],
                 profile=self.info.profile,
                 dxb=self.info.dxb,
-                calls=self.members.total(),
-                groups=len(groups),
+                calls=calls,
+                groups=groups,
                 argv=list(self.info.argv),
             )
         )
+        if self.known is not None and self.known.kept:
+            self.listen(events.NodesKept(time.time(), self.known.run, self.known.kept))
 
     def _sized(self, nodes: int, unopened: int) -> None:
         self.listen(events.RunSized(time.time(), nodes, unopened))
@@ -170,8 +164,8 @@ class _Run:
         self.listen(events.GroupOpened(time.time(), unit.address, labels, self.members[unit.path] * len(labels)))
 
     def _started(self, node: Node) -> None:
-        rule, last = node.call.rule, self.history.get(node.address)
-        seconds = last.seconds if last else None
+        rule, last = node.call.rule, None if self.known else self.history.get(node.address)
+        seconds = self.known.took(node.address) if self.known else last.seconds if last else None
         self.listen(events.NodeStarted(time.time(), node.address, rule.path, rule.backend, node.key or "", seconds))
 
     def _said(self, node: Node, kind: str, data: Any) -> None:
@@ -183,7 +177,8 @@ class _Run:
 
     def _settled(self, node: Node) -> None:
         record = self._record(node)
-        if record.result is not None and node.result is not None and record.key is not None:
+        new = self.known is None or self.known.key(node.address) != record.key
+        if record.result is not None and node.result is not None and record.key is not None and new:
             entry = Entry(record.key, node.result.key_document, self.info.run, record.seconds, time.time())
             self.history.note(node.address, entry)
         self._tell(node, record)
@@ -252,6 +247,8 @@ class _Run:
         blockers = blocked_by(scheduler.failed)
         records = {}
         for node in scheduler.wiring.nodes.values():
+            if is_stub(node):
+                continue
             known = node.state in (State.DONE, State.FAILED)
             if node.state not in (State.DONE, State.FAILED, State.BLOCKED):
                 scheduler.states.set(node, State.CANCELLED)
@@ -260,13 +257,20 @@ class _Run:
                 self._tell(node, record)
         ok = whole and all(wish.state is State.DONE for wish in scheduler.wishes)
         asked = [node.address for wish in scheduler.wishes for node in wish.nodes.values()]
-        return RunResult(ok, records, tuple(dict.fromkeys(asked)), self.errors)
+        nodes = Kept(records, self.known, self.store) if self.known else records
+        return RunResult(ok, nodes, tuple(dict.fromkeys(asked)), self.info.run, scheduler.wiring, self.errors)
 
     def _finish(self, result: RunResult, seconds: float, interrupted: bool) -> None:
+        if self.known is not None and result.ok:
+            self.known.learn(self.scheduler.wiring, self.info.run)
         self.history.save()
         self.store.leaves.save()
-        counts: Counter[str] = Counter(record.status for record in result.nodes.values())
-        saved = sum(record.seconds for record in result.nodes.values() if record.status == "cached")
+        own = result.nodes.own if isinstance(result.nodes, Kept) else result.nodes
+        counts: Counter[str] = Counter(record.status for record in own.values())
+        saved = sum(record.seconds for record in own.values() if record.status == "cached")
+        if self.known is not None and len(result.nodes) > len(own):
+            counts["cached"] += len(result.nodes) - len(own)
+            saved += sum(self.known.seconds) - sum(self.known.took(address) or 0.0 for address in own)
         self.listen(events.RunFinished(time.time(), result.ok, seconds, dict(counts), saved, interrupted))
 
 

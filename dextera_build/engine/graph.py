@@ -130,6 +130,14 @@ class Graph:
                 stack += [((*address, name), inner) for name, inner in reversed(list(member.members.items()))]
 
 
+@dataclass(frozen=True)
+class Plan:
+    """The graph, and every file that planning read."""
+
+    graph: Graph
+    recipes: tuple[Path, ...]
+
+
 def node_address(call: tuple[str, ...], labels: tuple[str, ...]) -> str:
     """`body[mug].mesh` from ("body", "mesh") and ("mug",): one label per enclosing group."""
     parts = [f"{name}[{label}]" for name, label in zip(call[:-1], labels, strict=True)]

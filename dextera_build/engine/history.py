@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
@@ -42,8 +44,12 @@ class History:
         name = digests.of_value([project, recipe])[:16]
         stem = "".join(c if c.isalnum() else "-" for c in recipe)[-40:]
         self._path = store.local / "history" / f"{stem}-{name}.json"
+        self._more = self._path.with_suffix(".more.json")
+        self._fresh: dict[str, Entry] = {}
         self._entries: dict[str, Entry] | None = None
         self._dirty = False
+        self.lean = False
+        """Write what is new beside what is known, so that a small build need not read all of it."""
 
     def get(self, address: str) -> Entry | None:
         """The entry of a node, or None where it was never made here."""
@@ -55,6 +61,9 @@ class History:
 
     def note(self, address: str, entry: Entry) -> None:
         """Remember a node; one that still has its key stays with the run that gave it that."""
+        if self.lean and self._entries is None:
+            self._fresh[address] = entry
+            return
         known = self._load().get(address)
         if known is None or known.key != entry.key or known.key_document != entry.key_document:
             self._load()[address] = entry
@@ -62,17 +71,30 @@ class History:
 
     def save(self) -> None:
         """Write it down, all or nothing; a store that cannot be written keeps the old one."""
-        if self._dirty:
-            rows = {address: list(vars(entry).values()) for address, entry in self._load().items()}
-            with suppress(StoreError):
-                files.write(str(self._path), json.dumps({"form": _FORM, "nodes": rows}).encode(), 0o644)
-                self._dirty = False
+        if self._fresh:
+            self._write(self._more, {**self._read(self._more), **self._fresh})
+        elif self._dirty and self._write(self._path, self._load()):
+            self._dirty = False
+            self._more.unlink(missing_ok=True)
 
     def _load(self) -> dict[str, Entry]:
         if self._entries is None:
-            self._entries = {}
-            with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-                stored = json.loads(files.read(str(self._path)))
-                if stored["form"] == _FORM:
-                    self._entries = {address: Entry(*row) for address, row in stored["nodes"].items()}
+            more = self._read(self._more)
+            self._entries = {**self._read(self._path), **more, **self._fresh}
+            self._dirty = self._dirty or bool(more)
         return self._entries
+
+    def _read(self, path: Path) -> dict[str, Entry]:
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+            stored = json.loads(files.read(str(path)))
+            if stored["form"] == _FORM:
+                return {address: Entry(*row) for address, row in stored["nodes"].items()}
+        return {}
+
+    def _write(self, path: Path, entries: Mapping[str, Entry]) -> bool:
+        rows = {address: list(vars(entry).values()) for address, entry in entries.items()}
+        try:
+            files.write(str(path), json.dumps({"form": _FORM, "nodes": rows}).encode(), 0o644)
+        except StoreError:
+            return False
+        return True

@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -37,6 +38,15 @@ class Snapshot:
     """The lines of the result."""
 
 
+@dataclass(frozen=True)
+class Stale:
+    """A snapshot of which only files changed that nodes read."""
+
+    head: dict[str, Any]
+    changed: tuple[str, ...]
+    """Files and folders that are not what they were."""
+
+
 def load_if_fresh(path: Path, request: Mapping[str, object]) -> Snapshot | None:
     """The snapshot at `path`, if it answers `request` and no file that it rests on has changed."""
     try:
@@ -54,6 +64,7 @@ def save(
     watch: Watch,
     lines: Sequence[str],
     store: tuple[str, Presence] | None = None,
+    more: Mapping[str, object] | None = None,
 ) -> bool:
     """Write a snapshot, all or nothing.
 
@@ -63,16 +74,17 @@ def save(
         watch: What was read, noted before it was read.
         lines: The answer.
         store: The store's folder, and what of it the answer relies on.
+        more: Further data for the head.
 
     Returns:
         False where it was not written: a file was not at rest, or the store cannot be written. Then there is none.
     """
-    with suppress(OSError):
-        path.unlink()
+    forget(path)
     frozen = store[1].freeze() if store else ({}, b"")
     if frozen is None or not watch.settled():
         return False
     head = {
+        **(more or {}),
         "form": _FORM,
         "request": request,
         "lines": list(lines),
@@ -83,7 +95,7 @@ def save(
         "store": store[0] if store else "",
         "boot": presence.boot(),
         "shards": frozen[0],
-        "rows": hashlib.sha256(frozen[1]).hexdigest(),
+        "rows": digest_of(frozen[1]),
     }
     try:
         files.write(f"{path}.rows", frozen[1], 0o644)
@@ -91,6 +103,62 @@ def save(
     except StoreError:
         return False
     return True
+
+
+def forget(path: Path) -> None:
+    """There is no snapshot any more."""
+    with suppress(OSError):
+        path.unlink()
+
+
+def load_if_near(path: Path, request: Mapping[str, object]) -> Stale | None:
+    """The snapshot at `path` with the files that changed, if it answers `request` and its store is whole."""
+    try:
+        head = read_head(path)
+        if head["request"] != json.loads(json.dumps(request)) or not is_present(path, head):
+            return None
+        if any(signature.modules(name) != known for name, known in head["paths"].items()):
+            return None
+        changed = [name for name, known in head["files"].items() if list(signature.look(name) or ()) != (known or [])]
+        changed += [name for name, known in head["folders"].items() if signature.names(name) != known]
+        return Stale(head, tuple(changed))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
+        return None
+
+
+def renew(path: Path, stale: Stale, watch: Watch, lines: Sequence[str], presence_: Presence) -> bool:
+    """Write a snapshot again after a build that went on from it.
+
+    Args:
+        path: Where to.
+        stale: What was there.
+        watch: What was read this time, noted before it was read.
+        lines: The answer.
+        presence_: What of the store was found or made this time.
+
+    Returns:
+        False where it was not written; then the old one stands, and the next build sees the same changes.
+    """
+    head = stale.head
+    rows = files.read(f"{path}.rows")
+    extended = presence_.extend(head["shards"], rows) if digest_of(rows) == head["rows"] else None
+    if extended is None or not watch.settled():
+        return False
+    head.update(lines=list(lines), present=watch.present, shards=extended[0], rows=digest_of(extended[1]))
+    for kind, found in (("files", watch.files), ("folders", watch.folders)):
+        head[kind] = {name: known for name, known in head[kind].items() if name not in stale.changed} | found
+    try:
+        if extended[1] != rows:
+            files.write(f"{path}.rows", extended[1], 0o644)
+        _write(path, head)
+    except StoreError:
+        return False
+    return True
+
+
+def digest_of(rows: bytes) -> int:
+    """What shows damage of rows."""
+    return zlib.crc32(rows)
 
 
 def read_head(path: Path) -> dict[str, Any]:
@@ -122,7 +190,7 @@ def is_present(path: Path, head: dict[str, Any]) -> bool:
     if not late:
         return True
     rows = files.read(f"{path}.rows")
-    if hashlib.sha256(rows).hexdigest() != head["rows"]:
+    if digest_of(rows) != head["rows"]:
         return False
     renewed = dict(shards)
     for shard in late:

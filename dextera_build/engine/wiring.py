@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path as FilePath
 
 from dextera_build.engine.graph import Address, Gather, Graph, Input, Item, Leaf, Output, Pack, node_address, parts_of
+from dextera_build.engine.known import Known
 from dextera_build.engine.reach import copy_of, group_at
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Labels, Link, Node, Opening, Packing, Path, Unit
@@ -19,10 +20,12 @@ class Wiring:
     Args:
         graph: The plan.
         digest_leaf: Puts a file or folder into the store and returns its artifact's digest.
+        known: What the last build found; units that it knows are done at once.
     """
 
-    def __init__(self, graph: Graph, digest_leaf: Callable[[FilePath], str]) -> None:
+    def __init__(self, graph: Graph, digest_leaf: Callable[[FilePath], str], known: Known | None = None) -> None:
         self.graph = graph
+        self.known = known
         self.nodes: dict[tuple[Path, Labels], Node] = {}
         self.openings: dict[tuple[Path, Labels], Opening] = {}
         self.fresh: deque[Unit] = deque()
@@ -44,7 +47,7 @@ class Wiring:
             call = copy_of(self.graph, path, labels)
             unit = Node(address=node_address(path, labels), path=path, labels=labels, call=call)
             self.nodes[path, labels] = unit
-            self.fresh.append(unit)
+            self._welcome(unit)
         return unit
 
     def opening(self, path: Path, labels: Labels) -> Opening:
@@ -54,8 +57,16 @@ class Wiring:
             group = group_at(self.graph, path)
             unit = Opening(address=node_address(path, labels), path=path, labels=labels, group=group)
             self.openings[path, labels] = unit
-            self.fresh.append(unit)
+            self._welcome(unit)
         return unit
+
+    def gatherings(self) -> Iterable[Gathering]:
+        """All collections of copies; what targets ask for is not among them."""
+        return self._gatherings.values()
+
+    def count(self) -> int:
+        """How many nodes there are, as far as is known."""
+        return len(self.nodes) + (self.known.kept - self.known.stubs if self.known else 0)
 
     def leaf(self, leaf: Leaf) -> str:
         """Digest of a file or folder; one look a run.
@@ -154,8 +165,12 @@ class Wiring:
                 address=address, path=source.call, labels=labels[:shared], collect=True, fields=source.fields
             )
             self._gatherings[place] = unit
-            self.fresh.append(unit)
+            self._welcome(unit)
         return unit
+
+    def _welcome(self, unit: Unit) -> None:
+        if self.known is None or not self.known.settle(unit):
+            self.fresh.append(unit)
 
 
 def _chosen(unit: Gathering, opened: Opening) -> list[str]:

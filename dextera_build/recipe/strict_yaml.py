@@ -13,7 +13,9 @@ from dextera_build.errors import Place, RecipeError
 
 _Parser: Any = yaml.SafeLoader
 if yaml.__with_libyaml__:
-    from yaml.cyaml import CParser as _Parser  # type: ignore[no-redef]
+    from yaml import cyaml
+
+    _Parser = cyaml.CLoader
 
 _SCALARS: tuple[tuple[str, re.Pattern[str], str], ...] = (
     ("null", re.compile(r"^(?:~|null|Null|NULL|)$"), "~nN"),
@@ -243,7 +245,7 @@ class _Builder:
 
 
 def _mark(mark: Any) -> int:
-    return (mark.line + 1) * _COLUMNS + int(mark.column) + 1
+    return int(mark.line + 1) * _COLUMNS + int(mark.column) + 1
 
 
 def _place(file: str, mark: int) -> Place:

@@ -1,8 +1,8 @@
 """Which files of a store a build relies on, and whether they are still there, without a look at each.
 
-A folder's time stamp moves when a name in it comes or goes, so as long as the folder `cas/ab` is as it was, nothing in it
-was deleted. Only where it moved, or where the machine was started anew since (a power cut leaves short files), each file
-is looked at.
+A folder's time stamp moves when a name in it comes or goes, so as long as the folder `cas/ab` is as it was, nothing in
+it was deleted. Only where it moved, or where the machine was started anew since (a power cut leaves short files), each
+file is looked at.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _ROW = 40
 _ANY = b"\xff" * 8
 """Stands for any size."""
 Shards: TypeAlias = dict[str, list[int]]
-"""Folder below the store's root, `cas/ab` -> [time stamp (0: too young to be trusted), inode, first row, end of rows]."""
+"""Folder below the root, `cas/ab` -> [time stamp (0: too young to trust), inode, first row, end of rows, ...]."""
 
 
 class Presence:
@@ -61,10 +61,20 @@ class Presence:
             parts.extend(sorted(rows))
         return shards, b"".join(parts)
 
-    def thaw(self, shards: Shards, rows: bytes) -> None:
-        """Rely on what `freeze` gave, too."""
-        for shard, (_, _, first, end) in shards.items():
-            self._rows[shard].update(rows[place * _ROW : (place + 1) * _ROW] for place in range(first, end))
+    def extend(self, shards: Shards, rows: bytes) -> tuple[Shards, bytes] | None:
+        """What `freeze` gave once, and what was noted since; None where a file is gone."""
+        found = dict(shards)
+        place = len(rows) // _ROW
+        for shard in sorted(self._rows):
+            fresh = sorted(self._rows[shard])
+            rows += b"".join(fresh)
+            seen = look(self._root, shard)
+            ranges = [*shards.get(shard, [])[2:], place, place + len(fresh)]
+            if seen is None or not whole(self._root, rows, shard, [0, 0, *ranges]):
+                return None
+            found[shard] = [*seen, *ranges]
+            place += len(fresh)
+        return found, rows
 
 
 def look(root: str, shard: str) -> tuple[int, int] | None:
@@ -95,11 +105,12 @@ def whole(root: str, rows: bytes, shard: str, row: list[int]) -> bool:
     """Whether every file that is relied on in a folder is there with its size."""
     stat, folder = os.stat, f"{root}/{shard}/"
     try:
-        for place in range(row[2] * _ROW, row[3] * _ROW, _ROW):
-            name = folder + rows[place + 1 : place + 32].hex()
-            size, known = stat(name).st_size, rows[place + 32 : place + 40]
-            if known not in (_ANY, size.to_bytes(8, "big")):
-                return False
+        for first, end in zip(row[2::2], row[3::2], strict=True):
+            for place in range(first * _ROW, end * _ROW, _ROW):
+                name = folder + rows[place + 1 : place + 32].hex()
+                size, known = stat(name).st_size, rows[place + 32 : place + 40]
+                if known not in (_ANY, size.to_bytes(8, "big")):
+                    return False
     except OSError:
         return False
     return True

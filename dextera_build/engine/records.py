@@ -1,0 +1,91 @@
+"""What became of the nodes of a run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import chain
+
+from dextera_build.engine import events
+from dextera_build.engine.graph import parse_address
+from dextera_build.engine.known import Known
+from dextera_build.engine.reach import copy_of
+from dextera_build.errors import DxbError
+from dextera_build.store.cas import MissingBlob
+from dextera_build.store.store import Store
+
+
+@dataclass(frozen=True)
+class NodeRecord:
+    """What became of one node."""
+
+    status: events.Status
+    key: str | None
+    output: str | None
+    """Digest of the output's header."""
+    seconds: float
+    """How long it ran [s], in this run or, for a cached one, when it was made."""
+    line: str
+    error: DxbError | None
+    inputs: Mapping[str, str]
+    """Slot -> digest."""
+    rule: str = ""
+    backend: str | None = None
+    result: str | None = None
+    """Digest of its `result.json`."""
+    log: str | None = None
+    """Digest of what it printed, also when it failed."""
+    blocked_by: tuple[str, ...] = ()
+    """Addresses of the failed nodes that it waits for."""
+
+
+class Kept(Mapping[str, NodeRecord]):
+    """Records of the nodes that a run looked at, and of those that it knew from before, read when asked for.
+
+    Args:
+        own: Those that it looked at.
+        known: What was known.
+        store: Has the rest.
+    """
+
+    def __init__(self, own: Mapping[str, NodeRecord], known: Known, store: Store) -> None:
+        self.own = own
+        self._known = known
+        self._store = store
+
+    def __getitem__(self, address: str) -> NodeRecord:
+        if address in self.own:
+            return self.own[address]
+        key, output = self._known.key(address), self._known.output(address)
+        if key is None or output is None:
+            raise KeyError(address)
+        where = parse_address(address)
+        rule = copy_of(self._known.graph, where.call, where.labels or ()).rule
+        result = self._store.actions.get(key)
+        return NodeRecord(
+            status="cached",
+            key=key,
+            output=output,
+            seconds=self._known.took(address) or 0.0,
+            line=result.line if result else "",
+            error=None,
+            inputs=self._inputs(result.key_document) if result else {},
+            rule=rule.path,
+            backend=rule.backend,
+            result=result.digest if result else None,
+            log=result.log if result else None,
+        )
+
+    def __iter__(self) -> Iterator[str]:
+        fresh = (address for address in self.own if self._known.names.find(address) is None)
+        return chain(self._known.addresses(), fresh)
+
+    def __len__(self) -> int:
+        return len(self._known.seconds) + sum(self._known.names.find(address) is None for address in self.own)
+
+    def _inputs(self, document: str) -> dict[str, str]:
+        try:
+            return dict(json.loads(self._store.blobs.get(document))["inputs"])
+        except MissingBlob:
+            return {}
