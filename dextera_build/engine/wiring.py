@@ -171,6 +171,8 @@ class Wiring:
     def _welcome(self, unit: Unit) -> None:
         if self.known is None or not self.known.settle(unit):
             self.fresh.append(unit)
+        elif not isinstance(unit, Node):
+            self.connect(unit)  # events say which nodes stand behind it
 
 
 def _chosen(unit: Gathering, opened: Opening) -> list[str]:

@@ -1,0 +1,197 @@
+"""Builds that go on from the last one, through the real `dxb`: same answers and records, and when they cannot."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.space import Answer, Space
+
+RECIPE = """
+inputs:
+  one: one.txt
+  two: two.txt
+  box: box
+nodes:
+  a: {rule: toy.slow, text: $one}
+  b: {rule: toy.slow, text: $two}
+  c: {rule: toy.join, one: $a, two: $b}
+  d: {rule: toy.first, box: $box}
+targets:
+  default: [c, d]
+"""
+JOIN = '''
+"""toy.join: two texts."""
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Context, rule
+
+@rule(version=1)
+def join(ctx: Context, one: File, two: File) -> File:
+    """Return one text after the other."""
+    return File(data=one.data + two.data)
+'''
+FIRST = '''
+"""toy.first: a folder's names."""
+from dextera_build.artifacts.base import File, Folder
+from dextera_build.rule import Context, rule
+
+@rule(version=1)
+def first(ctx: Context, box: Folder) -> File:
+    """Return the names."""
+    return File(data=" ".join(sorted(box.files)).encode())
+'''
+
+
+@pytest.fixture
+def built(space: Space) -> Space:
+    space.write("recipes/two.yaml", RECIPE)
+    space.write("rules/toy/join.py", JOIN.lstrip())
+    space.write("rules/toy/first.py", FIRST.lstrip())
+    for name in ("one.txt", "two.txt", "box/x"):
+        space.write(name, name)
+    time.sleep(0.05)
+    assert space.dxb("build", "two").code == 0
+    return space
+
+
+def build(space: Space, *words: str, **env: str) -> tuple[Answer, dict[str, str] | None, bool]:
+    """The answer, how each node ended if there was a run, and whether that went on from another."""
+    before = runs(space)
+    answer = space.dxb("build", "two", "--console", "none", *words, env=env)
+    assert answer.code == 0, answer.err
+    if runs(space) == before:
+        return answer, None, False
+    log = space.dxb("log", "--json")
+    assert log.code == 0, log.err
+    events = (space.root / "cache" / "runs" / runs(space)[-1] / "events.jsonl").read_text().splitlines()
+    kept = any(json.loads(line)["event"] == "nodes_kept" for line in events)
+    return answer, statuses(space), kept
+
+
+def runs(space: Space) -> list[str]:
+    return sorted(path.name for path in (space.root / "cache" / "runs").iterdir())
+
+
+def statuses(space: Space) -> dict[str, str]:
+    from dextera_build.engine import eventlog
+    from dextera_build.store.store import Store
+
+    store = Store(space.root / "cache")
+    events = eventlog.read(store, eventlog.runs(store)[-1])
+    return {event["node"]: event["status"] for event in events if event["event"] == "node_finished"}
+
+
+def output(space: Space, node: str) -> str:
+    return (space.root / "cache" / "out" / "two" / node / node).read_text()
+
+
+def test_a_changed_file_runs_what_stands_above_it(built: Space) -> None:
+    built.write("two.txt", "new")
+    time.sleep(0.05)
+    _, ended, kept = build(built)
+    assert kept
+    assert ended == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
+    assert output(built, "c") == "one.txtnew"
+    assert build(built)[1] is None
+    built.write("one.txt", "also ")
+    time.sleep(0.05)
+    _, ended, kept = build(built)
+    assert kept
+    assert ended == {"a": "ran", "b": "cached", "c": "ran", "d": "cached"}
+    assert output(built, "c") == "also new"
+    # A build that looks at everything finds nothing to do.
+    assert set(built.build("two", "--force", "d").nodes("ran")) == {"d"}
+
+
+def test_a_touched_file_runs_nothing(built: Space) -> None:
+    (built.root / "two.txt").touch()
+    time.sleep(0.05)
+    _, ended, kept = build(built)
+    assert kept
+    assert ended == dict.fromkeys("abcd", "cached")
+    assert build(built)[1] is None
+
+
+def test_a_file_that_comes_into_a_folder_counts(built: Space) -> None:
+    built.write("box/y", "y")
+    time.sleep(0.05)
+    _, ended, kept = build(built)
+    assert kept
+    assert ended == {"a": "cached", "b": "cached", "c": "cached", "d": "ran"}
+    assert output(built, "d") == "x y"
+    (built.root / "box" / "x").unlink()
+    time.sleep(0.05)
+    assert build(built)[2]
+    assert output(built, "d") == "y"
+    assert build(built)[1] is None
+
+
+def test_a_deleted_output_is_written_again(built: Space) -> None:
+    (built.root / "cache/out/two/c/c").unlink()
+    _, ended, kept = build(built)
+    assert kept
+    assert ended == dict.fromkeys("abcd", "cached")
+    assert output(built, "c") == "one.txttwo.txt"
+
+
+@pytest.mark.parametrize("change", ["recipe", "rule", "configuration", "package", "new rule", "blob", "log"])
+def test_any_other_change_is_planned_anew(built: Space, change: str, tmp_path: Path) -> None:
+    env = {}
+    if change == "package":
+        built.write("lib/thing/__init__.py", "")
+        env = {"PYTHONPATH": str(tmp_path / "lib")}
+        build(built, **env)
+        assert build(built, **env)[1] is None
+        (tmp_path / "lib/thing/__init__.py").unlink()
+        (tmp_path / "lib/thing").rmdir()
+    elif change == "recipe":
+        built.edit("recipes/two.yaml", "inputs:", "# a comment\ninputs:")
+    elif change == "rule":
+        built.edit("rules/toy/join.py", "one.data + two.data", "two.data + one.data")
+    elif change == "configuration":
+        built.edit("dxb.toml", "cache", "# a comment\ncache")
+    elif change == "new rule":
+        built.write("rules/toy/other.py", "")
+    elif change == "blob":
+        for path in (built.root / "cache" / "cas").glob("*/*"):
+            path.unlink()
+    else:
+        built.write("one.txt", "new")
+        (built.root / "cache/runs/0001").rename(built.root / "cache/runs/gone")
+    time.sleep(0.05)
+    _, ended, kept = build(built, **env)
+    assert ended is not None
+    assert not kept
+    assert output(built, "c") == {"rule": "two.txtone.txt", "log": "newtwo.txt"}.get(change, "one.txttwo.txt")
+
+
+def test_a_file_that_vanished_is_said(built: Space) -> None:
+    (built.root / "two.txt").unlink()
+    answer = built.dxb("build", "two")
+    assert answer.code == 2
+    assert "`two.txt` is neither a file nor a recipe" in answer.err
+
+
+def test_a_failure_can_be_mended(built: Space) -> None:
+    built.edit("recipes/two.yaml", "{rule: toy.slow, text: $two}", "{rule: toy.slow, text: $two, do: fail}")
+    time.sleep(0.05)
+    assert built.dxb("build", "two").code == 1
+    built.edit("recipes/two.yaml", ", do: fail", "")
+    time.sleep(0.05)
+    assert build(built)[1] == dict.fromkeys("abcd", "cached")
+
+
+def test_past_runs_tell_of_nodes_that_were_kept(built: Space) -> None:
+    for text in ("v1", "v2", "v3"):
+        built.write("two.txt", text)
+        time.sleep(0.05)
+        assert build(built)[2]
+    shown = built.dxb("show", "two:a")
+    assert shown.code == 0, shown.err
+    why = built.dxb("why", "two:c")
+    assert why.code == 0, why.err
+    assert statuses(built) == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
+    assert built.dxb("log", "--json").code == 0
