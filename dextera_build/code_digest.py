@@ -7,6 +7,7 @@ definition, so that `dxb why` can name the function that changed.
 from __future__ import annotations
 
 import ast
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,17 @@ from pathlib import Path
 from dextera_build import digest
 
 # What a rule writes against, and what can reach no artifact: the key's schema version stands for them.
+_YOUNG_S = 2.5
 _FRAMEWORK = ("__init__.py", "rule.py", "errors.py", "digest.py")
+
+
+def is_young(folder: Path) -> bool:
+    """Whether a source file in `folder` was changed so lately that no byte code should be written for it.
+
+    Python knows byte code by whole seconds and by size: what is made of a young file can outlive the next edit.
+    """
+    now = time.time()
+    return any(file.stat().st_mtime > now - _YOUNG_S for file in folder.glob("*.py"))
 
 
 @dataclass(frozen=True)

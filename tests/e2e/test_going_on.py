@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from pathlib import Path
 
@@ -142,7 +143,9 @@ def test_any_other_change_is_planned_anew(built: Space, change: str, tmp_path: P
     env = {}
     if change == "package":
         built.write("lib/thing/__init__.py", "")
-        env = {"PYTHONPATH": str(tmp_path / "lib")}
+        env = {
+            "PYTHONPATH": os.pathsep.join([str(tmp_path / "lib"), *os.environ.get("PYTHONPATH", "").split(os.pathsep)])
+        }
         build(built, **env)
         assert build(built, **env)[1] is None
         (tmp_path / "lib/thing/__init__.py").unlink()
@@ -152,7 +155,7 @@ def test_any_other_change_is_planned_anew(built: Space, change: str, tmp_path: P
     elif change == "rule":
         built.edit("rules/toy/join.py", "one.data + two.data", "two.data + one.data")
     elif change == "configuration":
-        built.edit("dxb.toml", "cache", "# a comment\ncache")
+        built.write("dxb.toml", '# a comment\ncache = "cache"\n')
     elif change == "new rule":
         built.write("rules/toy/other.py", "")
     elif change == "blob":
