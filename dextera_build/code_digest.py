@@ -14,8 +14,8 @@ from pathlib import Path
 
 from dextera_build import digest
 
-# What a rule writes against, and what can reach no artifact: the key's schema version stands for them.
 _YOUNG_S = 2.5
+# What a rule writes against, and what can reach no artifact: the key's schema version stands for them.
 _FRAMEWORK = ("__init__.py", "rule.py", "errors.py", "digest.py")
 
 

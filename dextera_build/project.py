@@ -126,6 +126,10 @@ class Project:
                 return self._recipes[place]
         return None
 
+    def forget_recipes(self) -> None:
+        """Let go of what was read: a plan holds all that a build needs, and a large recipe is large in memory."""
+        self._recipes.clear()
+
     def recipes(self) -> Iterator[tuple[str, Path]]:
         """Every recipe: address and file."""
         seen: set[str] = set()

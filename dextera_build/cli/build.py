@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from dextera_build import __version__
@@ -68,14 +69,12 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
     }
     known = None if args.force else fresh.load(project, fingerprint)
     if known is not None:
-        nodes, lines = known
-        _say_nothing_ran(project, recipe, nodes, time.perf_counter() - started)
-        print("".join(line + "\n" for line in lines), end="")
-        return 0
-    return _run(args, project, recipe, targets, fingerprint)
+        return _say_nothing_ran(project, recipe, *known, started)
+    return _run(args, project, recipe, targets, fingerprint, started)
 
 
-def _say_nothing_ran(project: Project, recipe: str, nodes: str, seconds: float) -> None:
+def _say_nothing_ran(project: Project, recipe: str, nodes: str, lines: Sequence[str], started: float) -> int:
+    seconds = time.perf_counter() - started
     kind = project.config["console"].value
     if kind == "jsonl":
         from dextera_build.engine.events import RunFinished
@@ -83,6 +82,8 @@ def _say_nothing_ran(project: Project, recipe: str, nodes: str, seconds: float) 
         print(RunFinished(time.time(), True, seconds, {"cached": int(nodes)}, 0.0).to_line(), file=sys.stderr)
     elif kind != "none":
         print(f"{recipe} is up to date   {nodes} nodes   {seconds:.2f} s", file=sys.stderr)
+    print("".join(line + "\n" for line in lines), end="")
+    return 0
 
 
 def _run(
@@ -91,6 +92,7 @@ def _run(
     recipe: str,
     targets: list[str],
     fingerprint: dict[str, object],
+    started: float,
     *,
     whole: bool = False,
 ) -> int:
@@ -105,7 +107,11 @@ def _run(
     seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
     session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
     quick = not (whole or args.force or args.check or project.config["console"].value == "jsonl")
-    near = fresh.near(project, fingerprint) if quick else None
+    near = fresh.near(project, fingerprint, session.store.leaves) if quick else None
+    if near is not None and near.idle:
+        nodes, *lines = near.stale.head["lines"]
+        fresh.renew(project, fingerprint, seen, near, lines)
+        return _say_nothing_ran(project, recipe, nodes, lines, started)
     plan = Plan(near.known.graph, ()) if near else session.plan(options.request(args, project.profile))
     wanted = [address for target in targets for address in addresses(plan.graph, target)]
     if args.check:
@@ -118,7 +124,7 @@ def _run(
         if error.code != MissingBlob.CODE:
             raise
         if near is not None:
-            return _run(args, project, recipe, targets, fingerprint, whole=True)
+            return _run(args, project, recipe, targets, fingerprint, started, whole=True)
         # A blob was damaged on disk; it has been put aside, so building again makes it anew.
         result = execution.execute(session, plan, wanted, args)
         lines = results.place(session, result)

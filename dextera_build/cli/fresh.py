@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from dextera_build import digest
 from dextera_build.engine import snapshot
-from dextera_build.errors import StoreError
+from dextera_build.errors import DxbError, StoreError
 
 _DEEPEST = 30
 """After so many builds that went on from one another comes one that looks at everything: its log stands alone."""
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from dextera_build.recipe.plan import Plan
     from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
+    from dextera_build.store.statcache import StatCache
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,14 @@ class Near:
 
     stale: Stale
     known: Known
+
+    @property
+    def idle(self) -> bool:
+        """Whether the files that changed hold what they held, and all that was written is there."""
+        present: dict[str, int] = self.stale.head["present"]
+        with suppress(OSError):
+            return not self.known.cone and all(os.stat(path).st_size == size for path, size in present.items())
+        return False
 
 
 def load(project: Project, fingerprint: Mapping[str, object]) -> tuple[str, tuple[str, ...]] | None:
@@ -85,7 +94,7 @@ def save(
     snapshot.save(path, dict(fingerprint), watch, [str(len(result.nodes)), *lines], store, more)
 
 
-def near(project: Project, fingerprint: Mapping[str, object]) -> Near | None:
+def near(project: Project, fingerprint: Mapping[str, object], leaves: StatCache) -> Near | None:
     """What the last build of the same request knew, if nothing changed since but files that nodes read."""
     from dextera_build.engine import known
 
@@ -100,9 +109,13 @@ def near(project: Project, fingerprint: Mapping[str, object]) -> Near | None:
     tops = {_leaf_of(name, found.head["leaves"]) for name in stale.changed}
     if found.depth >= _DEEPEST or not (project.cache / "runs" / found.run).is_dir():
         return None
-    if not all(top is not None and _is_whole(top, stale.head) for top in tops) or not found.spread(map(str, tops)):
+    if not all(top is not None and _is_whole(top, stale.head) for top in tops):
         return None
-    return Near(stale, found)
+    try:
+        changed = [str(top) for top in tops if leaves.digest_leaf(Path(str(top))) != found.leaves[str(top)]]
+    except DxbError:
+        return None  # planning says it better
+    return Near(stale, found) if found.spread(changed) else None
 
 
 def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near: Near, lines: list[str]) -> None:

@@ -11,7 +11,7 @@ from typing import TypeAlias
 from dextera_build.errors import Place, UsageError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Leaf:
     """A file or folder of the project; becomes a `File` or `Folder` artifact by its content."""
 
@@ -19,7 +19,7 @@ class Leaf:
     where: Place
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Output:
     """What another call returns. `scope` counts the groups between the graph's root and that call.
 
@@ -32,7 +32,7 @@ class Output:
     """Fields of artifact headers to follow: `$capture.rgb`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Item:
     """The item that the enclosing group `group` was opened for."""
 
@@ -40,7 +40,7 @@ class Item:
     fields: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Gather:
     """A `Collection` of what every copy of a call returns, by the copies' labels."""
 
@@ -48,7 +48,7 @@ class Gather:
     fields: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Pack:
     """A `Collection` of inputs that the recipe lists by label."""
 
@@ -82,7 +82,7 @@ class RuleFacts:
     memory_gb: float = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Call:
     """One call of a rule; inside a group it stands for one node per copy."""
 

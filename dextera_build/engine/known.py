@@ -53,6 +53,8 @@ class Known:
     """Collection -> digest."""
     text: Callable[[], str]
     """Addresses of nodes, a line each."""
+    leaves: dict[str, str]
+    """File or folder that nodes read -> digest."""
     run: str
     """The run whose events say what there is to say of each node."""
     cone: set[int] = field(default_factory=set)
@@ -122,6 +124,7 @@ class Known:
     def learn(self, wiring: Wiring, run: str) -> None:
         """Take over what a build found."""
         self.run, self.depth = run, self.depth + 1
+        self.leaves |= {str(path.absolute()): digest for path, digest in wiring.leaves.items()}
         for node in wiring.nodes.values():
             number = self.names.find(node.address)
             if number is not None and node.key and node.result is not None and not is_stub(node):
@@ -138,7 +141,13 @@ class Known:
         Raises:
             StoreError: The store cannot take it.
         """
-        head = {"items": self.items, "collections": self.collections, "run": self.run, "depth": self.depth}
+        head = {
+            "items": self.items,
+            "collections": self.collections,
+            "leaves": self.leaves,
+            "run": self.run,
+            "depth": self.depth,
+        }
         _write(f"{path}.known", head, [bytes(self.keys), bytes(self.outputs), self.seconds.tobytes()])
 
     def _settle_node(self, unit: Node) -> bool:
@@ -198,6 +207,7 @@ def write(path: Path, graph: Graph, wiring: Wiring, run: str) -> bool:
         seconds=array("d", [node.result.seconds if node.result else 0.0 for node in nodes]),
         items={unit.address: unit.items for unit in wiring.openings.values()},
         collections={_name(unit): unit.output or "" for unit in wiring.gatherings()},
+        leaves={str(path.absolute()): digest for path, digest in wiring.leaves.items()},
         text=lambda: lines,
         run=run,
     )
@@ -236,6 +246,7 @@ def read(path: Path) -> Known:
         items=state["items"],
         collections=state["collections"],
         text=lambda: bytes(parts[7]).decode(),
+        leaves=state["leaves"],
         run=state["run"],
         depth=state["depth"],
     )

@@ -12,11 +12,12 @@ from dextera_build.engine.graph import parse_address
 from dextera_build.engine.known import Known
 from dextera_build.engine.reach import copy_of
 from dextera_build.errors import DxbError
+from dextera_build.store.actions import Actions
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.store import Store
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class NodeRecord:
     """What became of one node."""
 
@@ -52,7 +53,9 @@ class Kept(Mapping[str, NodeRecord]):
     def __init__(self, own: Mapping[str, NodeRecord], known: Known, store: Store) -> None:
         self.own = own
         self._known = known
-        self._store = store
+        self._blobs = store.blobs
+        # One of its own: what is only told of must not be noted as what the build found.
+        self._actions = Actions(store.actions.root, store.blobs)
 
     def __getitem__(self, address: str) -> NodeRecord:
         if address in self.own:
@@ -62,7 +65,7 @@ class Kept(Mapping[str, NodeRecord]):
             raise KeyError(address)
         where = parse_address(address)
         rule = copy_of(self._known.graph, where.call, where.labels or ()).rule
-        result = self._store.actions.get(key)
+        result = self._actions.get(key)
         return NodeRecord(
             status="cached",
             key=key,
@@ -86,6 +89,6 @@ class Kept(Mapping[str, NodeRecord]):
 
     def _inputs(self, document: str) -> dict[str, str]:
         try:
-            return dict(json.loads(self._store.blobs.get(document))["inputs"])
+            return dict(json.loads(self._blobs.get(document))["inputs"])
         except MissingBlob:
             return {}

@@ -196,6 +196,8 @@ class Scheduler:
 
     def _succeed(self, node: Node, status: str, result: ActionResult) -> None:
         node.result, node.status, node.error = result, status, None
+        if not self.policy.dry:
+            node.document = b""  # it is in the store
         followers = self._disown(node)
         self._done(node)
         for follower in followers:

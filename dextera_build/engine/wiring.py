@@ -31,7 +31,8 @@ class Wiring:
         self.fresh: deque[Unit] = deque()
         """Units that are not connected yet."""
         self._gatherings: dict[tuple[Path, Labels, tuple[str, ...]], Gathering] = {}
-        self._leaves: dict[FilePath, str] = {}
+        self.leaves: dict[FilePath, str] = {}
+        """Files and folders that were looked at -> digest."""
         self._digest_leaf = digest_leaf
 
     def wish(self, target: Address) -> Gathering:
@@ -74,18 +75,18 @@ class Wiring:
         Raises:
             RecipeError: It is missing or cannot be read.
         """
-        if leaf.path not in self._leaves:
+        if leaf.path not in self.leaves:
             try:
-                self._leaves[leaf.path] = self._digest_leaf(leaf.path)
+                self.leaves[leaf.path] = self._digest_leaf(leaf.path)
             except DxbError as error:
                 error.where = error.where or leaf.where
                 raise
-        return self._leaves[leaf.path]
+        return self.leaves[leaf.path]
 
     def forget_leaves(self, node: Node) -> None:
         """Look anew at the files and folders of `node` when it is connected again."""
         for leaf, _ in node.leaves:
-            self._leaves.pop(leaf.path, None)
+            self.leaves.pop(leaf.path, None)
 
     def connect(self, unit: Unit) -> None:
         """Find what `unit` reads and wait for what is not known.

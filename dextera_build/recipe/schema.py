@@ -25,7 +25,7 @@ class InputDecl:
     place: Place
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class CallDecl:
     """`{rule: factorize.mesh, seen: $object, wall_m: 0.003}`."""
 
@@ -34,8 +34,13 @@ class CallDecl:
     backend: Node | None
     salt: str
     arguments: dict[str, Node]
-    keys: dict[str, Place]
+    node: Node
     place: Place
+
+    @property
+    def keys(self) -> dict[str, Place]:
+        """Where each key stands."""
+        return self.node.keys
 
 
 @dataclass(frozen=True)
@@ -197,7 +202,7 @@ def _node(name: str, node: Node, place: Place) -> Decl:
         return UseDecl(name, node.value["recipe"], rest, place)
     salt = _text(node.value["salt"], "salt") if "salt" in node.value else ""
     rule = _text(node.value["rule"], "rule")
-    return CallDecl(name, rule, node.value.get("backend"), salt, rest, node.keys, node.value["rule"].place)
+    return CallDecl(name, rule, node.value.get("backend"), salt, rest, node, node.value["rule"].place)
 
 
 def _group(name: str, node: Node, place: Place) -> GroupDecl:

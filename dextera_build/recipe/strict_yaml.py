@@ -132,7 +132,10 @@ class _Builder:
         """Mappings and sequences that are not closed yet: where their keys stand, the anchor, values before them."""
         self._key: list[str | None] = []
         """For each of them the key that waits for its value."""
-        self._anchors: dict[str, tuple[Node, int]] = {}
+        self._heights: list[int] = []
+        """For each of them how many levels lie in it so far."""
+        self._anchors: dict[str, tuple[Node, int, int]] = {}
+        """Node, how many values it is, how many levels."""
         self._values = self._aliased = 0
 
     def build(self, parser: Any) -> Node | None:
@@ -167,14 +170,14 @@ class _Builder:
             value = _plain(text) if event.implicit[0] else text
         node = Node(value, self._file, mark)
         if event.anchor is not None:
-            self._anchors[event.anchor] = (node, 1)
-        self._take(node, mark)
+            self._anchors[event.anchor] = (node, 1, 0)
+        self._take(node, mark, 0)
 
-    def _take(self, node: Node, mark: int) -> None:
+    def _take(self, node: Node, mark: int, height: int) -> None:
         if self._open and self._key[-1] is None and isinstance(self._open[-1][0].value, dict):
             self._name(node.value, mark)
         else:
-            self._add(node)
+            self._add(node, height)
 
     def _begin(self, event: Any) -> None:
         mark = _mark(event.start_mark)
@@ -183,28 +186,28 @@ class _Builder:
             raise _unknown_tag(event.tag, _place(self._file, mark))
         if self._open and self._key[-1] is None and isinstance(self._open[-1][0].value, dict):
             raise _no_text({} if is_mapping else [], _place(self._file, mark))
-        if len(self._open) == _DEEPEST:
-            raise RecipeError(
-                f"values are nested more than {_DEEPEST} deep", code="DXB-R101", where=_place(self._file, mark)
-            )
+        self._limit_depth(1, mark)
         value: Any = {} if is_mapping else []
         marks: list[int] = []
         node = Node(value, self._file, mark, marks)
         self._open.append((node, marks, event.anchor, self._values))
         self._key.append(None)
+        self._heights.append(1)
 
     def _end(self, event: Any) -> None:
         node, _, anchor, before = self._open.pop()
         self._key.pop()
+        height = self._heights.pop()
         if anchor is not None:
-            self._anchors[anchor] = (node, self._values - before + 1)
-        self._add(node)
+            self._anchors[anchor] = (node, self._values - before + 1, height)
+        self._add(node, height)
 
     def _alias(self, event: Any) -> None:
         if event.anchor not in self._anchors:
             raise yaml.MarkedYAMLError(problem=f"found undefined alias {event.anchor!r}", problem_mark=event.start_mark)
-        node, values = self._anchors[event.anchor]
+        node, values, height = self._anchors[event.anchor]
         mark = _mark(event.start_mark)
+        self._limit_depth(height, mark)
         self._values += values
         self._aliased += values
         if self._aliased > _MOST_ALIASED:
@@ -214,7 +217,12 @@ class _Builder:
                 where=_place(self._file, mark),
                 hint="write the values down, or use a recipe within a recipe",
             )
-        self._take(node, mark)
+        self._take(node, mark, height)
+
+    def _limit_depth(self, more: int, mark: int) -> None:
+        if len(self._open) + more > _DEEPEST:
+            message = f"values are nested more than {_DEEPEST} deep"
+            raise RecipeError(message, code="DXB-R101", where=_place(self._file, mark))
 
     def _name(self, key: Any, mark: int) -> None:
         mapping, marks = self._open[-1][0].value, self._open[-1][1]
@@ -231,11 +239,12 @@ class _Builder:
         self._key[-1] = sys.intern(key)
         marks.append(mark)
 
-    def _add(self, node: Node) -> None:
+    def _add(self, node: Node, height: int) -> None:
         self._values += 1
         if not self._open:
             self._root = node
             return
+        self._heights[-1] = max(self._heights[-1], height + 1)
         inside = self._open[-1][0].value
         if isinstance(inside, list):
             inside.append(node)

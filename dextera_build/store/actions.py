@@ -23,6 +23,7 @@ from dextera_build.store.presence import Presence
 from dextera_build.store.reapi import OutputFile, decode, encode
 
 _RESULT = "result.json"
+_MOST_DIRECT = 4096
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class ActionResult:
     key_document: str
     """Digest of the key document."""
 
-    @cached_property
+    @property
     def document(self) -> bytes:
         """This result as canonical JSON; the content of `result.json`.
 
@@ -124,8 +125,9 @@ class Actions:
             StoreError: The disk is full, or the store cannot be written.
             ValueError: A number is not finite.
         """
-        self._blobs.put(result.document)
-        outputs = [*self._needs(result), OutputFile(_RESULT, result.digest, len(result.document), result.document)]
+        document = result.document
+        digest = vars(result)["digest"] = self._blobs.put(document)  # so that it need not be spelled again
+        outputs = [*self._needs(result), OutputFile(_RESULT, digest, len(document), document)]
         files.write(self._file(key), encode(outputs), workshop=self._workshop)
         if self.presence is not None:
             self.presence.note(key, outputs)
@@ -206,6 +208,8 @@ class Actions:
 
     def _directly(self, digest: str) -> tuple[list[str], list[str]]:
         if digest not in self._direct:
+            if len(self._direct) >= _MOST_DIRECT:
+                self._direct.clear()
             self._direct[digest] = header.closure(self._blobs.get(digest))
         return self._direct[digest]
 

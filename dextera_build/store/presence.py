@@ -36,14 +36,18 @@ class Presence:
 
     def __init__(self, root: str) -> None:
         self._root = root
-        self._rows: dict[str, set[bytes]] = defaultdict(set)
+        self._rows: dict[str, bytearray] = defaultdict(bytearray)
 
     def note(self, key: str, needs: Iterable[OutputFile]) -> None:
         """Rely on the result of a key and on all that it needs."""
-        self._rows[f"ac/{key[:2]}"].add(bytes.fromhex(key) + _ANY)
+        self._rows[f"ac/{key[:2]}"] += bytes.fromhex(key) + _ANY
         for file in needs:
             digest = file.digest
-            self._rows[f"cas/{digest[:2]}"].add(bytes.fromhex(digest) + file.size.to_bytes(8, "big"))
+            self._rows[f"cas/{digest[:2]}"] += bytes.fromhex(digest) + file.size.to_bytes(8, "big")
+
+    def _noted(self, shard: str) -> list[bytes]:
+        rows = bytes(self._rows[shard])
+        return sorted({rows[place : place + _ROW] for place in range(0, len(rows), _ROW)})
 
     def freeze(self) -> tuple[Shards, bytes] | None:
         """The folders as they are now and the files in them, or None where a file is gone already."""
@@ -51,14 +55,14 @@ class Presence:
         parts: list[bytes] = []
         place = 0
         for shard in sorted(self._rows):
-            rows = self._rows[shard]
+            rows = self._noted(shard)
             found = look(self._root, shard)
             names = frozenset(_names(f"{self._root}/{shard}"))
             if found is None or not all(row.hex()[2:64] in names for row in rows):
                 return None
             shards[shard] = [*found, place, place + len(rows)]
             place += len(rows)
-            parts.extend(sorted(rows))
+            parts += rows
         return shards, b"".join(parts)
 
     def extend(self, shards: Shards, rows: bytes) -> tuple[Shards, bytes] | None:
@@ -66,7 +70,7 @@ class Presence:
         found = dict(shards)
         place = len(rows) // _ROW
         for shard in sorted(self._rows):
-            fresh = sorted(self._rows[shard])
+            fresh = self._noted(shard)
             rows += b"".join(fresh)
             seen = look(self._root, shard)
             ranges = [*shards.get(shard, [])[2:], place, place + len(fresh)]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from dextera_build.store.cas import is_digest
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class OutputFile:
     """One blob that an entry needs."""
 

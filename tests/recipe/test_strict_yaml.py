@@ -103,6 +103,11 @@ def test_an_alias_stands_for_its_anchor():
         ("a: *gone", "not valid YAML: found undefined alias 'gone'", "f:1:4"),
         ("a: &x [*x]", "not valid YAML: found undefined alias 'x'", "f:1:8"),
         ("[" * 5000 + "]" * 5000, "values are nested more than 100 deep", "f:1:101"),
+        (
+            "a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}]\n" for n in range(1, 500)),
+            "values are nested more than 100 deep",
+            "f:100:12",
+        ),
         ("? [1]\n: 2", "a key must be text, this one is []", "f:1:3"),
         (
             "a0: &a0 [x, x]\n" + "".join(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 12)),
