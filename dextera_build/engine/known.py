@@ -9,8 +9,6 @@ The full build remains the reference: whatever is known here it would find again
 from __future__ import annotations
 
 import json
-import struct
-import zlib
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,15 +20,11 @@ from dextera_build.engine.compact import Members, Names
 from dextera_build.engine.graph import Graph
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Node, Opening, Packing, Unit
-from dextera_build.store import files
+from dextera_build.store import frames
 from dextera_build.store.actions import ActionResult
 
 if TYPE_CHECKING:
     from dextera_build.engine.wiring import Wiring
-
-_FORM = 1
-_FRAME = struct.Struct("<8sQI")
-_MAGIC = b"dxbplan1"
 
 
 @dataclass
@@ -148,7 +142,7 @@ class Known:
             "run": self.run,
             "depth": self.depth,
         }
-        _write(f"{path}.known", head, [bytes(self.keys), bytes(self.outputs), self.seconds.tobytes()])
+        frames.write(f"{path}.known", head, [bytes(self.keys), bytes(self.outputs), self.seconds.tobytes()])
 
     def _settle_node(self, unit: Node) -> bool:
         number = self.names.find(unit.address)
@@ -195,7 +189,7 @@ def write(path: Path, graph: Graph, wiring: Wiring, run: str) -> bool:
     parts = [names.hashes, names.numbers, starts, read_by, members.hashes, members.numbers, ends]
     lines = "\n".join(node.address for node in nodes)
     framed = [*(part.tobytes() for part in parts), lines.encode()]
-    _write(f"{path}.plan", head, [*framed, *texts], len(framed))
+    frames.write(f"{path}.plan", head, [*framed, *texts], len(framed))
     known = Known(
         head=head,
         graph=graph,
@@ -222,10 +216,10 @@ def read(path: Path) -> Known:
         OSError: There is nothing.
         ValueError: It was damaged, or another version wrote it.
     """
-    head, parts, heap = _read(f"{path}.plan")
-    state, columns, _ = _read(f"{path}.known")
+    head, parts, heap = frames.read(f"{path}.plan")
+    state, columns, _ = frames.read(f"{path}.known")
     hashes, numbers, starts, read_by, member_hashes, member_numbers, ends = (
-        _array(kind, part) for kind, part in zip("QIIIQIQ", parts[:7], strict=True)
+        frames.numbers(kind, part) for kind, part in zip("QIIIQIQ", parts[:7], strict=True)
     )
     rules = [compact.facts_of(rule) for rule in head["rules"]]
 
@@ -242,7 +236,7 @@ def read(path: Path) -> Known:
         read_by=read_by,
         keys=bytearray(columns[0]),
         outputs=bytearray(columns[1]),
-        seconds=_array("d", columns[2]),
+        seconds=frames.numbers("d", columns[2]),
         items=state["items"],
         collections=state["collections"],
         text=lambda: bytes(parts[7]).decode(),
@@ -280,37 +274,3 @@ def _leaves(nodes: Sequence[Node]) -> dict[str, list[int]]:
 def _name(unit: Unit) -> str:
     assert isinstance(unit, Gathering)
     return json.dumps([unit.path, unit.labels, unit.fields])
-
-
-def _write(path: str, head: Mapping[str, Any], parts: Sequence[bytes], framed: int | None = None) -> None:
-    """A frame, the head, and parts; those after the first `framed` are one heap."""
-    framed = len(parts) if framed is None else framed
-    sizes = [len(part) for part in parts[:framed]]
-    text = json.dumps({**head, "form": _FORM, "sizes": sizes}).encode()
-    body = b"".join((text, *parts))
-    files.write(path, _FRAME.pack(_MAGIC, len(text), zlib.crc32(body)) + body, 0o644)
-
-
-def _read(path: str) -> tuple[dict[str, Any], list[memoryview], memoryview]:
-    data = memoryview(files.read(path))
-    try:
-        magic, size, check = _FRAME.unpack_from(data)
-    except struct.error:
-        raise ValueError("too short") from None
-    if magic != _MAGIC or zlib.crc32(data[_FRAME.size :]) != check:
-        raise ValueError("damaged")
-    place = _FRAME.size + size
-    head: dict[str, Any] = json.loads(bytes(data[_FRAME.size : place]))
-    if head["form"] != _FORM:
-        raise ValueError("another form")
-    parts = []
-    for length in head["sizes"]:
-        parts.append(data[place : place + length])
-        place += length
-    return head, parts, data[place:]
-
-
-def _array(kind: str, part: memoryview) -> array[Any]:
-    found = array(kind)
-    found.frombytes(part)
-    return found

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import yaml
 
 from dextera_build.errors import Place, RecipeError
+from dextera_build.recipe.yaml_node import Node as Node
+from dextera_build.recipe.yaml_node import mark_of, place_of
 
 _Parser: Any = yaml.SafeLoader
 if yaml.__with_libyaml__:
@@ -31,71 +33,6 @@ _CORE = "tag:yaml.org,2002:"
 _DEEPEST = 100
 _MOST_ALIASED = 100_000
 """How many values aliases may stand for in one file: a few lines of them can say a billion."""
-_COLUMNS = 1 << 24
-
-
-class Node:
-    """One YAML value with its place; a mapping holds `dict[str, Node]`, a sequence `list[Node]`.
-
-    A recipe of a hundred thousand nodes has millions of these, so places are made when somebody asks.
-
-    Args:
-        value: What stands there.
-        file: Name of the file, for messages.
-        mark: Line and column in one number; see `_mark`.
-        marks: Of a mapping: where its keys stand, in their order.
-    """
-
-    __slots__ = ("_file", "_mark", "_marks", "value")
-
-    def __init__(self, value: Any, file: str, mark: int = 0, marks: Sequence[int] = ()) -> None:
-        self.value = value
-        self._file = file
-        self._mark = mark
-        self._marks = marks
-
-    @property
-    def place(self) -> Place:
-        """Where it stands."""
-        return _place(self._file, self._mark)
-
-    @property
-    def keys(self) -> dict[str, Place]:
-        """Where each key of a mapping stands."""
-        return {name: _place(self._file, mark) for name, mark in zip(self.value, self._marks, strict=True)}
-
-    @property
-    def kind(self) -> str:
-        """`mapping`, `list`, `text`, `number`, `true/false` or `nothing`."""
-        names = {dict: "mapping", list: "list", str: "text", bool: "true/false", type(None): "nothing"}
-        return names.get(type(self.value), "number")
-
-    def plain(self) -> Any:
-        """The value without places."""
-        if isinstance(self.value, dict):
-            return {name: inner.plain() for name, inner in self.value.items()}
-        if isinstance(self.value, list):
-            return [inner.plain() for inner in self.value]
-        return self.value
-
-    def placed(self, place: Place) -> Node:
-        """The same value with one place for all of it."""
-        if isinstance(self.value, dict):
-            inside: Any = {name: inner.placed(place) for name, inner in self.value.items()}
-        else:
-            inside = [inner.placed(place) for inner in self.value] if isinstance(self.value, list) else self.value
-        mark = place.line * _COLUMNS + place.column
-        return Node(inside, place.file, mark, [mark] * len(inside) if isinstance(inside, dict) else ())
-
-    def at(self, path: tuple[object, ...]) -> Place:
-        """The place of the value below `path` of keys and indices, or of the deepest part that exists."""
-        node = self
-        for step in path:
-            parts = dict(enumerate(node.value)) if isinstance(node.value, list) else node.value
-            if not isinstance(parts, dict) or step not in parts:
-                break
-            node = parts[step]
-        return node.place
 
 
 def parse(text: str, file: str) -> Node:
@@ -162,10 +99,10 @@ class _Builder:
             raise yaml.MarkedYAMLError(problem="but found another document", problem_mark=event.start_mark)
 
     def _scalar(self, event: Any) -> None:
-        mark = _mark(event.start_mark)
+        mark = mark_of(event.start_mark)
         text: str = event.value
         if event.tag is not None and event.tag != "!":
-            value = _tagged(event.tag, text, _place(self._file, mark))
+            value = _tagged(event.tag, text, place_of(self._file, mark))
         else:
             value = _plain(text) if event.implicit[0] else text
         node = Node(value, self._file, mark)
@@ -180,12 +117,12 @@ class _Builder:
             self._add(node, height)
 
     def _begin(self, event: Any) -> None:
-        mark = _mark(event.start_mark)
+        mark = mark_of(event.start_mark)
         is_mapping = isinstance(event, yaml.MappingStartEvent)
         if event.tag not in (None, "!", f"{_CORE}{'map' if is_mapping else 'seq'}"):
-            raise _unknown_tag(event.tag, _place(self._file, mark))
+            raise _unknown_tag(event.tag, place_of(self._file, mark))
         if self._open and self._key[-1] is None and isinstance(self._open[-1][0].value, dict):
-            raise _no_text({} if is_mapping else [], _place(self._file, mark))
+            raise _no_text({} if is_mapping else [], place_of(self._file, mark))
         self._limit_depth(1, mark)
         value: Any = {} if is_mapping else []
         marks: list[int] = []
@@ -206,7 +143,7 @@ class _Builder:
         if event.anchor not in self._anchors:
             raise yaml.MarkedYAMLError(problem=f"found undefined alias {event.anchor!r}", problem_mark=event.start_mark)
         node, values, height = self._anchors[event.anchor]
-        mark = _mark(event.start_mark)
+        mark = mark_of(event.start_mark)
         self._limit_depth(height, mark)
         self._values += values
         self._aliased += values
@@ -214,7 +151,7 @@ class _Builder:
             raise RecipeError(
                 f"aliases stand for more than {_MOST_ALIASED} values",
                 code="DXB-R101",
-                where=_place(self._file, mark),
+                where=place_of(self._file, mark),
                 hint="write the values down, or use a recipe within a recipe",
             )
         self._take(node, mark, height)
@@ -222,18 +159,18 @@ class _Builder:
     def _limit_depth(self, more: int, mark: int) -> None:
         if len(self._open) + more > _DEEPEST:
             message = f"values are nested more than {_DEEPEST} deep"
-            raise RecipeError(message, code="DXB-R101", where=_place(self._file, mark))
+            raise RecipeError(message, code="DXB-R101", where=place_of(self._file, mark))
 
     def _name(self, key: Any, mark: int) -> None:
         mapping, marks = self._open[-1][0].value, self._open[-1][1]
         if not isinstance(key, str) or key == "<<":
-            raise _no_text(key, _place(self._file, mark))
+            raise _no_text(key, place_of(self._file, mark))
         if key in mapping:
-            first = _place(self._file, marks[list(mapping).index(key)])
+            first = place_of(self._file, marks[list(mapping).index(key)])
             raise RecipeError(
                 f"`{key}` stands twice in one mapping",
                 code="DXB-R103",
-                where=_place(self._file, mark),
+                where=place_of(self._file, mark),
                 facts={"first": first},
             )
         self._key[-1] = sys.intern(key)
@@ -251,14 +188,6 @@ class _Builder:
         else:
             inside[self._key[-1]] = node
             self._key[-1] = None
-
-
-def _mark(mark: Any) -> int:
-    return int(mark.line + 1) * _COLUMNS + int(mark.column) + 1
-
-
-def _place(file: str, mark: int) -> Place:
-    return Place(file, *divmod(mark, _COLUMNS))
 
 
 def _plain(text: str) -> Any:
