@@ -42,7 +42,7 @@ class PpoOptions(Options):
     """Features of a layer, of the policy and of its critic."""
     layers: int = Field(2, ge=1)
     """Layers."""
-    steps: int = Field(45_000, ge=1)
+    steps: int = Field(80_000, ge=1)
     """Decisions that are practised, in all environments together."""
     worlds: int = Field(8, ge=1)
     """Environments that are stepped side by side."""
