@@ -178,6 +178,21 @@ def read_head(path: Path) -> dict[str, Any]:
     return head
 
 
+def held(path: Path) -> tuple[str, set[str]]:
+    """(the project's folder, the keys whose results it relies on) of the snapshot at `path`.
+
+    Raises:
+        OSError: There is none.
+        ValueError: It was damaged, or another version wrote it.
+    """
+    head = read_head(path)
+    rows = files.read(f"{path}.rows")
+    if digest_of(rows) != head["rows"]:
+        raise ValueError("the rows were damaged")
+    areas = {shard: row for shard, row in head["shards"].items() if shard.startswith("ac/")}
+    return str(head["request"].get("root", "")), set(presence.digests(rows, areas))
+
+
 def is_present(path: Path, head: dict[str, Any]) -> bool:
     """Whether all that a snapshot relies on in the store is there; notes what had to be looked at one by one.
 

@@ -111,6 +111,11 @@ def test_what_is_gone_already_is_not_written_down(made: tuple[Store, Path]) -> N
     assert not file.exists()
 
 
+def test_a_snapshot_says_what_it_holds_on_to(made: tuple[Store, Path]) -> None:
+    store, file = made
+    assert snapshot.held(file) == ("", set(store.actions.keys()))
+
+
 @pytest.mark.parametrize("junk", [b"", b"x" * 400])
 def test_broken_rows_are_not_trusted(made: tuple[Store, Path], monkeypatch: pytest.MonkeyPatch, junk: bytes) -> None:
     _, file = made
