@@ -122,7 +122,7 @@ def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near:
     """Remember a build that went on from another."""
     path = _file(project, fingerprint)
     seen.watch.blobs(Path(line.partition("\t")[2]).absolute() for line in lines)
-    with suppress(StoreError, OSError):
+    with suppress(StoreError, OSError, ValueError):
         near.known.write_state(path)
         snapshot.renew(path, near.stale, seen.watch, [near.stale.head["nodes"], *lines], seen.presence)
 

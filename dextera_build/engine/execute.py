@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -16,12 +16,13 @@ from dextera_build.engine.history import Entry, History
 from dextera_build.engine.known import Known, is_stub
 from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.reach import leaves, reach
-from dextera_build.engine.records import Kept, NodeRecord
+from dextera_build.engine.records import Kept
+from dextera_build.engine.records import NodeRecord as NodeRecord
+from dextera_build.engine.records import RunResult as RunResult
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Node, Opening, Unit, producers
-from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError
 from dextera_build.store.store import Store
 
@@ -38,24 +39,6 @@ class RunInfo:
     dxb: str = ""
     """Version of dxb."""
     argv: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """What became of a run."""
-
-    ok: bool
-    """Whether every target is up to date."""
-    nodes: Mapping[str, NodeRecord]
-    """Address -> record, in the order in which the run came to them."""
-    targets: tuple[str, ...]
-    """Addresses of the nodes that were asked for, every copy by itself."""
-    run: str = ""
-    """Id of the run."""
-    wiring: Wiring | None = field(default=None, repr=False, compare=False)
-    """What the run was made of."""
-    errors: Mapping[str, DxbError] = field(default_factory=dict)
-    """Address of a group, collection or target that failed without being a node -> why."""
 
 
 def build(  # noqa: PLR0913 - the whole interface of the engine

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 
 from dextera_build.engine import events
-from dextera_build.engine.graph import parse_address
+from dextera_build.engine.graph import RuleFacts, parse_address
 from dextera_build.engine.known import Known
 from dextera_build.engine.reach import copy_of
+from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError
 from dextera_build.store.actions import Actions
 from dextera_build.store.cas import MissingBlob
@@ -57,14 +58,23 @@ class Kept(Mapping[str, NodeRecord]):
         # One of its own: what is only told of must not be noted as what the build found.
         self._actions = Actions(store.actions.root, store.blobs)
 
+    def made(self, address: str) -> tuple[str, str | None]:
+        """The rule and the output of a node."""
+        if address in self.own:
+            return self.own[address].rule, self.own[address].output
+        return self._rule(address).path, self._known.output(address)
+
+    def _rule(self, address: str) -> RuleFacts:
+        where = parse_address(address)
+        return copy_of(self._known.graph, where.call, where.labels or ()).rule
+
     def __getitem__(self, address: str) -> NodeRecord:
         if address in self.own:
             return self.own[address]
         key, output = self._known.key(address), self._known.output(address)
         if key is None or output is None:
             raise KeyError(address)
-        where = parse_address(address)
-        rule = copy_of(self._known.graph, where.call, where.labels or ()).rule
+        rule = self._rule(address)
         result = self._actions.get(key)
         return NodeRecord(
             status="cached",
@@ -92,3 +102,27 @@ class Kept(Mapping[str, NodeRecord]):
             return dict(json.loads(self._blobs.get(document))["inputs"])
         except MissingBlob:
             return {}
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What became of a run."""
+
+    ok: bool
+    """Whether every target is up to date."""
+    nodes: Mapping[str, NodeRecord]
+    """Address -> record, in the order in which the run came to them."""
+    targets: tuple[str, ...]
+    """Addresses of the nodes that were asked for, every copy by itself."""
+    run: str = ""
+    """Id of the run."""
+    wiring: Wiring | None = field(default=None, repr=False, compare=False)
+    """What the run was made of."""
+    errors: Mapping[str, DxbError] = field(default_factory=dict)
+    """Address of a group, collection or target that failed without being a node -> why."""
+
+    def made(self, address: str) -> tuple[str, str | None]:
+        """The rule and the output of a node; quicker than its whole record."""
+        if isinstance(self.nodes, Kept):
+            return self.nodes.made(address)
+        return self.nodes[address].rule, self.nodes[address].output

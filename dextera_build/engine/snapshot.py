@@ -95,7 +95,7 @@ def save(
         "store": store[0] if store else "",
         "boot": presence.boot(),
         "shards": frozen[0],
-        "rows": digest_of(frozen[1]),
+        "rows": [len(frozen[1]), zlib.crc32(frozen[1])],
     }
     try:
         files.write(f"{path}.rows", frozen[1], 0o644)
@@ -140,25 +140,29 @@ def renew(path: Path, stale: Stale, watch: Watch, lines: Sequence[str], presence
         False where it was not written; then the old one stands, and the next build sees the same changes.
     """
     head = stale.head
-    rows = files.read(f"{path}.rows")
-    extended = presence_.extend(head["shards"], rows) if digest_of(rows) == head["rows"] else None
+    extended = presence_.extend(head["shards"], _rows(path, head))
     if extended is None or not watch.settled():
         return False
-    head.update(lines=list(lines), present=watch.present, shards=extended[0], rows=digest_of(extended[1]))
+    size, check = head["rows"]
+    more = [size + len(extended[1]), zlib.crc32(extended[1], check)]
+    head.update(lines=list(lines), present=watch.present, shards=extended[0], rows=more)
     for kind, found in (("files", watch.files), ("folders", watch.folders)):
         head[kind] = {name: known for name, known in head[kind].items() if name not in stale.changed} | found
     try:
-        if extended[1] != rows:
-            files.write(f"{path}.rows", extended[1], 0o644)
+        if extended[1]:
+            files.append(f"{path}.rows", size, extended[1])
         _write(path, head)
     except StoreError:
         return False
     return True
 
 
-def digest_of(rows: bytes) -> int:
-    """What shows damage of rows."""
-    return zlib.crc32(rows)
+def _rows(path: Path, head: Mapping[str, Any]) -> memoryview:
+    size, check = head["rows"]
+    rows = memoryview(files.read(f"{path}.rows"))[:size]
+    if len(rows) != size or zlib.crc32(rows) != check:
+        raise ValueError("the rows were damaged")
+    return rows
 
 
 def read_head(path: Path) -> dict[str, Any]:
@@ -186,9 +190,7 @@ def held(path: Path) -> tuple[str, set[str]]:
         ValueError: It was damaged, or another version wrote it.
     """
     head = read_head(path)
-    rows = files.read(f"{path}.rows")
-    if digest_of(rows) != head["rows"]:
-        raise ValueError("the rows were damaged")
+    rows = _rows(path, head)
     areas = {shard: row for shard, row in head["shards"].items() if shard.startswith("ac/")}
     return str(head["request"].get("root", "")), set(presence.digests(rows, areas))
 
@@ -198,15 +200,14 @@ def is_present(path: Path, head: dict[str, Any]) -> bool:
 
     Raises:
         OSError: The rows cannot be read.
+        ValueError: They were damaged.
     """
     now = presence.boot()
     shards: presence.Shards = head["shards"]
     late = presence.moved(head["store"], shards) if head["boot"] == now else list(shards)
     if not late:
         return True
-    rows = files.read(f"{path}.rows")
-    if digest_of(rows) != head["rows"]:
-        return False
+    rows = _rows(path, head)
     renewed = dict(shards)
     for shard in late:
         found = presence.look(head["store"], shard)

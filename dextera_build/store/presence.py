@@ -65,20 +65,21 @@ class Presence:
             parts += rows
         return shards, b"".join(parts)
 
-    def extend(self, shards: Shards, rows: bytes) -> tuple[Shards, bytes] | None:
-        """What `freeze` gave once, and what was noted since; None where a file is gone."""
+    def extend(self, shards: Shards, rows: bytes | memoryview) -> tuple[Shards, bytes] | None:
+        """The folders of what `freeze` gave once and of what was noted since, and the rows to add, or None."""
         found = dict(shards)
-        place = len(rows) // _ROW
+        added = bytearray()
         for shard in sorted(self._rows):
-            fresh = self._noted(shard)
-            rows += b"".join(fresh)
+            known, place = shards.get(shard, [])[2:], len(added) // _ROW
+            added += b"".join(self._noted(shard))
+            fresh = [place, len(added) // _ROW]
             seen = look(self._root, shard)
-            ranges = [*shards.get(shard, [])[2:], place, place + len(fresh)]
-            if seen is None or not whole(self._root, rows, shard, [0, 0, *ranges]):
+            if seen is None or not (
+                whole(self._root, rows, shard, [0, 0, *known]) and whole(self._root, added, shard, [0, 0, *fresh])
+            ):
                 return None
-            found[shard] = [*seen, *ranges]
-            place += len(fresh)
-        return found, rows
+            found[shard] = [*seen, *known, *(len(rows) // _ROW + place for place in fresh)]
+        return found, bytes(added)
 
 
 def look(root: str, shard: str) -> tuple[int, int] | None:
@@ -105,7 +106,7 @@ def moved(root: str, shards: Shards) -> list[str]:
     return found
 
 
-def whole(root: str, rows: bytes, shard: str, row: list[int]) -> bool:
+def whole(root: str, rows: bytes | bytearray | memoryview, shard: str, row: list[int]) -> bool:
     """Whether every file that is relied on in a folder is there with its size."""
     stat, folder = os.stat, f"{root}/{shard}/"
     try:
@@ -120,7 +121,7 @@ def whole(root: str, rows: bytes, shard: str, row: list[int]) -> bool:
     return True
 
 
-def digests(rows: bytes, shards: Shards) -> Iterator[str]:
+def digests(rows: memoryview, shards: Shards) -> Iterator[str]:
     """What is relied on in some folders."""
     for row in shards.values():
         for first, end in zip(row[2::2], row[3::2], strict=True):

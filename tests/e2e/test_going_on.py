@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -198,3 +200,24 @@ def test_past_runs_tell_of_nodes_that_were_kept(built: Space) -> None:
     assert why.code == 0, why.err
     assert statuses(built) == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
     assert built.dxb("log", "--json").code == 0
+
+
+HEAVY = ("numpy", "pydantic", "yaml", "rich", "dextera_build.recipe", "dextera_build.rule", "dextera_build.loader")
+LOADED = """
+import sys
+from dextera_build.cli.main import main
+assert main(sys.argv[1:]) == 0
+print("loaded", *[name for name in {names} if name in sys.modules])
+"""
+
+
+@pytest.mark.parametrize("change", ["nothing", "a stamp", "a file"])
+def test_a_small_build_loads_little(built: Space, change: str) -> None:
+    words = [sys.executable, "-c", LOADED.format(names=HEAVY), "build", "two", "--console", "none"]
+    for turn in range(2):  # the module search path differs from that of the fixture's build
+        if turn and change != "nothing":
+            built.write("one.txt", "one.txt" if change == "a stamp" else "new")
+            time.sleep(0.05)
+        done = subprocess.run(words, cwd=built.root, env=built.environment(), text=True, capture_output=True)
+        assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "loaded"
