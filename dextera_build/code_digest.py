@@ -19,6 +19,14 @@ _YOUNG_S = 2.5
 _FRAMEWORK = ("__init__.py", "rule.py", "errors.py", "digest.py")
 
 
+def content(file: Path) -> str | None:
+    """Digest of what a source file says, without comments, docstrings and positions; None where it cannot be read."""
+    try:
+        return _content(_parse(file))
+    except (OSError, SyntaxError, ValueError):
+        return None
+
+
 def is_young(folder: Path) -> bool:
     """Whether a source file in `folder` was changed so lately that no byte code should be written for it.
 
@@ -66,6 +74,10 @@ class CodeIndex:
         """Every file that was read so far."""
         return sorted(self._parsed)
 
+    def contents(self) -> dict[Path, str]:
+        """Digest of what each file says that was read so far, as `content` gives it."""
+        return {file: _content(source) for file, source in self._parsed.items()}
+
     def name(self, file: Path) -> str:
         """The name of a source file that is the same on every machine: `rules/factorize/mesh.py`."""
         for folder in self._roots.values():
@@ -104,6 +116,10 @@ class CodeIndex:
         if file not in self._parsed:
             self._parsed[file] = _parse(file)
         return self._parsed[file]
+
+
+def _content(source: _Source) -> str:
+    return digest.of_value([list(source.definitions.items()), list(source.lines), source.imports])
 
 
 def _modules(base: Path, names: tuple[str, ...]) -> Iterator[Path]:

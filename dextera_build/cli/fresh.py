@@ -46,10 +46,7 @@ class Near:
     @property
     def idle(self) -> bool:
         """Whether the files that changed hold what they held, and all that was written is there."""
-        present: dict[str, int] = self.stale.head["present"]
-        with suppress(OSError):
-            return not self.known.cone and all(os.stat(path).st_size == size for path, size in present.items())
-        return False
+        return not self.known.cone and snapshot.is_placed(self.stale.head)
 
 
 def load(project: Project, fingerprint: Mapping[str, object]) -> tuple[str, tuple[str, ...]] | None:
@@ -67,6 +64,7 @@ def save(
     """
     from dextera_build.engine import known
     from dextera_build.loader import bundled
+    from dextera_build.recipe.content import content
 
     outputs = [Path(line.partition("\t")[2]).absolute() for line in lines]
     configuration = [project.root / name for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml")]
@@ -90,23 +88,29 @@ def save(
     with suppress(StoreError):
         if not known.write(path, plan.graph, result.wiring, result.run):
             snapshot.forget(path.with_suffix(".plan"))
-    more = {"fixed": [*fixed, *fixed_folders], "nodes": str(len(result.nodes))}
+    contents = {str(file): content(file) for file in plan.recipes}
+    contents |= {str(file): said for file, said in project.library.code.contents().items()}
+    more = {"fixed": [*fixed, *fixed_folders], "contents": contents, "nodes": str(len(result.nodes))}
     snapshot.save(path, dict(fingerprint), watch, [str(len(result.nodes)), *lines], store, more)
 
 
 def near(project: Project, fingerprint: Mapping[str, object], leaves: StatCache) -> Near | None:
-    """What the last build of the same request knew, if nothing changed since but files that nodes read."""
+    """What the last build of a request knew, if nothing changed since but files that nodes read, and comments."""
     from dextera_build.engine import known
 
     path = _file(project, fingerprint)
     stale = snapshot.load_if_near(path, dict(fingerprint))
-    if stale is None or not set(stale.changed).isdisjoint(stale.head["fixed"]):
+    if stale is None:
+        return None
+    said = [name for name in stale.changed if name in stale.head["fixed"]]
+    if not all(_says_the_same(name, stale.head, leaves) for name in said):
         return None
     try:
         found = known.read(path)
     except (OSError, ValueError, KeyError, TypeError, IndexError):
         return None
-    tops = {_leaf_of(name, found.head["leaves"]) for name in stale.changed}
+    files = [name for name in stale.changed if name not in said or name in found.leaves]
+    tops = {_leaf_of(name, found.head["leaves"]) for name in files}
     if found.depth >= _DEEPEST or not (project.cache / "runs" / found.run).is_dir():
         return None
     if not all(top is not None and _is_whole(top, stale.head) for top in tops):
@@ -125,6 +129,18 @@ def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near:
     with suppress(StoreError, OSError, ValueError):
         near.known.write_state(path)
         snapshot.renew(path, near.stale, seen.watch, [near.stale.head["nodes"], *lines], seen.presence)
+
+
+def _says_the_same(name: str, head: Mapping[str, Mapping[str, str | None]], leaves: StatCache) -> bool:
+    """Whether only comments and layout of a recipe or of a rule's source changed."""
+    if leaves.watch is not None:
+        leaves.watch.file(name)
+    if name.endswith(".yaml"):
+        from dextera_build.recipe.content import content
+    else:
+        from dextera_build.code_digest import content
+    known = head["contents"].get(name)
+    return known is not None and content(Path(name)) == known
 
 
 def _leaf_of(name: str, leaves: Mapping[str, object]) -> str | None:

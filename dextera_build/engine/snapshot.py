@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -226,6 +225,11 @@ def _write(path: Path, head: Mapping[str, object]) -> None:
     files.write(str(path), hashlib.sha256(text).hexdigest().encode() + b"\n" + text, 0o644)
 
 
+def is_placed(head: Mapping[str, Mapping[str, object]]) -> bool:
+    """Whether what dxb wrote outside the store is as it wrote it."""
+    return all(list(signature.look(path) or ()) == known for path, known in head["present"].items())
+
+
 def _is_fresh(head: Mapping[str, Mapping[str, object]]) -> bool:
     for path, known in head["files"].items():
         seen = signature.look(path)
@@ -237,4 +241,4 @@ def _is_fresh(head: Mapping[str, Mapping[str, object]]) -> bool:
     for path, known in head["paths"].items():
         if signature.modules(path) != known:
             return False
-    return all(os.stat(path).st_size == size for path, size in head["present"].items())
+    return is_placed(head)

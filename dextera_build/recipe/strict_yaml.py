@@ -13,11 +13,12 @@ from dextera_build.errors import Place, RecipeError
 from dextera_build.recipe.yaml_node import Node as Node
 from dextera_build.recipe.yaml_node import mark_of, place_of
 
-_Parser: Any = yaml.SafeLoader
+PARSER: Any = yaml.SafeLoader
+"""libyaml's, where PyYAML has it."""
 if yaml.__with_libyaml__:
     from yaml import cyaml
 
-    _Parser = cyaml.CLoader
+    PARSER = cyaml.CLoader
 
 _SCALARS: tuple[tuple[str, re.Pattern[str], str], ...] = (
     ("null", re.compile(r"^(?:~|null|Null|NULL|)$"), "~nN"),
@@ -46,7 +47,7 @@ def parse(text: str, file: str) -> Node:
         RecipeError: A syntax error, a duplicate key, a tag, a merge key, an alias or several documents.
     """
     try:
-        root = _Builder(file).build(_Parser(text))
+        root = _Builder(file).build(PARSER(text))
     except yaml.YAMLError as error:
         raise _syntax_error(error, text, file) from None
     if root is None:
@@ -228,7 +229,7 @@ def _no_text(key: object, place: Place) -> RecipeError:
 
 
 def _syntax_error(error: yaml.YAMLError, text: str, file: str) -> RecipeError:
-    if _Parser is not yaml.SafeLoader:
+    if PARSER is not yaml.SafeLoader:
         # libyaml says less well what is wrong than the parser in Python.
         try:
             _Builder(file).build(yaml.SafeLoader(text))

@@ -74,14 +74,14 @@ class Watch:
         files: Path -> signature, None for a file that was looked for and is not there.
         folders: Path -> sorted names, for folders whose list of names matters.
         paths: Path -> sorted names of what can be imported, for folders of the module search path.
-        present: Path -> size [bytes] of files that never change but may be deleted.
+        present: Path -> signature of files that dxb wrote, and that may be deleted or written again.
     """
 
     def __init__(self) -> None:
         self.files: dict[str, Signature | None] = {}
         self.folders: dict[str, list[str] | None] = {}
         self.paths: dict[str, list[str] | None] = {}
-        self.present: dict[str, int] = {}
+        self.present: dict[str, Signature] = {}
         self.started_ns = time.time_ns()
 
     def file(self, path: str | os.PathLike[str]) -> None:
@@ -105,7 +105,7 @@ class Watch:
         """Note files that dxb wrote and that a later build relies on."""
         for path in paths:
             name = os.fspath(path)
-            self.present[name] = os.stat(name).st_size
+            self.present[name] = of(os.stat(name))
 
     def settled(self) -> bool:
         """Whether every file is what it was at the first look, and none may change without a trace."""

@@ -153,7 +153,7 @@ def test_any_other_change_is_planned_anew(built: Space, change: str, tmp_path: P
         (tmp_path / "lib/thing/__init__.py").unlink()
         (tmp_path / "lib/thing").rmdir()
     elif change == "recipe":
-        built.edit("recipes/two.yaml", "inputs:", "# a comment\ninputs:")
+        built.edit("recipes/two.yaml", "targets:", "  e: {rule: toy.slow, text: $one}\ntargets:")
     elif change == "rule":
         built.edit("rules/toy/join.py", "one.data + two.data", "two.data + one.data")
     elif change == "configuration":
@@ -186,7 +186,18 @@ def test_a_failure_can_be_mended(built: Space) -> None:
     assert built.dxb("build", "two").code == 1
     built.edit("recipes/two.yaml", ", do: fail", "")
     time.sleep(0.05)
+    assert build(built)[1] is None  # it says again what was built already
+    assert output(built, "c") == "one.txttwo.txt"
+
+
+def test_what_another_request_placed_is_placed_anew(built: Space) -> None:
+    built.write("other.txt", "TWO.TXT")
+    time.sleep(0.05)
+    build(built, "--input", "two=other.txt")
+    assert output(built, "c") == "one.txtTWO.TXT"
     assert build(built)[1] == dict.fromkeys("abcd", "cached")
+    assert output(built, "c") == "one.txttwo.txt"
+    assert build(built)[1] is None
 
 
 def test_past_runs_tell_of_nodes_that_were_kept(built: Space) -> None:
@@ -221,3 +232,37 @@ def test_a_small_build_loads_little(built: Space, change: str) -> None:
         done = subprocess.run(words, cwd=built.root, env=built.environment(), text=True, capture_output=True)
         assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "loaded"
+
+
+@pytest.mark.parametrize("file", ["recipes/two.yaml", "rules/toy/join.py", "rules/toy/slow.py"])
+def test_a_comment_changes_nothing(built: Space, file: str) -> None:
+    path = built.root / file
+    path.write_text(path.read_text() + "\n\n# a comment\n")
+    time.sleep(0.05)
+    for _ in range(2):
+        looked = built.dxb("build", "two")
+        assert "two is up to date   4 nodes" in looked.err
+    assert runs(built) == ["0001"]
+    built.write("two.txt", "new")
+    path.write_text(path.read_text() + "# another\n")
+    time.sleep(0.05)
+    _, ended, kept = build(built)
+    assert kept
+    assert ended == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new"),
+    [
+        ("recipes/two.yaml", "one: $a, two: $b", "one: $b, two: $a"),
+        ("recipes/two.yaml", "text: $two", "text: $two, seconds: 0.5"),
+        ("recipes/two.yaml", "default: [c, d]", "default: [c]"),
+        ("rules/toy/join.py", "version=1", "version=2"),
+        ("rules/toy/join.py", "import Context, rule", "import Context, rule\nimport json"),
+    ],
+)
+def test_what_says_something_else_is_planned_anew(built: Space, file: str, old: str, new: str) -> None:
+    built.edit(file, old, new)
+    time.sleep(0.05)
+    assert not build(built)[2]
+    assert len(runs(built)) == 2

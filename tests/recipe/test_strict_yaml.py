@@ -128,7 +128,7 @@ def test_both_parsers_read_the_same(value):
     text = yaml.safe_dump({"x": value}, allow_unicode=True)
     fast = strict_yaml.parse(text, "f")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(strict_yaml, "_Parser", yaml.SafeLoader)
+        patch.setattr(strict_yaml, "PARSER", yaml.SafeLoader)
         slow = strict_yaml.parse(text, "f")
     assert fast.plain() == slow.plain()
     assert fast.at(("x",)) == slow.at(("x",))
