@@ -96,29 +96,30 @@ def save(
 
 def near(project: Project, fingerprint: Mapping[str, object], leaves: StatCache) -> Near | None:
     """What the last build of a request knew, if nothing changed since but files that nodes read, and comments."""
-    from dextera_build.engine import known
-
     path = _file(project, fingerprint)
     stale = snapshot.load_if_near(path, dict(fingerprint))
-    if stale is None:
-        return None
+    try:
+        return _known(path, stale, leaves, project.cache / "runs") if stale else None
+    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError):
+        return None  # it was damaged, or another version wrote it
+    except DxbError:
+        return None  # a file cannot be read; planning says it better
+
+
+def _known(path: Path, stale: Stale, leaves: StatCache, logs: Path) -> Near | None:
+    from dextera_build.engine import known
+
     said = [name for name in stale.changed if name in stale.head["fixed"]]
     if not all(_says_the_same(name, stale.head, leaves) for name in said):
         return None
-    try:
-        found = known.read(path)
-    except (OSError, ValueError, KeyError, TypeError, IndexError):
+    found = known.read(path)
+    if found.depth >= _DEEPEST or not (logs / found.run).is_dir():
         return None
     files = [name for name in stale.changed if name not in said or name in found.leaves]
     tops = {_leaf_of(name, found.head["leaves"]) for name in files}
-    if found.depth >= _DEEPEST or not (project.cache / "runs" / found.run).is_dir():
-        return None
     if not all(top is not None and _is_whole(top, stale.head) for top in tops):
         return None
-    try:
-        changed = [str(top) for top in tops if leaves.digest_leaf(Path(str(top))) != found.leaves[str(top)]]
-    except DxbError:
-        return None  # planning says it better
+    changed = [str(top) for top in tops if leaves.digest_leaf(Path(str(top))) != found.leaves[str(top)]]
     return Near(stale, found) if found.spread(changed) else None
 
 

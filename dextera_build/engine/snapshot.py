@@ -24,7 +24,7 @@ from dextera_build.store import files, presence, signature
 from dextera_build.store.presence import Presence
 from dextera_build.store.signature import Watch
 
-_FORM = 2
+_FORM = 3
 
 
 @dataclass(frozen=True)

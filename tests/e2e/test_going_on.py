@@ -266,3 +266,25 @@ def test_what_says_something_else_is_planned_anew(built: Space, file: str, old: 
     time.sleep(0.05)
     assert not build(built)[2]
     assert len(runs(built)) == 2
+
+
+@pytest.mark.parametrize("ending", ["", ".plan", ".known", ".rows"])
+def test_broken_snapshots_are_passed_over(built: Space, ending: str) -> None:
+    folder = built.root / "cache/local/snapshots"
+    (head,) = [file for file in folder.iterdir() if "." not in file.name]
+    file = Path(f"{head}{ending}")
+    built.write("two.txt", "new")
+    time.sleep(0.05)
+    for text in (b"", b"{}", file.read_bytes()[:-3], None):
+        file.unlink()
+        if text is not None:
+            file.write_bytes(text)
+        answer = built.dxb("build", "two")
+        assert answer.code == 0, answer.err
+        assert output(built, "c") == "one.txtnew"
+        built.write("two.txt", "again")
+        time.sleep(0.05)
+        assert built.dxb("build", "two").code == 0
+        assert output(built, "c") == "one.txtagain"
+        built.write("two.txt", "new")
+        time.sleep(0.05)
