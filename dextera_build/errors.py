@@ -102,7 +102,7 @@ class StoreError(DxbError):
 
 
 class StaleError(DxbError):
-    """`--check` found stale targets (exit 3)."""
+    """`--check` found stale targets, or `--locked` others than the locked ones (exit 3)."""
 
     exit_code = 3
     family = "C"

@@ -10,7 +10,6 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.machinery
-import importlib.metadata
 import importlib.util
 import sys
 from collections.abc import Iterator
@@ -132,6 +131,8 @@ class Library:
     @cached_property
     def roots(self) -> list[Root]:
         """Where rules are looked for, in order."""
+        import importlib.metadata  # slow to import, and not every command asks for rules
+
         folders: list[Path] = []
         if self._project is not None and (self._project / "rules").is_dir():
             folders.append((self._project / "rules").resolve())
@@ -222,6 +223,8 @@ def choose_backend(found: RuleFile, wanted: str | None, profile: str, where: Pla
 
 def version_of(distribution: str) -> str | None:
     """Installed version of a distribution, or None."""
+    import importlib.metadata
+
     try:
         return importlib.metadata.version(distribution)
     except importlib.metadata.PackageNotFoundError:

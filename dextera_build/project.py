@@ -11,14 +11,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
+from dextera_build.store.remotes.choice import Choice
 
 if TYPE_CHECKING:
     # A build that does nothing reads the settings and no recipe; it need not wait for these.
+    from dextera_build.engine.capacity import Capacity
     from dextera_build.loader import Library
     from dextera_build.recipe.schema import Recipe
 
 MARKER = "dxb.toml"
-_DEFAULTS: dict[str, Any] = {"cache": "cache", "profile": "cpu", "jobs": 0, "console": "auto"}
+LOCK = "dxb.lock"
+_DEFAULTS: dict[str, Any] = {
+    "cache": "cache",
+    "remotes": {},
+    "profile": "cpu",
+    "jobs": 0,
+    "resources": {},
+    "console": "auto",
+    "durable": True,
+    "trusted_keys": "",
+    "require_signed": False,
+}
 PROFILES = ("stub", "cpu", "gpu", "cloud")
 
 
@@ -43,6 +56,8 @@ class Project:
         self.root = root
         self.declared = declared
         self._recipes: dict[tuple[Path, int, int, int], Recipe] = {}
+        self.remotes = Choice(root)
+        """The remotes; known when `config` is."""
         self._flags = {name: value for name, value in (flags or {}).items() if value is not None}
 
     @cached_property
@@ -53,7 +68,7 @@ class Project:
             home = Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser()
             found["cache"] = Setting(str(home / "dxb"), "default outside a project")
         for origin, values in self._layers():
-            for name, value in values.items():
+            for name, value in self.remotes.take(values, origin).items():
                 if name not in _DEFAULTS:
                     raise RecipeError(
                         f"`{name}` is not a setting",
@@ -62,14 +77,24 @@ class Project:
                         facts={"settings": listing(_DEFAULTS)},
                         hint=did_you_mean(name, _DEFAULTS),
                     )
-                found[name] = Setting(value, origin)
+                found[name] = Setting(self._over(found, name, value, origin), origin)
         if found["profile"].value not in PROFILES:
             raise UsageError(
                 f"`{found['profile'].value}` is not a profile",
                 code="DXB-U103",
                 facts={"profiles": listing(PROFILES), "from": found["profile"].origin},
             )
-        return found
+        del found["remotes"]
+        return found | {name: Setting(value, origin) for name, (value, origin) in self.remotes.rows().items()}
+
+    @staticmethod
+    def _over(found: Mapping[str, Setting], name: str, value: Any, origin: str) -> Any:
+        """The value of a setting over that of lower layers; resources add up by name."""
+        if name != "resources":
+            return value
+        from dextera_build.engine.capacity import parse
+
+        return {**found[name].value, **parse(value, origin)}
 
     @property
     def cache(self) -> Path:
@@ -88,6 +113,46 @@ class Project:
         if not str(value).isdigit():
             raise UsageError(f"`jobs` is a number, not `{value}`", code="DXB-U103")
         return int(value) or len(os.sched_getaffinity(0))
+
+    def capacity(self, *, gpus: bool) -> Capacity:
+        """What this machine has to share out, or what the settings say that it has; `gpus`: look for devices."""
+        from dextera_build.engine.capacity import measure
+
+        said = dict(self.config["resources"].value)
+        if self.config["jobs"].origin in ("command line", "environment"):
+            said.pop("cpu", None)
+        return measure(self.jobs, said, gpus=gpus)
+
+    @property
+    def durable(self) -> bool:
+        """Whether a build waits until what it made is on the disk."""
+        return str(self.config["durable"].value).lower() not in ("false", "0", "no", "off")
+
+    @property
+    def trusted_keys(self) -> list[Path]:
+        """Files and folders with the public keys of those whose bundles are believed.
+
+        Raises:
+            UsageError: The settings name what is not there.
+        """
+        setting = self.config["trusted_keys"]
+        named = setting.value if isinstance(setting.value, list) else [setting.value] if setting.value else []
+        found = [self.root / Path(str(name)).expanduser() for name in named]
+        for path in found:
+            if not path.exists():
+                raise UsageError(
+                    f"`trusted_keys` names `{path}`, which is not there",
+                    code="DXB-U149",
+                    facts={"from": setting.origin},
+                    hint=f"mkdir -p {path}",
+                )
+        user = _user_folder() / "trusted_keys"
+        return [*found, user] if user.is_dir() else found
+
+    @property
+    def require_signed(self) -> bool:
+        """Whether bundles are refused that no trusted key signed."""
+        return str(self.config["require_signed"].value).lower() not in ("", "0", "false", "no")
 
     @cached_property
     def library(self) -> Library:
@@ -152,8 +217,7 @@ class Project:
         return [folder for number, folder in enumerate(folders) if folder.is_dir() and folder not in folders[:number]]
 
     def _layers(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
-        user = Path(os.environ.get("XDG_CONFIG_HOME", "~/.config")).expanduser() / "dxb" / "config.toml"
-        for file in (user, *_project_files(self.root), self.root / "dxb.local.toml"):
+        for file in (_user_folder() / "config.toml", *_project_files(self.root), self.root / "dxb.local.toml"):
             if file.is_file():
                 values = _toml(file)
                 if file.name == "pyproject.toml":
@@ -173,6 +237,10 @@ def find(start: Path | None = None, flags: Mapping[str, Any] | None = None) -> P
         if (folder / MARKER).is_file() or _declares(folder / "pyproject.toml"):
             return Project(folder, flags)
     return Project(here, flags, declared=False)
+
+
+def _user_folder() -> Path:
+    return Path(os.environ.get("XDG_CONFIG_HOME", "~/.config")).expanduser() / "dxb"
 
 
 def _project_files(root: Path) -> list[Path]:

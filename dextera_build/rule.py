@@ -150,6 +150,19 @@ class Context:
 
 
 @dataclass(frozen=True)
+class Tolerance:
+    """How far the numbers of a result may be apart when a rule runs again on the same inputs; all else is exact.
+
+    `Tolerance({"vertices": 1e-6, "parts.mesh.vertices": 1e-6}, metrics={"volume": 1e-9})`
+    """
+
+    fields: Mapping[str, float] = field(default_factory=dict)
+    """Field of the result, without labels and indices -> largest absolute difference, in the unit of the field."""
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    """Name given to `ctx.metric` -> largest absolute difference, in the unit of the metric. Others are not compared."""
+
+
+@dataclass(frozen=True)
 class Slot:
     """One input of a rule."""
 
@@ -166,8 +179,14 @@ class Rule(Generic[P, R]):
     function: Callable[P, R]
     version: int
     packages: tuple[str, ...]
-    cpus: int
-    memory_gb: float
+    cpus: int = 1
+    memory_gb: float = 1.0
+    gpus: int = 0
+    resources: Mapping[str, float] = field(default_factory=dict)
+    retries: int = 0
+    retry_on: tuple[type[BaseException] | str, ...] = ()
+    retry_wait_s: float = 1.0
+    tolerance: Tolerance = Tolerance()
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         """Call the plain function."""
@@ -208,8 +227,18 @@ class Rule(Generic[P, R]):
         return typing.get_type_hints(self.function, include_extras=True)["return"]
 
 
-def rule(
-    *, version: int, packages: tuple[str, ...] = (), cpus: int = 1, memory_gb: float = 1.0
+def rule(  # noqa: PLR0913 - all that a rule may declare
+    *,
+    version: int,
+    packages: tuple[str, ...] = (),
+    cpus: int = 1,
+    memory_gb: float = 1.0,
+    gpus: int = 0,
+    resources: Mapping[str, float] | None = None,
+    retries: int = 0,
+    retry_on: tuple[type[BaseException] | str, ...] = (ConnectionError, TimeoutError),
+    retry_wait_s: float = 1.0,
+    tolerance: Tolerance | None = None,
 ) -> Callable[[Callable[P, R]], Rule[P, R]]:
     """Declare the function below as the rule that its file is named after.
 
@@ -221,11 +250,25 @@ def rule(
         packages: Third-party distributions that the result depends on; their versions enter the key. Those of the
             chosen backend are added.
         cpus: Cores that one call keeps busy; so many of `--jobs` are not given to others meanwhile.
-        memory_gb: Peak memory of one call [GiB].
+        memory_gb: Peak memory of one call [GiB]; once a node has run here, what it took counts instead.
+        gpus: GPUs that one call has to itself. What a backend needs of a GPU's memory stands in its `BACKEND`.
+        resources: Named things of which there are only so many, `{"licence:solver": 1}`; a project says how many in
+            `[tool.dxb.resources]`.
+        retries: How often a call is tried again whose worker died, whose machine lacked something (`MachineError`), or
+            that raised one of `retry_on`. A refused input and a failed check are never tried again.
+        retry_on: Exceptions, or their names (`"httpx.TransportError"`) where the import would be heavy.
+        retry_wait_s: Rest before the second try [s]; twice as long before each further one, a minute at most.
+        tolerance: How far results may be apart for `dxb check`; None is exact. A build never takes one for another: the
+            first result of a key stays.
     """
+    for name in resources or {}:
+        if ":" not in name:
+            raise ValueError(f"a named resource is called `kind:name`, not `{name}`")
 
     def mark(function: Callable[P, R]) -> Rule[P, R]:
-        return Rule(function, version, packages, cpus, memory_gb)
+        named = dict(resources or {})
+        allowed = tolerance or Tolerance()
+        return Rule(function, version, packages, cpus, memory_gb, gpus, named, retries, retry_on, retry_wait_s, allowed)
 
     return mark
 

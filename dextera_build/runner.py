@@ -10,12 +10,17 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.errors import DxbError, RuleError
-from dextera_build.loader import Library
+from dextera_build.loader import Library, RuleFile
 from dextera_build.store import space
+from dextera_build.store.cas import Blobs
 from dextera_build.store.store import Store
+from dextera_build.store.streams import Reader
+
+if TYPE_CHECKING:
+    from dextera_build.rule import Context
 
 _SMALL = 1 << 14
 _MOST_KNOWN = 1 << 10
@@ -61,7 +66,12 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         )
         keyword = {"options": options} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)
-    wanted = rule.returns
+        # Before the scratch folder goes: what is returned may lie there.
+        return _stored(store, found, result, ctx)
+
+
+def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[str, Any]:
+    wanted = found.rule.returns
     if not any(base.__name__ == wanted.__name__ for base in type(result).__mro__):
         raise RuleError(
             f"{found.path} returned {type(result).__name__}, but {wanted.__name__} is declared",
@@ -69,7 +79,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
             where=found.place,
         )
     return {
-        "output": result.encode(store.blobs.put),
+        "output": result.encode(store.writer),
         "line": ctx.outcome.line,
         "previews": [[caption, store.blobs.put(data)] for caption, data in ctx.outcome.previews],
         "metrics": {name: list(value) for name, value in ctx.outcome.metrics.items()},
@@ -98,22 +108,23 @@ def _library(project: str) -> Library:
 
 
 @lru_cache(maxsize=1)
-def _store(root: str) -> tuple[Store, Callable[[str], bytes]]:
+def _store(root: str) -> tuple[Store, _Recent]:
     store = Store(Path(root))
-    return store, _Reader(store.blobs.get)
+    return store, _Recent(store.blobs)
 
 
-class _Reader:
+class _Recent(Reader):
     """Reads blobs, and keeps small ones that it read last: neighbours in a graph read the same."""
 
-    def __init__(self, get: Callable[[str], bytes]) -> None:
-        self._get = get
+    def __init__(self, blobs: Blobs) -> None:
+        super().__init__(blobs)
         self._known: OrderedDict[str, bytes] = OrderedDict()
 
     def __call__(self, digest: str) -> bytes:
+        """The bytes of a blob."""
         data = self._known.get(digest)
         if data is None:
-            data = self._get(digest)
+            data = super().__call__(digest)
             if len(data) <= _SMALL:
                 self._known[digest] = data
                 if len(self._known) > _MOST_KNOWN:

@@ -13,47 +13,35 @@ so the store and the engine can follow references without knowing any type.
 
 from __future__ import annotations
 
+import io
 import json
 import types
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Generic, Self, TypeVar, Union, get_args, get_origin
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    BinaryIO,
+    ClassVar,
+    Generic,
+    Self,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+)
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, model_validator
 
 from dextera_build import digest
-from dextera_build.errors import ArtifactError
-
-Put = Callable[[bytes], str]
-Get = Callable[[str], bytes]
-
-
-@dataclass(frozen=True)
-class Array:
-    """The declared form of an array field, used as `Annotated[np.ndarray, Array("V 3", "float32", unit="m")]`.
-
-    Args:
-        shape: Axis sizes separated by spaces: numbers, or names that must agree within one artifact.
-        dtype: NumPy dtype name.
-        unit: SI unit, or "" for a pure number.
-        frame: The frame that coordinates are expressed in, or "".
-        finite: Refuse NaN and infinities.
-    """
-
-    shape: str
-    dtype: str
-    unit: str = ""
-    frame: str = ""
-    finite: bool = True
-
-    def describe(self) -> str:
-        """`float32 (V, 3) [m] in object`."""
-        unit = f" [{self.unit}]" if self.unit else ""
-        frame = f" in {self.frame}" if self.frame else ""
-        return f"{self.dtype} ({', '.join(self.shape.split())}){unit}{frame}"
+from dextera_build.artifacts.arrays import Array as Array
+from dextera_build.artifacts.arrays import array_in, check_array
+from dextera_build.artifacts.content import SMALL, Content, Get, OnDisk, Put, Stored
+from dextera_build.errors import ArtifactError, StoreError
 
 
 class Value(BaseModel):
@@ -90,7 +78,7 @@ class Artifact(BaseModel):
         for name, spec in array_specs(type(self)).items():
             value = getattr(self, name)
             if value is not None:
-                _check_array(f"{self.name()}.{name}", name, value, spec, axes)
+                check_array(f"{self.name()}.{name}", name, value, spec, axes)
         return self
 
     def encode(self, put: Put) -> str:
@@ -110,6 +98,14 @@ class Artifact(BaseModel):
             raise ArtifactError(f"a {cls.name()} is needed here, but a {header['artifact']} came", code="DXB-A102")
         hints = {name: info.annotation for name, info in cls.model_fields.items()}
         return cls(**{name: _decode(raw, hints.get(name), get) for name, raw in header["fields"].items()})
+
+    @classmethod
+    def restore(cls, key: str, get: Get, folder: Path, stem: str) -> list[Path]:
+        """Write the value whose header has digest `key` to `folder`, as `export` does.
+
+        Types that need not be in memory for that override it.
+        """
+        return cls.decode(key, get).export(folder, stem)
 
     def export(self, folder: Path, stem: str) -> list[Path]:
         """Write this value to `folder` in the formats that people open, and return the files, the main one first.
@@ -153,17 +149,84 @@ class Collection(Artifact, Generic[T]):
 
 
 class File(Artifact):
-    """The bytes of one file; its name is not part of it."""
+    """The bytes of one file; its name is not part of it.
+
+    Large content stays where it is until `data` is asked for: `path`, `open` and `place` never hold it in memory.
+    """
 
     data: bytes
     """Content."""
 
+    _content: Content | None = PrivateAttr(None)
+
+    @classmethod
+    def of(cls, path: Path) -> Self:
+        """The content of a file that nobody changes any more, which is not read before it is stored."""
+        return cls._behind(OnDisk(path))
+
+    @classmethod
+    def _behind(cls, content: Content) -> Self:
+        made: Self = cls.model_construct()  # type: ignore[call-arg, assignment]  # `data` comes when it is asked for
+        made._content = content
+        return made
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name == "data" and self._content is not None:
+                self.__dict__["data"] = self._content.read()
+                return self.__dict__["data"]
+            return super().__getattr__(name)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the bytes are equal."""
+        return isinstance(other, File) and self.data == other.data
+
+    def __hash__(self) -> int:
+        """Hash of the bytes."""
+        return hash(self.data)
+
+    def path(self, scratch: Path) -> Path:
+        """A file with this content, not to be written to; where there is none yet it is written into `scratch`."""
+        if self._content is not None:
+            return self._content.path()
+        path = scratch / digest.of_bytes(self.data)[:16]
+        path.write_bytes(self.data)
+        return path
+
+    def open(self) -> BinaryIO:
+        """The content as a stream."""
+        return io.BytesIO(self.data) if self._content is None else self._content.path().open("rb")
+
+    def place(self, target: Path) -> None:
+        """Write the content to `target`, sharing blocks where the file system can."""
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if self._content is None:
+            target.write_bytes(self.data)
+        else:
+            self._content.place(target)
+
+    def encode(self, put: Put) -> str:
+        """Store this value; content that is not in memory goes in pieces."""
+        if self._content is None:
+            return super().encode(put)
+        blob, size = self._content.store(put)
+        return put(digest.canonical({"artifact": self.name(), "fields": {"data": {"$bytes": [blob, size]}}}))
+
+    @classmethod
+    def decode(cls, key: str, get: Get) -> Self:
+        """Load the value; large content stays in the store until it is asked for."""
+        header = json.loads(get(key)) if hasattr(get, "place") else {}
+        if header.get("artifact") == cls.name() and list(header["fields"]) == ["data"]:
+            blob, size = header["fields"]["data"]["$bytes"]
+            if size > SMALL:
+                return cls._behind(Stored(get, blob, size))
+        return super().decode(key, get)
+
     def export(self, folder: Path, stem: str) -> list[Path]:
         """Write `folder/stem`."""
-        folder.mkdir(parents=True, exist_ok=True)
-        path = folder / stem
-        path.write_bytes(self.data)
-        return [path]
+        self.place(folder / stem)
+        return [folder / stem]
 
 
 class Folder(Artifact):
@@ -175,12 +238,36 @@ class Folder(Artifact):
     def export(self, folder: Path, stem: str) -> list[Path]:
         """Write the tree below `folder`; the first path is the file that stands highest and first by name."""
         written = []
-        for name in sorted(self.files, key=lambda path: (path.count("/"), path)):
-            path = folder / name
+        for name in sorted(self.files, key=_depth):
+            path = _inside(folder, name)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(self.files[name])
             written.append(path)
         return written
+
+    @classmethod
+    def restore(cls, key: str, get: Get, folder: Path, stem: str) -> list[Path]:
+        """Write the tree from the store, file by file and in parallel; nothing of it is held in memory."""
+        place = getattr(get, "place", None)
+        if place is None:
+            return super().restore(key, get, folder, stem)
+        tree = json.loads(get(key))["fields"]["files"]["$map"]
+        paths = {name: _inside(folder, name) for name in sorted(tree, key=_depth)}
+        for parent in dict.fromkeys(path.parent for path in paths.values()):
+            parent.mkdir(parents=True, exist_ok=True)
+        with ThreadPoolExecutor() as pool:
+            list(pool.map(lambda name: place(tree[name]["$bytes"][0], paths[name]), paths))
+        return list(paths.values())
+
+
+def _depth(name: str) -> tuple[int, str]:
+    return name.count("/"), name
+
+
+def _inside(folder: Path, name: str) -> Path:
+    if name.startswith("/") or ".." in name.split("/") or "\0" in name:
+        raise StoreError(f"`{name}` leads out of the folder that holds it", code="DXB-S404")
+    return folder / name
 
 
 @cache
@@ -189,7 +276,7 @@ def array_specs(kind: type[BaseModel]) -> dict[str, Array]:
     return {
         name: spec
         for name, info in kind.model_fields.items()
-        for spec in (_array_in(info.annotation, info.metadata),)
+        for spec in (array_in(info.annotation, info.metadata),)
         if spec is not None
     }
 
@@ -197,35 +284,6 @@ def array_specs(kind: type[BaseModel]) -> dict[str, Array]:
 def schema_digest(annotation: Any) -> str:
     """Digest of a type's structure: names, field types and array forms, through all artifacts that it refers to."""
     return digest.of_value(_schema(annotation, ()))
-
-
-def _array_in(annotation: Any, metadata: list[Any]) -> Array | None:
-    for spec in metadata:
-        if isinstance(spec, Array):
-            return spec
-    for part in get_args(annotation):
-        if get_origin(part) is Annotated:
-            for spec in get_args(part)[1:]:
-                if isinstance(spec, Array):
-                    return spec
-    return None
-
-
-def _check_array(place: str, name: str, value: np.ndarray, spec: Array, axes: dict[str, tuple[str, int]]) -> None:
-    if value.dtype != np.dtype(spec.dtype):
-        raise ArtifactError(f"{place}: dtype is {value.dtype}, but {spec.describe()} is declared", code="DXB-A103")
-    wanted = spec.shape.split()
-    if value.ndim != len(wanted):
-        raise ArtifactError(f"{place}: shape is {value.shape}, but {spec.describe()} is declared", code="DXB-A104")
-    for axis, size in zip(wanted, value.shape, strict=True):
-        first, known = axes.setdefault(axis, (name, int(axis) if axis.isdigit() else size))
-        if size != known:
-            source = "the type" if axis.isdigit() else first
-            raise ArtifactError(f"{place}: axis {axis} is {size}, but {source} says {known}", code="DXB-A105")
-    if spec.finite and value.dtype.kind == "f" and not np.isfinite(value).all():
-        bad = int((~np.isfinite(value)).sum())
-        raise ArtifactError(f"{place}: {bad:,} of {value.size:,} numbers are not finite", code="DXB-A106")
-    value.flags.writeable = False
 
 
 def _encode(value: Any, put: Put) -> Any:

@@ -10,12 +10,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from dextera_build import __version__
-from dextera_build.cli import options
-from dextera_build.errors import StaleError, StoreError, UsageError, listing
+from dextera_build.cli import locking, options
+from dextera_build.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
     from dextera_build.cli.session import Session
     from dextera_build.engine.graph import Address
+    from dextera_build.engine.known import Known
+    from dextera_build.engine.records import RunResult
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
 
@@ -31,6 +33,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--check", action="store_true", help="run nothing; exit with 3 where something is stale")
     parser.add_argument("--console", metavar="KIND", help="live, plain, jsonl or none (DXB_CONSOLE)")
     parser.add_argument("-v", "--verbose", action="store_true", help="show what nodes log, too")
+    locking.arguments(parser)
+    options.resources_argument(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)
 
@@ -39,16 +43,19 @@ def run(args: argparse.Namespace) -> int:
     """Build every recipe that is named, one after the other."""
     started = time.perf_counter()
     project = options.project(args)
-    wanted: dict[str, list[str]] = {}
-    for text in args.targets:
-        named = options.wish(text)
-        wanted.setdefault(named.recipe, []).append(named.target)
+    plain = not (args.input or args.settings or args.backends)
+    args.locking = locking.Locking(project, lock=args.lock, locked=args.locked, plain=plain)
     code = 0
-    for recipe, targets in wanted.items():
-        code = max(code, _build(args, project, recipe, targets, started))
-        started = time.perf_counter()
-        if code and not args.keep_going:
-            break
+    try:
+        for recipe, targets in options.by_recipe(args.targets).items():
+            code = max(code, _build(args, project, recipe, targets, started))
+            started = time.perf_counter()
+            if code and not args.keep_going:
+                break
+    finally:
+        notice = args.locking.write()
+        if notice and project.config["console"].value not in ("none", "jsonl"):
+            print(notice, file=sys.stderr)
     return code
 
 
@@ -66,6 +73,7 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
         "input": {text: os.path.abspath(text.partition("=")[2]) for text in args.input},
         "settings": args.settings,
         "backends": args.backends,
+        "lock": args.locking.state(recipe),
     }
     known = None if args.force else fresh.load(project, fingerprint)
     if known is not None:
@@ -96,17 +104,16 @@ def _run(
     *,
     whole: bool = False,
 ) -> int:
-    from dextera_build.cli import execution, fresh, results
+    from dextera_build.cli import fresh
     from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.graph import Plan
-    from dextera_build.store.cas import MissingBlob
     from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
 
     session = Session(project, recipe)
     seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
     session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
-    quick = not (whole or args.force or args.check or project.config["console"].value == "jsonl")
+    quick = not (whole or args.force or args.check or args.locked or project.config["console"].value == "jsonl")
     near = fresh.near(project, fingerprint, session.store.leaves) if quick else None
     if near is not None and near.idle:
         nodes, *lines = near.stale.head["lines"]
@@ -114,42 +121,51 @@ def _run(
         return _say_nothing_ran(project, recipe, nodes, lines, started)
     plan = Plan(near.known.graph, ()) if near else session.plan(options.request(args, project.profile))
     wanted = [address for target in targets for address in addresses(plan.graph, target)]
+    args.locking.refuse(session, plan, wanted)
     if args.check:
-        return _check(session, plan, wanted)
+        from dextera_build.cli import stale
+
+        return stale.check(session, plan.graph, wanted)
     _refuse_unknown_force(args.force, plan)
-    result = execution.execute(session, plan, wanted, args, near.known if near else None)
-    try:
-        lines = results.place(session, result)
-    except StoreError as error:
-        if error.code != MissingBlob.CODE:
-            raise
-        if near is not None:
-            return _run(args, project, recipe, targets, fingerprint, started, whole=True)
-        # A blob was damaged on disk; it has been put aside, so building again makes it anew.
-        result = execution.execute(session, plan, wanted, args)
-        lines = results.place(session, result)
+    made = _make(args, session, plan, wanted, near.known if near else None)
+    if made is None:
+        return _run(args, project, recipe, targets, fingerprint, started, whole=True)
+    result, lines = made
     print("".join(line + "\n" for line in lines), end="")
-    if result.ok and near is not None:
-        fresh.renew(project, fingerprint, seen, near, lines)
-    elif result.ok:
-        fresh.save(project, fingerprint, seen, plan, result, lines)
+    if result.ok:
+        args.locking.note(session, plan, wanted, result)
+        fingerprint["lock"] = args.locking.state(recipe)
+        if near is not None:
+            fresh.renew(project, fingerprint, seen, near, lines)
+        else:
+            fresh.save(project, fingerprint, seen, plan, result, lines)
     return 0 if result.ok else 1
 
 
-def _check(session: Session, plan: Plan, wanted: list[Address]) -> int:
-    from dextera_build.engine.dryrun import plan as dry
+def _make(
+    args: argparse.Namespace, session: Session, plan: Plan, wanted: list[Address], known: Known | None
+) -> tuple[RunResult, list[str]] | None:
+    """Build, and place what was asked for; None where what was known is not there, and all must be looked at."""
+    from dextera_build.cli import execution, results
+    from dextera_build.store.cas import MissingBlob
 
-    nodes = dry(plan.graph, wanted, session.store)
-    stale = [node.address for node in nodes if node.status == "stale"]
-    if stale:
-        raise StaleError(
-            f"`{session.recipe}` is stale",
-            code="DXB-C102",
-            facts={"stale": listing(stale), "may follow": str(sum(node.status == "unknown" for node in nodes))},
-            hint=f"`dxb why '{session.recipe}:{stale[0]}'`",
-        )
-    print(f"{session.recipe} is up to date", file=sys.stderr)
-    return 0
+    # Until its results are placed nobody may collect them.
+    with session.store.running.announced():
+        result = execution.execute(session, plan, wanted, args, known)
+        if result.ok:
+            args.locking.refuse(session, plan, wanted)
+        try:
+            return result, results.place(session, result)
+        except StoreError as error:
+            if error.code != MissingBlob.CODE:
+                raise
+            if known is not None:
+                return None
+            # A blob was damaged on disk. All such are set aside, so building again makes them anew.
+            for node in result.targets:
+                session.store.actions.verify(result.nodes[node].key or "")
+            result = execution.execute(session, plan, wanted, args)
+            return result, results.place(session, result)
 
 
 def _refuse_unknown_force(names: list[str], plan: Plan) -> None:

@@ -1,26 +1,44 @@
-"""`dxb cache`: the store's size, and what can go."""
+"""`dxb cache`: the store's size, whether it is whole, what can go, and other machines that use it."""
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 
 from dextera_build.cli import options
 
+ACTIONS = {
+    "size": ("count blobs, results and unfinished calls, and their bytes", "cache"),
+    "gc": ("collect what nobody needs, down to a size or an age", "collecting"),
+    "verify": ("read everything and say what is damaged", "verifying"),
+    "serve": ("serve the store to other machines, as a Bazel HTTP cache", "serving"),
+    "sweep": ("drop the progress that calls saved which did not end, and that nobody builds now", "cache"),
+}
+"""Action -> (summary, module that carries it out)."""
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument(
-        "what",
-        choices=("size", "sweep"),
-        help="size: how many blobs, results and unfinished calls, how many bytes; "
-        "sweep: drop the progress that calls saved which did not end, and that nobody builds now",
-    )
-    options.project_arguments(parser)
-    options.json_argument(parser)
+    actions = parser.add_subparsers(dest="what", metavar="ACTION", required=True)
+    for name, (summary, module) in ACTIONS.items():
+        sub = actions.add_parser(name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.")
+        if module != "cache":
+            importlib.import_module(f"dextera_build.cli.{module}").arguments(sub)
+        options.project_arguments(sub)
+        options.json_argument(sub)
 
 
 def run(args: argparse.Namespace) -> int:
+    """Carry the action out."""
+    module = ACTIONS[args.what][1]
+    if module != "cache":
+        code: int = importlib.import_module(f"dextera_build.cli.{module}").run(args)
+        return code
+    return _count(args)
+
+
+def _count(args: argparse.Namespace) -> int:
     """Print one kind a line: name, count, bytes; for `sweep` what was dropped."""
     from dextera_build.store.store import Store
 

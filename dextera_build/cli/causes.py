@@ -70,9 +70,20 @@ class Causes:
 
     def of(self, node: str) -> list[Cause]:
         """All causes of one node, each followed by what stands behind it."""
+        return self._followed(self._question(node))
+
+    def since(self, node: str, key: str) -> list[Cause]:
+        """The same, against the document of `key` instead of the last build's."""
+        return self._followed(_Question(node, key))
+
+    def direct(self, node: str) -> list[Cause]:
+        """What changed of one node itself, without what stands behind it."""
+        return self._answer(self._question(node))
+
+    def _followed(self, asking: _Question) -> list[Cause]:
         found: list[Cause] = []
         asked: set[str] = set()
-        stack = [(0, cause) for cause in reversed(self._answer(self._question(node)))]
+        stack = [(0, cause) for cause in reversed(self._answer(asking))]
         while stack:
             depth, cause = stack.pop()
             cause.depth = depth
@@ -101,7 +112,8 @@ class Causes:
             return []
         old = self._origins.document(question.old)
         if old is None:
-            lost = f"its key document of run {question.run} is no longer in the store"
+            then = f"of run {question.run} is no longer" if question.run else f"{question.old[:12]} is not"
+            lost = f"its key document {then} in the store"
             return [Cause("lost", question.node, lost)]
         call = self._upstream.call(question.node)
         changes = compare(old, json.loads(state.key_document))

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options
 from dextera_build.errors import DxbError, RuleError, UsageError
 
 if TYPE_CHECKING:
+    from dextera_build.cli.session import Session
     from dextera_build.project import Project
 
 
@@ -58,12 +62,12 @@ def _resolve(args: argparse.Namespace, project: Project, recipe: str) -> str:
 
 
 def _repeat(args: argparse.Namespace, project: Project, recipe: str, node: str) -> str:
-    """Run one node on the inputs of its last build, beside the cache."""
+    """Run one node on the inputs of its last build, beside the cache, and compare by the tolerance of its rule."""
     from dextera_build.cli.session import Session
     from dextera_build.runner import run_task
 
     session = Session(project, recipe)
-    before, document = session.output(node), session.document(node)
+    before, document, key = session.output(node), session.document(node), session.past(node).key
     task = {
         "rule": document["rule"],
         "backend": document["backend"],
@@ -72,12 +76,52 @@ def _repeat(args: argparse.Namespace, project: Project, recipe: str, node: str) 
         "store": str(project.cache),
         "project": str(project.root),
     }
-    after = run_task(task, lambda kind, data: None)["output"]
+    reply = run_task(task, lambda kind, data: None)
+    after = reply["output"]
+    rows = list(_rows(session, str(document["rule"]), key, before, reply))
     if after != before:
+        session.store.divergent.note(key, f"{recipe}:{node}", before, after, time.time())
+    if any(row.is_beyond for row in rows) or (after != before and not rows):
         raise RuleError(
             f"`{recipe}:{node}` is not deterministic: built again, it came out different",
             code="DXB-B402",
-            facts={"first": before, "again": after},
-            hint="look for random numbers, threads, time or hash order in the rule",
+            facts={row.name: str(row) for row in rows} | {"first": before, "again": after},
+            hint=f"`dxb diff {before[:12]} {after[:12]}`; look for random numbers, threads or time in the rule",
         )
-    return f"same output again: {after}"
+    if after == before:
+        return f"same output again: {after}"
+    return f"same within the tolerance of its rule: {'; '.join(f'{row.name} {row}' for row in rows)}"
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One field or metric that differs, beside what is allowed."""
+
+    name: str
+    largest: float | None
+    """None: not a difference of numbers."""
+    allowed: float
+
+    @property
+    def is_beyond(self) -> bool:
+        return self.largest is None or not self.largest <= self.allowed
+
+    def __str__(self) -> str:
+        apart = "another form or value" if self.largest is None else f"{self.largest:.3g} apart"
+        return f"{apart}, {self.allowed:.3g} allowed"
+
+
+def _rows(session: Session, rule: str, key: str, before: str, reply: Mapping[str, Any]) -> Iterator[_Row]:
+    from dextera_build.artifacts.difference import by_field, differences
+
+    tolerance = session.project.library.find(rule).rule.tolerance
+    for field, largest in by_field(differences(before, reply["output"], session.store.blobs.get)).items():
+        yield _Row(field or "type", largest, tolerance.fields.get(field, 0.0))
+    known = session.store.actions.get(key)
+    for name, allowed in tolerance.metrics.items():
+        values = [(known.metrics if known else {}).get(name), reply["metrics"].get(name)]
+        if values[0] is None or values[1] is None:
+            if values != [None, None]:
+                yield _Row(f"metric {name}", None, allowed)
+        elif (apart := abs(values[0][0] - values[1][0])) > 0:
+            yield _Row(f"metric {name}", apart, allowed)

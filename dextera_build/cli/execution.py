@@ -6,51 +6,95 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dextera_build import __version__
 from dextera_build.cli.consoles import console
 from dextera_build.cli.session import Session
-from dextera_build.engine.events import fan_out
+from dextera_build.engine.events import Listener, fan_out
 from dextera_build.engine.graph import Address
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
     from dextera_build.engine.known import Known
     from dextera_build.recipe.plan import Plan
+    from dextera_build.store.remotes.exchange import Exchange
 
 RUNNER = "dextera_build.runner:run_task"
+
+
+@dataclass(frozen=True)
+class Done:
+    """A run that ended."""
+
+    run: str
+    """Its id; "" where the store cannot be written."""
+    result: RunResult
+    lost: int
+    """How many events had no room in its log."""
+
+
+def exchange(session: Session) -> Exchange | None:
+    """The remotes that the settings let a build use, or None where there are none."""
+    used = session.project.remotes.used
+    if not used or session.project.remotes.local == "r":
+        return None
+    from dextera_build.store.remotes.connect import guarded
+    from dextera_build.store.remotes.exchange import Exchange
+
+    return Exchange(session.store, [guarded(spec) for spec in used])
 
 
 def execute(
     session: Session, plan: Plan, wanted: Sequence[Address], args: argparse.Namespace, known: Known | None = None
 ) -> RunResult:
-    """Build `wanted` and return what became of every node."""
+    """Build `wanted` as the command line says, and return what became of every node."""
+    kind = str(session.project.config["console"].value)
+    force = frozenset(name.partition(":")[2] or name for name in args.force)
+    with console("live" if kind == "auto" else kind, sys.stderr, verbose=args.verbose) as shown:
+        done = carry_out(
+            session, plan, wanted, shown, keep_going=args.keep_going, force=force, argv=tuple(sys.argv[1:]), known=known
+        )
+    if done.lost:
+        print(f"the disk is full: {done.lost} events of run {done.run} are not in its log", file=sys.stderr)
+    return done.result
+
+
+def carry_out(
+    session: Session,
+    plan: Plan,
+    wanted: Sequence[Address],
+    listen: Listener,
+    *,
+    keep_going: bool = False,
+    force: frozenset[str] = frozenset(),
+    argv: tuple[str, ...] = (),
+    known: Known | None = None,
+) -> Done:
+    """Build `wanted` with workers on this machine and an event log; `listen` takes every event, too."""
     from dextera_build.engine.eventlog import EventLog
     from dextera_build.engine.execute import RunInfo, build
     from dextera_build.engine.executors.local import LocalExecutor
 
     project, store = session.project, session.store
-    kind = str(project.config["console"].value)
     # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    force = frozenset(name.partition(":")[2] or name for name in args.force)
-    with (
-        EventLog(store) as log,
-        LocalExecutor(RUNNER, project.jobs, environment=environment) as workers,
-        console("live" if kind == "auto" else kind, sys.stderr, verbose=args.verbose) as shown,
-    ):
+    rules = known.rules if known else [call.rule for _, call in plan.graph.calls()]
+    wants_gpu = any(rule.gpus or rule.gpu_gb for rule in rules)
+    capacity = project.capacity(gpus=wants_gpu)
+    with EventLog(store) as log, LocalExecutor(RUNNER, environment=environment, capacity=capacity) as workers:
         result = build(
             plan.graph,
             wanted,
             store=store,
             executor=workers,
-            listen=fan_out(log, shown),
-            info=RunInfo(log.run, str(project.root), project.profile, __version__, tuple(sys.argv[1:])),
-            keep_going=args.keep_going,
+            listen=fan_out(log, listen),
+            info=RunInfo(log.run, str(project.root), project.profile, __version__, argv),
+            keep_going=keep_going,
             force=force,
             known=known,
+            only=frozenset() if project.remotes.local == "r" else None,
+            exchange=exchange(session),
         )
-    if log.lost:
-        print(f"the disk is full: {log.lost} events of run {log.run} are not in its log", file=sys.stderr)
-    return result
+    return Done(log.run, result, log.lost)

@@ -63,35 +63,49 @@ def save(
     A file that was changed after `seen` was made keeps the snapshot from being written, so it may be noted here.
     """
     from dextera_build.engine import known
-    from dextera_build.loader import bundled
     from dextera_build.recipe.content import content
 
     outputs = [Path(line.partition("\t")[2]).absolute() for line in lines]
-    configuration = [project.root / name for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml")]
     watch, path = seen.watch, _file(project, fingerprint)
-    fixed = [os.fspath(file) for file in (*plan.recipes, *project.library.code.files(), *configuration)]
-    for file in fixed:
-        watch.file(file)
-    fixed_folders = []
-    # A new rule, backend or recipe, an installed or upgraded package: all change the names in a folder.
-    stages = [folder for root in project.library.roots for folder in (root.path, *root.path.iterdir())]
-    for folder in (*stages, project.root / "recipes", bundled("recipes")):
-        if folder.is_dir():
-            watch.folder(folder)
-            fixed_folders.append(os.fspath(folder))
-    for entry in sys.path:
-        watch.modules(entry or os.getcwd())
+    fixed = note(project, watch, plan)
     watch.blobs(outputs)
     store = (str(project.cache), seen.presence)
     snapshot.forget(path)
     assert result.wiring is not None
     with suppress(StoreError):
-        if not known.write(path, plan.graph, result.wiring, result.run):
+        if not known.write(path, plan.graph, result.wiring, result.run, result.peak_gb):
             snapshot.forget(path.with_suffix(".plan"))
     contents = {str(file): content(file) for file in plan.recipes}
     contents |= {str(file): said for file, said in project.library.code.contents().items()}
-    more = {"fixed": [*fixed, *fixed_folders], "contents": contents, "nodes": str(len(result.nodes))}
+    more = {"fixed": fixed, "contents": contents, "nodes": str(len(result.nodes))}
     snapshot.save(path, dict(fingerprint), watch, [str(len(result.nodes)), *lines], store, more)
+
+
+def note(project: Project, watch: Watch, plan: Plan) -> list[str]:
+    """Note what planning read, and return it: recipes, code, configuration, and folders in which a new one would lie.
+
+    Packages that are installed are noted, too.
+    """
+    from dextera_build.loader import bundled
+
+    configuration = [project.root / name for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml")]
+    noted = [os.fspath(file) for file in (*plan.recipes, *project.library.code.files(), *configuration)]
+    for file in noted:
+        watch.file(file)
+    # A new rule, backend or recipe: all change the names in a folder.
+    stages = [folder for root in project.library.roots for folder in (root.path, *root.path.iterdir())]
+    for folder in (*stages, project.root / "recipes", bundled("recipes")):
+        if folder.is_dir():
+            watch.folder(folder)
+            noted.append(os.fspath(folder))
+    note_packages(watch)
+    return noted
+
+
+def note_packages(watch: Watch) -> None:
+    """Note what can be imported, and which packages are installed."""
+    for entry in sys.path:
+        watch.modules(entry or os.getcwd())
 
 
 def near(project: Project, fingerprint: Mapping[str, object], leaves: StatCache) -> Near | None:
@@ -129,6 +143,7 @@ def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near:
     seen.watch.blobs(Path(line.partition("\t")[2]).absolute() for line in lines)
     with suppress(StoreError, OSError, ValueError):
         near.known.write_state(path)
+        near.stale.head["request"] = dict(fingerprint)
         snapshot.renew(path, near.stale, seen.watch, [near.stale.head["nodes"], *lines], seen.presence)
 
 
@@ -160,4 +175,7 @@ def _is_whole(leaf: str, head: Mapping[str, Mapping[str, object]]) -> bool:
 
 
 def _file(project: Project, fingerprint: Mapping[str, object]) -> Path:
-    return project.cache / "local" / "snapshots" / digest.of_value(dict(fingerprint))[:32]
+    # Pins change with what is built; the request is the same.
+    locking = fingerprint.get("lock")
+    asked = {**fingerprint, "lock": locking[:2] if isinstance(locking, list) else None}
+    return project.cache / "local" / "snapshots" / digest.of_value(asked)[:32]

@@ -6,7 +6,7 @@ import argparse
 import json
 from collections.abc import Iterator
 
-from dextera_build.cli import options
+from dextera_build.cli import options, query
 from dextera_build.project import Project
 
 Row = dict[str, str]
@@ -18,8 +18,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "what",
         nargs="?",
         default="recipes",
-        help="recipes (default), rules, backends, runs, or a recipe's address for its nodes",
+        metavar="WHAT",
+        help="recipes (default), rules, backends, runs, divergent, a recipe's address for its nodes, or nodes by a "
+        "glob: 'twin/*:body[*].mesh'",
     )
+    query.arguments(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)
     options.json_argument(parser)
@@ -28,12 +31,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print one row a line."""
     project = options.project(args)
-    listings = {"recipes": _recipes, "rules": _rules, "backends": _backends, "runs": _runs}
+    listings = {"recipes": _recipes, "rules": _rules, "backends": _backends, "runs": _runs, "divergent": _divergent}
     listing = listings.get(args.what)
-    rows = list(listing(project) if listing else _nodes(project, args))
+    if query.wants(args) and listing is None:
+        rows = list(query.rows(project, args))
+    else:
+        rows = list(listing(project) if listing else _nodes(project, args))
     if args.json:
         print(json.dumps(rows, indent=1))
-    else:
+    elif rows:
         print("\n".join("\t".join(row.values()) for row in rows))
     return 0
 
@@ -68,6 +74,22 @@ def _runs(project: Project) -> Iterator[Row]:
     from dextera_build.cli.runs import runs
 
     yield from runs(project)
+
+
+def _divergent(project: Project) -> Iterator[Row]:
+    """Keys that gave another output when they ran again."""
+    import time
+
+    from dextera_build.store.store import Store
+
+    for found in Store(project.cache).divergent.all():
+        yield {
+            "node": found.node,
+            "key": found.key[:12],
+            "first": found.first[:12],
+            "again": ",".join(output[:12] for output in found.again),
+            "when": time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(found.time)),
+        }
 
 
 def _nodes(project: Project, args: argparse.Namespace) -> Iterator[Row]:

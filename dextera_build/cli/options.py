@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -27,9 +28,22 @@ def wish(text: str) -> Wish:
     return Wish(recipe.removesuffix(".yaml").removeprefix("recipes/"), target)
 
 
+def by_recipe(texts: Iterable[str]) -> dict[str, list[str]]:
+    """Recipe -> its targets, in the order in which they are named."""
+    wanted: dict[str, list[str]] = {}
+    for text in texts:
+        named = wish(text)
+        wanted.setdefault(named.recipe, []).append(named.target)
+    return wanted
+
+
 def project_arguments(parser: argparse.ArgumentParser) -> None:
     """Where to work."""
-    parser.add_argument("--cache", metavar="DIR", help="the store's folder (DXB_CACHE)")
+    parser.add_argument(
+        "--cache",
+        metavar="DIR|LIST",
+        help="the store's folder, or which stores to use: `local:rw,NAME:r,URL:w` (DXB_CACHE, DXB_REMOTES)",
+    )
     parser.add_argument("--profile", metavar="NAME", help="stub, cpu, gpu or cloud (DXB_PROFILE)")
 
 
@@ -50,6 +64,12 @@ def request_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def resources_argument(parser: argparse.ArgumentParser) -> None:
+    """What the machine has."""
+    text = "what this machine has to share out, over what is measured: gpu=1,memory=16,licence:x=2 (DXB_RESOURCES)"
+    parser.add_argument("--resources", metavar="NAME=AMOUNT,...", help=text)
+
+
 def json_argument(parser: argparse.ArgumentParser) -> None:
     """For verbs that read."""
     parser.add_argument("--json", action="store_true", help="print JSON")
@@ -59,7 +79,7 @@ def project(args: argparse.Namespace) -> Project:
     """The project that the arguments name."""
     from dextera_build import project as module
 
-    flags = {name: getattr(args, name, None) for name in ("cache", "profile", "jobs", "console")}
+    flags = {name: getattr(args, name, None) for name in ("cache", "profile", "jobs", "console", "resources")}
     return module.find(flags=flags)
 
 

@@ -95,14 +95,17 @@ class Origins:
         """
         event = self.event(key, run)
         candidates: dict[str, str] = {}
+        told: dict[str, str] = {}
         path = ""
         if event is not None:
             candidates = {made: node for node, made in self.read_by(key, event["run"]).items()}
+            told = {made: self._nodes(event["run"])[node]["output"] for made, node in candidates.items()}
             path = event.get("files", {}).get(slot, "")
         if path:
             return Origin(digest, path=path, files=self.contents(digest))
         return (
             self._made_by(digest, candidates)
+            or self._told_by(digest, candidates, told)
             or self._whole(digest, key)
             or self._part(digest, key, named=True)
             or self._leaf(digest)
@@ -132,6 +135,15 @@ class Origins:
         for key, outline in outlines.items():
             if outline is not None and digest in outline[1]:
                 return Origin(digest, key, candidates[key], part=self._way(outline[0], digest))
+        return None
+
+    def _told_by(self, digest: str, candidates: Mapping[str, str], told: Mapping[str, str]) -> Origin | None:
+        """Among nodes whose results are not here: a bundle brings their names and the headers of what they returned."""
+        for key, output in told.items():
+            if output == digest:
+                return Origin(digest, key, candidates[key])
+            if part := self._way(output, digest):
+                return Origin(digest, key, candidates[key], part=part)
         return None
 
     def _whole(self, digest: str, reader: str) -> Origin | None:

@@ -4,13 +4,28 @@ from __future__ import annotations
 
 import argparse
 import json
+from typing import TYPE_CHECKING
 
-from dextera_build.cli import options
+from dextera_build.cli import options, remotes
+
+if TYPE_CHECKING:
+    from dextera_build.engine.capacity import Capacity
+    from dextera_build.engine.graph import RuleFacts
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("target", metavar="RECIPE[:TARGET]")
+    parser.add_argument(
+        "--check", action="store_true", help="only what is stale and why; exit with 3 where that is anything"
+    )
+    parser.add_argument(
+        "--resources",
+        metavar="NAME=AMOUNT,...",
+        nargs="?",
+        const="",
+        help="what each node is admitted by, and what this machine lacks; amounts say what it has: gpu=1,memory=16",
+    )
     options.project_arguments(parser)
     options.request_arguments(parser)
     options.json_argument(parser)
@@ -19,7 +34,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print one node a line: address, status, rule, backend, seconds of the last time.
 
-    `cached` is up to date, `stale` would run, `unknown` depends on what a stale node will return.
+    `cached` is up to date, `stale` would run, `remote` would be fetched, `unknown` reads what one of these will return.
+    With `--resources` there follow cores, memory that the rule declares, memory that was measured the last time, memory
+    that the node is admitted by [GiB each], GPUs, GPU memory [GiB], named resources, and what this machine lacks of
+    them.
     """
     from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.dryrun import plan
@@ -29,18 +47,42 @@ def run(args: argparse.Namespace) -> int:
     wanted = options.wish(args.target)
     session = Session(project, wanted.recipe)
     graph = session.plan(options.request(args, project.profile)).graph
+    if args.check:
+        from dextera_build.cli import stale
+
+        return stale.check(session, graph, addresses(graph, wanted.target), as_json=args.json)
     calls = dict(graph.calls())
+    capacity = project.capacity(gpus=True) if args.resources is not None else None
     rows = []
-    for node in plan(graph, addresses(graph, wanted.target), session.store, history=session.past_builds):
+    nodes = plan(graph, addresses(graph, wanted.target), session.store, history=session.past_builds)
+    elsewhere = remotes.held(session, nodes)
+    for node in nodes:
         rule = calls[parse_address(node.address).call].rule
-        rows.append(
-            {
-                "node": node.address,
-                "status": node.status,
-                "rule": rule.path,
-                "backend": rule.backend or "-",
-                "last_seconds": f"{node.seconds_last:.1f}" if node.seconds_last is not None else "-",
-            }
-        )
+        row = {
+            "node": node.address,
+            "status": "remote" if node.address in elsewhere else node.status,
+            "rule": rule.path,
+            "backend": rule.backend or "-",
+            "last_seconds": f"{node.seconds_last:.1f}" if node.seconds_last is not None else "-",
+        }
+        if capacity is not None:
+            row |= _resources(rule, session.past_builds.peak_gb(node.address), capacity)
+        rows.append(row)
     print(json.dumps(rows, indent=1) if args.json else "\n".join("\t".join(row.values()) for row in rows))
     return 0
+
+
+def _resources(rule: RuleFacts, peak_gb: float | None, capacity: Capacity) -> dict[str, str]:
+    from dextera_build.engine.admission import estimate
+
+    lacking = rule.needs.lacks(capacity)
+    return {
+        "cpus": str(rule.cpus),
+        "memory_declared": f"{rule.memory_gb:g}",
+        "memory_measured": f"{peak_gb:.2f}" if peak_gb is not None else "-",
+        "memory_admitted": f"{estimate(rule.needs, peak_gb).memory_gb:g}",
+        "gpus": str(rule.gpus),
+        "gpu_memory": f"{rule.gpu_gb:g}",
+        "named": ",".join(f"{name}={amount:g}" for name, amount in rule.named) or "-",
+        "lacks": ",".join(f"{name}={wanted - there:g}" for name, (wanted, there) in lacking.items()) or "-",
+    }

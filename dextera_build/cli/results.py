@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.cli.session import Session
-from dextera_build.store import files
+from dextera_build.store import durable, files, sharing
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
@@ -26,14 +26,21 @@ def place(session: Session, result: RunResult) -> list[str]:
         StoreError: The disk is full, or the folder cannot be written.
     """
     lines = []
+    stamps: dict[Path, str] = {}
     for node in result.targets:
         rule, output = result.made(node)
         if output is not None:
             try:
-                main = _export(session, node, rule, output)
+                main = _export(session, node, rule, output, stamps)
             except OSError as error:
                 raise files.store_error(error, error.filename or str(folder_of(session, node))) from None
             lines.append(f"{node}\t{session.project.shown(main)}")
+    # A stamp says that the files beside it are whole, so it comes when they are on the disk.
+    if session.project.durable and (stamps or any(record.status == "ran" for record in result.own.values())):
+        durable.settle(session.store.root)
+    for folder, text in stamps.items():
+        files.write(str(folder / _STAMP), text.encode(), 0o644)
+        sharing.share_tree(str(folder))
     return lines
 
 
@@ -47,7 +54,7 @@ def stem_of(node: str) -> str:
     return re.split("[./:]", node)[-1]
 
 
-def _export(session: Session, node: str, rule: str, output: str) -> Path:
+def _export(session: Session, node: str, rule: str, output: str, stamps: dict[Path, str]) -> Path:
     folder = folder_of(session, node)
     stamp = f"{folder}/{_STAMP}"
     with suppress(OSError):
@@ -56,13 +63,13 @@ def _export(session: Session, node: str, rule: str, output: str) -> Path:
             return folder / name
     if os.path.exists(folder):
         shutil.rmtree(folder, ignore_errors=True)
+    sharing.make_folder(str(folder))
     main = _export_file(session, folder, stem_of(node), output)
     if main is None:
-        artifact = session.project.library.find(rule).rule.returns.decode(output, session.store.blobs.get)
-        written = artifact.export(folder, stem_of(node))
+        kind = session.project.library.find(rule).rule.returns
+        written = kind.restore(output, session.store.reader, folder, stem_of(node))
         main = written[0] if written else folder
-    with open(stamp, "w") as file:
-        file.write(f"{output}\n{main.relative_to(folder).as_posix()}")
+    stamps[folder] = f"{output}\n{main.relative_to(folder).as_posix()}"
     return main
 
 

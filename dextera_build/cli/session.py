@@ -114,7 +114,7 @@ class Session:
         """What a node returned last, decoded."""
         document = self.document(node)
         kind: Any = self.project.library.find(str(document["rule"])).rule.returns
-        decoded: Artifact = kind.decode(self.output(node), self.store.blobs.get)
+        decoded: Artifact = kind.decode(self.output(node), self.store.reader)
         return decoded
 
     def document(self, node: str) -> dict[str, Any]:

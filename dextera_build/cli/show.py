@@ -9,6 +9,7 @@ from typing import Any
 
 from dextera_build.cli import options
 from dextera_build.errors import UsageError
+from dextera_build.report.wording import used
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
 
     project = options.project(args)
     if args.config:
-        rows: dict[str, Any] = {name: f"{s.value}\t{s.origin}" for name, s in project.config.items()}
+        rows: dict[str, Any] = {name: f"{_plain(s.value)}\t{s.origin}" for name, s in project.config.items()}
     elif args.target is None:
         raise UsageError("name a recipe or a node, or give `--config`", code="DXB-U111", hint="`dxb ls` lists recipes")
     else:
@@ -41,6 +42,10 @@ def run(args: argparse.Namespace) -> int:
         rows = _node(session, wanted.target) if wanted.target else _recipe(session)
     print(json.dumps(rows, indent=1) if args.json else "\n".join(f"{name}\t{value}" for name, value in rows.items()))
     return 0
+
+
+def _plain(value: Any) -> Any:
+    return ",".join(f"{name}={amount:g}" for name, amount in value.items()) if isinstance(value, dict) else value
 
 
 def _lineage(session: Any, target: str, *, as_json: bool) -> int:
@@ -94,6 +99,8 @@ def _node(session: Any, node: str) -> dict[str, Any]:
         "built": f"run {entry.run}, {when}, {entry.seconds:.1f} s",
         "key": entry.key,
     }
+    if entry.usage:
+        rows["used"] = used(entry.usage)
     if found is not None:
         rows["output"] = found.output
         rows |= {f"metric {name}": f"{value:g} {unit}".strip() for name, (value, unit) in found.metrics.items()}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from dextera_build.engine.graph import (
     Address,
     Call,
+    Fixed,
     Gather,
     Graph,
     Input,
@@ -47,7 +48,8 @@ class Upstream:
     def groups(self, node: str) -> dict[str, Input]:
         """Enclosing group, by its name -> the collection that it opens over."""
         path = parse_address(node).call
-        return {path[depth - 1]: group_at(self._graph, path[:depth]).over for depth in range(1, len(path))}
+        found = {path[depth - 1]: group_at(self._graph, path[:depth]).over for depth in range(1, len(path))}
+        return {group: over for group, over in found.items() if not isinstance(over, Fixed)}
 
     def nodes(self, node: str, source: Input) -> list[str]:
         """The nodes that an input of `node` comes from."""
@@ -61,13 +63,14 @@ class Upstream:
             if isinstance(part, Gather):
                 shared = _shared(parse_address(node), part)
                 for depth in range(shared + 1, len(part.call)):
-                    found += self.nodes(node, group_at(self._graph, part.call[:depth]).over)
+                    over = group_at(self._graph, part.call[:depth]).over
+                    found += self.nodes(node, over) if not isinstance(over, Fixed) else []
         return list(dict.fromkeys(found))
 
     def shown(self, source: Input | None, call: Call) -> str:
         """The file, or the call, that an input comes from."""
         while isinstance(source, Item):
-            source = group_at(self._graph, source.group).over
+            source = self._opened_over(source)
         if isinstance(source, Leaf):
             return self._project.shown(source.path)
         if isinstance(source, Output | Gather):
@@ -79,7 +82,7 @@ class Upstream:
     def _of_part(self, reader: Address, part: Input) -> Iterator[str]:
         labels = reader.labels or ()
         while isinstance(part, Item):
-            part = group_at(self._graph, part.group).over
+            part = self._opened_over(part)
         if isinstance(part, Output):
             yield self._copy(part.call, labels)
         elif isinstance(part, Gather):
@@ -89,6 +92,11 @@ class Upstream:
                 mine = (at.labels or ())[:shared]
                 if at.call == part.call and mine == labels[: len(mine)]:
                     yield address
+
+    def _opened_over(self, item: Item) -> Output | Item:
+        over = group_at(self._graph, item.group).over
+        assert not isinstance(over, Fixed), "a matrix has no items"
+        return over
 
     def _copy(self, call: tuple[str, ...], labels: tuple[str, ...]) -> str:
         depth = len(call) - 1

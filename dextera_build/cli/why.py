@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from dextera_build.cli.session import Session
     from dextera_build.engine.dryrun import Planned
     from dextera_build.engine.graph import Graph
+    from dextera_build.recipe.plan import Request
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,27 +28,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print a sentence, then one cause a line: kind, name, old -> new, place; what stands behind it stands indented."""
-    from dextera_build.cli.session import Session, addresses
-    from dextera_build.engine.dryrun import plan
+    from dextera_build.cli.session import Session
 
     project = options.project(args)
     wanted = options.wish(args.node)
-    if not wanted.target:
-        raise UsageError(
-            "name a node", code="DXB-U111", hint=f"`dxb why {wanted.recipe}:NODE`; `dxb ls {wanted.recipe}`"
-        )
     session = Session(project, wanted.recipe)
-    graph = session.plan(options.request(args, project.profile)).graph
-    found = plan(graph, addresses(graph, wanted.target), session.store, history=session.past_builds)
-    states = {node.address: node for node in found}
-    if wanted.target not in states and wanted.target not in session.history:
-        raise UsageError(
-            f"`{args.node}` is not known yet: its group is not open",
-            code="DXB-U114",
-            facts={"stale": ", ".join(name for name, node in states.items() if node.status == "stale")},
-            hint=f"`dxb build '{args.node}'`",
-        )
-    sentence, causes = _explain(session, graph, states, wanted.target)
+    sentence, causes = explain(session, options.request(args, project.profile), wanted.target)
     if args.json:
         rows = [cause.to_json() for cause in causes]
         print(json.dumps({"node": args.node, "answer": sentence, "causes": rows}, indent=1))
@@ -59,6 +45,31 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def explain(session: Session, request: Request, node: str) -> tuple[str, list[Cause]]:
+    """A sentence about a node, and what changed.
+
+    Raises:
+        UsageError: `node` is "", or is not known yet.
+    """
+    from dextera_build.cli.session import addresses
+    from dextera_build.engine.dryrun import plan
+
+    recipe = session.recipe
+    if not node:
+        raise UsageError("name a node", code="DXB-U111", hint=f"`dxb why {recipe}:NODE`; `dxb ls {recipe}`")
+    graph = session.plan(request).graph
+    found = plan(graph, addresses(graph, node), session.store, history=session.past_builds)
+    states = {planned.address: planned for planned in found}
+    if node not in states and node not in session.history:
+        raise UsageError(
+            f"`{recipe}:{node}` is not known yet: its group is not open",
+            code="DXB-U114",
+            facts={"stale": ", ".join(name for name, planned in states.items() if planned.status == "stale")},
+            hint=f"`dxb build '{recipe}:{node}'`",
+        )
+    return _explain(session, graph, states, node)
+
+
 def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: str) -> tuple[str, list[Cause]]:
     from dextera_build.cli.causes import Causes
 
@@ -67,7 +78,9 @@ def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: s
     when = f"run {entry.run} ({_ago(entry.time)})" if entry else ""
     if state is not None and state.status == "cached":
         builder = when if entry and entry.key == state.key else "an earlier run or another recipe"
-        return f"up to date: key {(state.key or '')[:12]}, built by {builder}", []
+        again = session.store.divergent.get(state.key or "")
+        outputs = f"; run again it gave another output, {again.again[-1][:12]} for {again.first[:12]}" if again else ""
+        return f"up to date: key {(state.key or '')[:12]}, built by {builder}{outputs}", []
     causes = Causes(session, graph, states).of(node)
     if entry is None:
         return "never built", causes

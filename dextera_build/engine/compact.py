@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dextera_build.engine.graph import Call, Gather, Graph, Group, Input, Item, Leaf, Output, Pack, RuleFacts
+from dextera_build.engine.graph import Call, Fixed, Gather, Graph, Group, Input, Item, Leaf, Output, Pack, RuleFacts
 from dextera_build.errors import Place
 
 _ENCODE = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"), default=dict).encode
@@ -73,7 +73,7 @@ class Writer:
             label: {name: self._call(call) for name, call in calls.items()} for label, calls in member.overrides.items()
         }
         inner = [self._member(one) for one in member.members.values()]
-        return ["group", member.name, _input_to_plain(member.over), inner, overrides, _place_to_plain(member.where)]
+        return ["group", member.name, _over_to_plain(member.over), inner, overrides, _place_to_plain(member.where)]
 
     def _call(self, call: Call) -> list[Any]:
         number, _ = self._rules.setdefault(id(call.rule), (len(self._rules), call.rule))
@@ -124,8 +124,8 @@ class Members(Mapping[str, Call | Group]):
         if plain[0] == "call":
             return self._call(plain[1:])
         _, name, over, members, overrides, where = plain
-        source = _input_of(over)
-        assert isinstance(source, Output | Item)
+        source = Fixed(tuple(over[1])) if over[0] == "fixed" else _input_of(over)
+        assert isinstance(source, Output | Item | Fixed)
         inner = [self._read(member) for member in members]
         replaced = {label: {one: self._call(call) for one, call in calls.items()} for label, calls in overrides.items()}
         return Group(name, source, {member.name: member for member in inner}, replaced, Place(*where))
@@ -165,6 +165,10 @@ def _tuples(value: Any) -> Any:
 
 def _place_to_plain(place: Place) -> list[Any]:
     return [place.file, place.line, place.column]
+
+
+def _over_to_plain(source: Output | Item | Fixed) -> list[Any]:
+    return ["fixed", source.labels] if isinstance(source, Fixed) else _input_to_plain(source)
 
 
 def _input_to_plain(source: Input) -> list[Any]:

@@ -5,19 +5,25 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
+from dextera_build.engine.admission import Admission, estimate, lacks
+from dextera_build.engine.capacity import Capacity
 from dextera_build.engine.finish import result_of
+from dextera_build.engine.sharing import Sharing
 from dextera_build.engine.states import State, States
 from dextera_build.engine.tasks import Ended, Executor, Report, Said, Task
 from dextera_build.engine.units import Node
-from dextera_build.errors import DxbError
+from dextera_build.errors import DxbError, StoreError
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.store import Store
 
 _PATIENCE_S = 0.02
 """How often a key is looked at that another process builds [s]."""
+_REST_S = 0.1
+"""How often nodes are looked at that rest before another try [s]."""
 
 
 @dataclass
@@ -27,8 +33,10 @@ class Dispatch:
     store: Store
     executor: Executor | None
     states: States
+    sharing: Sharing
     project: str
     profile: str
+    peak_gb: Callable[[str], float | None]
     forced: Callable[[Node], bool]
     started: Callable[[Node], None]
     said: Callable[[Node, str, Any], None]
@@ -36,32 +44,51 @@ class Dispatch:
     broke: Callable[[Node, DxbError], None]
 
     def __post_init__(self) -> None:
-        self._tasks: dict[int, Task] = {}
         self._running: dict[int, Node] = {}
         self._tickets = itertools.count()
+        self._resting: list[Node] = []
+        self._admission: Admission[Node] = Admission(self.executor.capacity if self.executor else Capacity())
 
     def start(self) -> None:
-        """Start queued nodes in their order as long as there is room for the next one."""
-        queue = self.states.queue
-        while queue and self.executor is not None:
-            node = queue[0]
-            task = self._task(node)
-            if not self.executor.has_room(task):
-                return
-            queue.popleft()
-            if self._claim(node):
-                self._running[node.ticket] = node
-                self.states.set(node, State.RUNNING)
-                self.started(node)
-                self.executor.submit(task)
+        """Start queued nodes as long as there is room for one of them."""
+        if self.executor is None:
+            return
+        self._line_up()
+        while (node := self._admission.next()) is not None:
+            if not self._claim(node):
+                self._admission.end(node)
+                continue
+            node.ticket, node.tries = next(self._tickets), node.tries + 1
+            self._running[node.ticket] = node
+            self.states.set(node, State.RUNNING)
+            self.started(node)
+            self.executor.submit(self._task(node))
+
+    def _line_up(self) -> None:
+        """Let queued nodes stand in line for what they need; those that rest before another try do so later."""
+        queue, now = self.states.queue, time.monotonic()
+        queue.extend(node for node in self._resting if node.rests_until <= now)
+        self._resting = [node for node in self._resting if node.rests_until > now]
+        while queue:
+            node = queue.popleft()
+            needs = node.call.rule.needs
+            if node.rests_until > now:
+                self._resting.append(node)
+            elif lacking := needs.lacks(self._admission.capacity):
+                self.broke(node, lacks(lacking))
+            else:
+                self._admission.wait(node, estimate(needs, self.peak_gb(node.address)))
 
     def wait(self, idle: bool) -> bool:
         """Take what the executor reports, waiting for it where `idle`; False: nothing runs here or elsewhere."""
-        patience = 0.0 if not idle else _PATIENCE_S if self.states.locked else None
+        busy = self.states.locked or self.states.fetching
+        patience = 0.0 if not idle else _PATIENCE_S if busy else _REST_S if self._resting else None
         if self._running and self.executor is not None:
             for report in self.executor.poll(patience):
                 self._take(report)
-        elif self.states.locked and patience:
+        elif self.states.fetching:
+            self.sharing.wait(patience or 0.0)
+        elif patience:
             time.sleep(patience)
         else:
             return not idle
@@ -101,24 +128,20 @@ class Dispatch:
         return False
 
     def _task(self, node: Node) -> Task:
-        task = self._tasks.get(node.ticket)
-        if task is None:
-            rule = node.call.rule
-            node.ticket = next(self._tickets)
-            task = self._tasks[node.ticket] = Task(
-                ticket=node.ticket,
-                rule=rule.path,
-                backend=rule.backend,
-                options=node.call.options,
-                inputs=node.inputs,
-                store=str(self.store.root),
-                project=self.project,
-                profile=self.profile,
-                cpus=rule.cpus,
-                memory_gb=rule.memory_gb,
-                key=node.key or "",
-            )
-        return task
+        rule = node.call.rule
+        return Task(
+            ticket=node.ticket,
+            rule=rule.path,
+            backend=rule.backend,
+            options=node.call.options,
+            inputs=node.inputs,
+            store=str(self.store.root),
+            project=self.project,
+            profile=self.profile,
+            needs=rule.needs,
+            devices=self._admission.devices(node),
+            key=node.key or "",
+        )
 
     def _take(self, report: Report) -> None:
         node = self._running.get(report.ticket)
@@ -128,7 +151,7 @@ class Dispatch:
             self.said(node, report.kind, report.data)
             return
         del self._running[report.ticket]
-        del self._tasks[report.ticket]
+        self._admission.end(node)
         node.ticket = -1
         try:
             self._end(node, report)
@@ -136,13 +159,29 @@ class Dispatch:
             self.store.locks.release(node.key or "")
 
     def _end(self, node: Node, report: Ended) -> None:
-        node.seconds = report.seconds
+        node.seconds, node.usage = report.seconds, report.usage
+        retries = node.call.rule.retries
+        if report.error is not None and retries.again(node.tries, report.error, report.raised):
+            self._rest(node, report, report.error)
+            return
         try:
             result = result_of(self.store, node, report)
         except DxbError as error:
             self.broke(node, error)
         else:
+            if report.reply is not None and report.reply["output"] != result.output:
+                self.said(node, "log", {"text": "its key gave another output before, which stays: `dxb ls divergent`"})
             self.succeed(node, "ran", result)
+
+    def _rest(self, node: Node, report: Ended, error: DxbError) -> None:
+        """Have the node tried again after a while."""
+        wait_s = node.call.rule.retries.delay_s(node.tries, node.key or "")
+        node.rests_until = time.monotonic() + wait_s
+        log = None
+        with suppress(StoreError):
+            log = self.store.blobs.put(report.log) if report.log else None
+        self.said(node, "retried", {"tries": node.tries, "wait_s": wait_s, "error": error.to_json(), "log": log})
+        self.states.set(node, State.QUEUED)
 
     def _who_builds(self, key: str) -> str:
         pid = self.store.locks.holder(key)

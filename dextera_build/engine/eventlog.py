@@ -13,7 +13,7 @@ from typing import Any, Self
 
 from dextera_build.engine.events import Event, NodeFinished, NodeProgress, NodesKept
 from dextera_build.errors import UsageError, listing
-from dextera_build.store import files, space
+from dextera_build.store import files, sharing, space
 from dextera_build.store.store import Store
 
 _FILE = "events.jsonl"
@@ -43,10 +43,12 @@ class EventLog:
         self._size = 0
         folder = store.root / "runs"
         try:
-            folder.mkdir(exist_ok=True)
+            sharing.make_folder(str(folder))
             self.run = _allocate(folder)
+            sharing.share_tree(str(folder / self.run))
             path = folder / self.run / _FILE
             self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+            sharing.share_file(self._descriptor, str(folder), 0o644)
         except OSError as error:
             if error.errno in _NOT_WRITABLE:
                 self.run = ""
@@ -111,6 +113,11 @@ def read(store: Store, run: str) -> list[dict[str, Any]]:
     return [*found[:place], *_kept(store, found[place], own), *found[place + 1 :]]
 
 
+def lines(store: Store, run: str) -> Iterator[dict[str, Any]]:
+    """The events of a run one after another, so that a look at the first reads no more."""
+    return _events(store, run)
+
+
 def latest(store: Store, recipe: str | None = None) -> str | None:
     """Id of the last run, or of the last one of `recipe`; None where there is none."""
     for run in reversed(runs(store)):
@@ -126,7 +133,8 @@ def _events(store: Store, run: str) -> Iterator[dict[str, Any]]:
         with path.open("rb") as lines:
             for line in lines:
                 if line.endswith(b"\n"):
-                    yield json.loads(line)
+                    with suppress(ValueError):  # a power cut may leave a hole in the middle
+                        yield json.loads(line)
     except (FileNotFoundError, NotADirectoryError):
         if not path.parent.is_dir() or not run:
             raise UsageError(
@@ -152,7 +160,8 @@ def _kept(store: Store, kept: dict[str, Any], own: set[str]) -> list[dict[str, A
                     following = event["run"]
         own |= said.keys()
         run = following
-    return [{**event, "status": "cached", "time": kept["time"]} for event in said.values() if event]
+    now = {"status": "cached", "time": kept["time"], "remote": "", "usage": {}, "tries": 0}
+    return [{**event, **now} for event in said.values() if event]
 
 
 def _allocate(folder: Path) -> str:

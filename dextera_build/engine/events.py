@@ -92,6 +92,19 @@ class NodeLog(Event):
 
 
 @dataclass(frozen=True)
+class NodeRetried(Event):
+    """A node failed and is tried again in `wait_s` seconds; `log` is the digest of what it printed."""
+
+    kind: ClassVar[str] = "node_retried"
+    node: str
+    tries: int
+    """How often it has run."""
+    wait_s: float
+    error: Mapping[str, Any]
+    log: str | None = None
+
+
+@dataclass(frozen=True)
 class NodeFinished(Event):
     """A node is done, one way or another. `error` is `DxbError.to_json()` for `failed`.
 
@@ -99,7 +112,7 @@ class NodeFinished(Event):
     `result.json`, `log` that of what it printed (also when it failed). A node may finish twice in a run, when its bytes
     turn out to be lost; the last word counts. A group that cannot be opened fails like a node, with rule `each`.
     `files` are the slots (`photo`, or `photos[left]` of a listed collection) that read a file or folder, with its
-    path: from the project's folder where it lies inside.
+    path: from the project's folder where it lies inside. `usage` is what a node used that ran; see `usage.Usage`.
     """
 
     kind: ClassVar[str] = "node_finished"
@@ -118,6 +131,47 @@ class NodeFinished(Event):
     depends_on: list[str] = field(default_factory=list)
     log: str | None = None
     files: Mapping[str, str] = field(default_factory=dict)
+    remote: str = ""
+    """Name of the remote that a fetched result came from."""
+    usage: Mapping[str, float] = field(default_factory=dict)
+    tries: int = 0
+    """How often it ran; 0 for one that did not."""
+
+
+@dataclass(frozen=True)
+class RemoteGivenUp(Event):
+    """A remote is left alone for the rest of the run."""
+
+    kind: ClassVar[str] = "remote_given_up"
+    remote: str
+    address: str
+    doing: str
+    """`read`, `write` or `both`."""
+    reason: str
+
+
+@dataclass(frozen=True)
+class Uploading(Event):
+    """All nodes are done, and the run waits for uploads."""
+
+    kind: ClassVar[str] = "uploading"
+    done: int
+    total: int
+
+
+@dataclass(frozen=True)
+class Uploaded(Event):
+    """What became of the results that this run made for one remote."""
+
+    kind: ClassVar[str] = "uploaded"
+    remote: str
+    results: int
+    octets: int
+    """How many bytes travelled."""
+    left: int
+    """How many results were not uploaded."""
+    reason: str
+    """Why the first of them was not."""
 
 
 @dataclass(frozen=True)

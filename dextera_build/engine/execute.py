@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -23,7 +23,9 @@ from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Node, Opening, Unit, producers
+from dextera_build.engine.uplink import Uplink
 from dextera_build.errors import DxbError
+from dextera_build.store.remotes.exchange import Exchange
 from dextera_build.store.store import Store
 
 
@@ -53,6 +55,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     force: frozenset[str] = frozenset(),
     only: frozenset[str] | None = None,
     known: Known | None = None,
+    exchange: Exchange | None = None,
 ) -> RunResult:
     """Bring targets up to date.
 
@@ -67,6 +70,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
         force: Addresses (`body[mug].mesh`, or `body.mesh` for every copy) that run although they are cached.
         only: Addresses that may run; a stale node outside fails with a `StaleError`. None: all may.
         known: What the last build of the same request found, with what changed since; `graph` is its graph.
+        exchange: Remotes to take results from and to give them to; closed here.
 
     Raises:
         UsageError: A target names nothing.
@@ -76,19 +80,24 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
     info = info or RunInfo()
     policy = Policy(keep_going, force, only, known=known, project=info.project, profile=info.profile)
-    return _Run(graph, store, executor, policy, listen, info).run(wanted)
+    if info.project:
+        store.workspaces.note(info.project)
+    with store.running.announced():
+        return _Run(graph, store, executor, policy, Uplink(exchange, listen), info).run(wanted)
 
 
 class _Run:
     def __init__(
-        self, graph: Graph, store: Store, executor: Executor, policy: Policy, listen: Listener, info: RunInfo
+        self, graph: Graph, store: Store, executor: Executor, policy: Policy, uplink: Uplink, info: RunInfo
     ) -> None:
-        self.graph, self.store, self.executor, self.listen, self.info = graph, store, executor, listen, info
+        self.graph, self.store, self.executor, self.uplink, self.info = graph, store, executor, uplink, info
+        self.listen = uplink.listen
         self.history = History(store, graph.name, info.project)
         hooks = Hooks(self._sized, self._opened, self._started, self._said, self._settled, self._broken)
-        self.scheduler = Scheduler(graph, store, executor, policy, hooks)
         self.known = policy.known
         self.history.lean = self.known is not None
+        policy = replace(policy, peak_gb=self.known.peak_gb if self.known else self.history.peak_gb)
+        self.scheduler = Scheduler(graph, store, executor, policy, hooks, uplink.exchange)
         self.errors: dict[str, DxbError] = {}
         self.members: Counter[tuple[str, ...]] = Counter()
         """Group, or () for the root -> how many of its calls the targets need."""
@@ -105,6 +114,7 @@ class _Run:
         try:
             self.scheduler.run(targets)
             whole = True
+            self.uplink.finish()
         except KeyboardInterrupt:
             interrupted = True
             self.executor.stop()
@@ -113,6 +123,7 @@ class _Run:
             self.executor.stop()
             raise
         finally:
+            self.uplink.close()
             result = self._close(whole)
             self._finish(result, time.monotonic() - began, interrupted)
         return result
@@ -157,13 +168,18 @@ class _Run:
             self.listen(events.NodeProgress(time.time(), node.address, int(data["done"]), int(data["total"]), what))
         elif kind == "log":
             self.listen(events.NodeLog(time.time(), node.address, str(data["text"])))
+        elif kind == "retried":
+            self.listen(events.NodeRetried(time.time(), node.address, **data))
 
     def _settled(self, node: Node) -> None:
         record = self._record(node)
-        new = self.known is None or self.known.key(node.address) != record.key
+        new = self.known is None or self.known.key(node.address) != record.key or record.status == "ran"
         if record.result is not None and node.result is not None and record.key is not None and new:
-            entry = Entry(record.key, node.result.key_document, self.info.run, record.seconds, time.time())
+            # How long a fetch took says nothing of how long the node runs.
+            seconds, usage = node.result.seconds, dict(record.usage)
+            entry = Entry(record.key, node.result.key_document, self.info.run, seconds, time.time(), usage)
             self.history.note(node.address, entry)
+        self.uplink.tell()
         self._tell(node, record)
 
     def _broken(self, unit: Unit, error: DxbError) -> None:
@@ -189,6 +205,9 @@ class _Run:
                 inputs=dict(record.inputs),
                 depends_on=[node.address for node in producers(unit)],
                 files=self._files(unit) if isinstance(unit, Node) else {},
+                remote=unit.remote if isinstance(unit, Node) and record.status == "fetched" else "",
+                usage=dict(record.usage),
+                tries=record.tries,
             )
         )
 
@@ -212,7 +231,7 @@ class _Run:
             status=_status(node),
             key=node.key,
             output=result.output if result and done else None,
-            seconds=result.seconds if result and done else node.seconds,
+            seconds=result.seconds if result and done and node.status != "fetched" else node.seconds,
             line=result.line if result and done else "",
             error=node.error,
             inputs=node.inputs,
@@ -221,6 +240,8 @@ class _Run:
             result=result.digest if result and done else None,
             log=result.log if result and done else node.log,
             blocked_by=tuple(blockers),
+            usage=node.usage,
+            tries=node.tries,
         )
 
     def _close(self, whole: bool) -> RunResult:
@@ -241,20 +262,24 @@ class _Run:
         ok = whole and all(wish.state is State.DONE for wish in scheduler.wishes)
         asked = [node.address for wish in scheduler.wishes for node in wish.nodes.values()]
         nodes = Kept(records, self.known, self.store) if self.known else records
-        return RunResult(ok, nodes, tuple(dict.fromkeys(asked)), self.info.run, scheduler.wiring, self.errors)
+        peaks = scheduler.policy.peak_gb
+        return RunResult(ok, nodes, tuple(dict.fromkeys(asked)), self.info.run, scheduler.wiring, self.errors, peaks)
 
     def _finish(self, result: RunResult, seconds: float, interrupted: bool) -> None:
         if self.known is not None and result.ok:
             self.known.learn(self.scheduler.wiring, self.info.run)
         self.history.save()
         self.store.leaves.save()
-        own = result.nodes.own if isinstance(result.nodes, Kept) else result.nodes
+        own = result.own
         counts: Counter[str] = Counter(record.status for record in own.values())
-        saved = sum(record.seconds for record in own.values() if record.status == "cached")
+        nodes = (node for node in self.scheduler.wiring.nodes.values() if not is_stub(node))
+        spared = [node for node in nodes if _status(node) in ("cached", "fetched")]
+        saved = sum(node.result.seconds for node in spared if node.result)
+        saved -= sum(node.seconds for node in spared if node.status == "fetched")
         if self.known is not None and len(result.nodes) > len(own):
             counts["cached"] += len(result.nodes) - len(own)
             saved += sum(self.known.seconds) - sum(self.known.took(address) or 0.0 for address in own)
-        self.listen(events.RunFinished(time.time(), result.ok, seconds, dict(counts), saved, interrupted))
+        self.listen(events.RunFinished(time.time(), result.ok, seconds, dict(counts), max(saved, 0.0), interrupted))
 
 
 def blocked_by(failed: Sequence[Unit]) -> dict[str, list[str]]:
@@ -280,7 +305,7 @@ def _readers(root: Unit) -> Iterator[Unit]:
 
 def _status(node: Node) -> events.Status:
     if node.state is State.DONE:
-        return "ran" if node.status == "ran" else "cached"
+        return "ran" if node.status == "ran" else "fetched" if node.status == "fetched" else "cached"
     if node.state is State.FAILED:
         return "failed"
     return "waits" if node.state is State.BLOCKED else "cancelled"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
@@ -17,6 +18,8 @@ from dextera_build.store.store import Store
 def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
     """Publish what the node made, unless a file that it reads changed meanwhile; then drop what it kept for a next try.
 
+    Where the key has a result with another output already, that one stays, and the divergence is noted.
+
     Raises:
         DxbError: The node failed, read a file that changed, or its result cannot be stored.
     """
@@ -29,7 +32,14 @@ def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
     _check_leaves(store, node)
     log = store.blobs.put(report.log) if report.log else None
     result = _parse(report.reply, report.seconds, log, store.blobs.put(node.document))
-    store.actions.put(node.key, result)
+    known = store.actions.outline(node.key)
+    first = store.actions.get(node.key) if known is not None and known[0] != result.output else None
+    if first is not None:
+        # It was forced. Others build on the first output, which stays.
+        store.divergent.note(node.key, node.address, first.output, result.output, time.time())
+        result = first
+    else:
+        store.actions.put(node.key, result)
     store.keep.drop(node.key)
     return result
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
+from dextera_build.engine.capacity import Needs
+from dextera_build.engine.retries import Retries
 from dextera_build.errors import Place, UsageError
 
 
@@ -55,12 +57,22 @@ class Pack:
     parts: Mapping[str, Leaf | Output | Item | Gather]
 
 
+@dataclass(frozen=True)
+class Fixed:
+    """Labels that the recipe itself lists; what a group without a collection is opened for."""
+
+    labels: tuple[str, ...]
+
+
 Input: TypeAlias = Leaf | Output | Item | Gather | Pack
 
 
 def parts_of(source: Input) -> tuple[Leaf | Output | Item | Gather, ...]:
     """The input itself, or those that a pack is made of."""
     return tuple(source.parts.values()) if isinstance(source, Pack) else (source,)
+
+
+_NONE = Retries()
 
 
 @dataclass(frozen=True)
@@ -80,6 +92,15 @@ class RuleFacts:
     """Slot, or `return` -> schema digest."""
     cpus: int = 1
     memory_gb: float = 1.0
+    gpus: int = 0
+    gpu_gb: float = 0.0
+    named: tuple[tuple[str, float], ...] = ()
+    retries: Retries = _NONE
+
+    @property
+    def needs(self) -> Needs:
+        """What a call takes of a machine; no part of the key, and neither are retries."""
+        return Needs(self.cpus, self.memory_gb, self.gpus, self.gpu_gb, self.named)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +123,7 @@ class Group:
     """Calls that are copied once per item of a collection."""
 
     name: str
-    over: Output | Item
+    over: Output | Item | Fixed
     members: Mapping[str, Call | Group]
     overrides: Mapping[str, Mapping[str, Call]]
     """Label -> member -> the call that replaces it in that copy (`body[mug].mesh`)."""

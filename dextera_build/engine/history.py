@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dextera_build import digest as digests
@@ -29,6 +29,8 @@ class Entry:
     """How long the rule ran [s]."""
     time: float
     """Seconds since the epoch."""
+    usage: Mapping[str, float] = field(default_factory=dict)
+    """What its last run on this machine used; see `usage.Usage`."""
 
 
 class History:
@@ -44,6 +46,7 @@ class History:
         name = digests.of_value([project, recipe])[:16]
         stem = "".join(c if c.isalnum() else "-" for c in recipe)[-40:]
         self._path = store.local / "history" / f"{stem}-{name}.json"
+        self._project = project
         self._more = self._path.with_suffix(".more.json")
         self._fresh: dict[str, Entry] = {}
         self._entries: dict[str, Entry] | None = None
@@ -62,17 +65,26 @@ class History:
     def note(self, address: str, entry: Entry) -> None:
         """Remember a node; one that still has its key stays with the run that gave it that."""
         if self.lean and self._entries is None:
-            self._fresh[address] = entry
+            self._fresh[address] = _with_usage(entry, self._fresh.get(address))
             return
         known = self._load().get(address)
-        if known is None or known.key != entry.key or known.key_document != entry.key_document:
-            self._load()[address] = entry
-            self._dirty = True
+        if known is not None and known.key == entry.key and known.key_document == entry.key_document:
+            if not entry.usage:
+                return
+            entry = replace(known, usage=entry.usage)
+        self._load()[address] = _with_usage(entry, known)
+        self._dirty = True
+
+    def peak_gb(self, address: str) -> float | None:
+        """Most memory that the last run of a node took [GiB], where that is known."""
+        known = self.get(address)
+        peak = known.usage.get("memory_bytes") if known else None
+        return peak / 2**30 if peak else None
 
     def save(self) -> None:
         """Write it down, all or nothing; a store that cannot be written keeps the old one."""
         if self._fresh:
-            self._write(self._more, {**self._read(self._more), **self._fresh})
+            self._write(self._more, _over(self._read(self._more), self._fresh))
         elif self._dirty and self._write(self._path, self._load()):
             self._dirty = False
             self._more.unlink(missing_ok=True)
@@ -80,7 +92,7 @@ class History:
     def _load(self) -> dict[str, Entry]:
         if self._entries is None:
             more = self._read(self._more)
-            self._entries = {**self._read(self._path), **more, **self._fresh}
+            self._entries = _over(_over(self._read(self._path), more), self._fresh)
             self._dirty = self._dirty or bool(more)
         return self._entries
 
@@ -94,7 +106,17 @@ class History:
     def _write(self, path: Path, entries: Mapping[str, Entry]) -> bool:
         rows = {address: list(vars(entry).values()) for address, entry in entries.items()}
         try:
-            files.write(str(path), json.dumps({"form": _FORM, "nodes": rows}).encode(), 0o644)
+            stored = {"form": _FORM, "project": self._project, "nodes": rows}
+            files.write(str(path), json.dumps(stored).encode(), 0o644)
         except StoreError:
             return False
         return True
+
+
+def _over(old: Mapping[str, Entry], new: Mapping[str, Entry]) -> dict[str, Entry]:
+    return {**old, **{address: _with_usage(entry, old.get(address)) for address, entry in new.items()}}
+
+
+def _with_usage(entry: Entry, old: Entry | None) -> Entry:
+    """What a node used when it ran last is known still where it did not run this time."""
+    return entry if entry.usage or old is None or not old.usage else replace(entry, usage=old.usage)

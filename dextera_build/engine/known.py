@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.engine import compact
 from dextera_build.engine.compact import Members, Names
-from dextera_build.engine.graph import Graph
+from dextera_build.engine.graph import Graph, RuleFacts
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Node, Opening, Packing, Unit
 from dextera_build.store import frames
@@ -33,6 +33,8 @@ class Known:
 
     head: dict[str, Any]
     graph: Graph
+    rules: list[RuleFacts]
+    """All that its calls name."""
     names: Names
     """Of nodes."""
     readers: array[int]
@@ -41,6 +43,8 @@ class Known:
     keys: bytearray
     outputs: bytearray
     seconds: array[float]
+    peaks: array[float]
+    """Memory that each took the last time that it ran [GiB], 0 where that is not known."""
     items: dict[str, dict[str, str]]
     """Group -> label -> digest."""
     collections: dict[str, str]
@@ -111,6 +115,11 @@ class Known:
         number = self.names.find(address)
         return self.seconds[number] if number is not None else None
 
+    def peak_gb(self, address: str) -> float | None:
+        """Memory that a node took [GiB]."""
+        number = self.names.find(address)
+        return (self.peaks[number] or None) if number is not None else None
+
     def addresses(self) -> list[str]:
         """Of all nodes, in the order of the run that was written down."""
         return self.text().split("\n")
@@ -125,6 +134,7 @@ class Known:
                 self.keys[number * 32 : number * 32 + 32] = bytes.fromhex(node.key)
                 self.outputs[number * 32 : number * 32 + 32] = bytes.fromhex(node.result.output)
                 self.seconds[number] = node.result.seconds
+                self.peaks[number] = node.usage.get("memory_bytes", 0.0) / 2**30 or self.peaks[number]
         for unit in wiring.gatherings():
             if unit.output is not None:
                 self.collections[_name(unit)] = unit.output
@@ -142,7 +152,9 @@ class Known:
             "run": self.run,
             "depth": self.depth,
         }
-        frames.write(f"{path}.known", head, [bytes(self.keys), bytes(self.outputs), self.seconds.tobytes()])
+        frames.write(
+            f"{path}.known", head, [bytes(self.keys), bytes(self.outputs), self.seconds.tobytes(), self.peaks.tobytes()]
+        )
 
     def _settle_node(self, unit: Node) -> bool:
         number = self.names.find(unit.address)
@@ -160,8 +172,10 @@ def is_stub(node: Node) -> bool:
     return node.result is not None and not node.result.key_document
 
 
-def write(path: Path, graph: Graph, wiring: Wiring, run: str) -> bool:
-    """Write down a build in which every unit is done.
+def write(
+    path: Path, graph: Graph, wiring: Wiring, run: str, peak_gb: Callable[[str], float | None] = lambda address: None
+) -> bool:
+    """Write down a build in which every unit is done; `peak_gb` says what memory a node took.
 
     Returns:
         False where it cannot be told from hashes which node is which.
@@ -193,12 +207,14 @@ def write(path: Path, graph: Graph, wiring: Wiring, run: str) -> bool:
     known = Known(
         head=head,
         graph=graph,
+        rules=[],
         names=names,
         readers=starts,
         read_by=read_by,
         keys=bytearray(b"".join(bytes.fromhex(node.key or "") for node in nodes)),
         outputs=bytearray(b"".join(bytes.fromhex(node.result.output) for node in nodes if node.result)),
         seconds=array("d", [node.result.seconds if node.result else 0.0 for node in nodes]),
+        peaks=array("d", [peak_gb(node.address) or 0.0 for node in nodes]),
         items={unit.address: unit.items for unit in wiring.openings.values()},
         collections={_name(unit): unit.output or "" for unit in wiring.gatherings()},
         leaves={str(path.absolute()): digest for path, digest in wiring.leaves.items()},
@@ -231,12 +247,14 @@ def read(path: Path) -> Known:
     return Known(
         head=head,
         graph=Graph(head["name"], members, targets),
+        rules=rules,
         names=Names(hashes, numbers),
         readers=starts,
         read_by=read_by,
         keys=bytearray(columns[0]),
         outputs=bytearray(columns[1]),
         seconds=frames.numbers("d", columns[2]),
+        peaks=frames.numbers("d", columns[3]),
         items=state["items"],
         collections=state["collections"],
         text=lambda: bytes(parts[7]).decode(),

@@ -27,6 +27,8 @@ class Policy:
     """What the last build found."""
     project: str = ""
     profile: str = ""
+    peak_gb: Callable[[str], float | None] = lambda address: None
+    """Memory that a node took the last time [GiB], where that is known."""
 
 
 @dataclass

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from dextera_build.engine.graph import Address, Call, Gather, Graph, Group, Item, Leaf, Output, parts_of
+from dextera_build.engine.graph import Address, Call, Fixed, Gather, Graph, Group, Item, Leaf, Output, parts_of
 from dextera_build.errors import UsageError, did_you_mean, listing
 
 Path = tuple[str, ...]
@@ -109,5 +109,5 @@ def _descend(graph: Graph, path: Path) -> tuple[list[Group], Call]:
 def _read_by(source: object) -> list[Path]:
     if isinstance(source, Output | Gather):
         return [source.call]
-    assert isinstance(source, Leaf | Item)
+    assert isinstance(source, Leaf | Item | Fixed)
     return []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain
 
@@ -27,7 +27,7 @@ class NodeRecord:
     output: str | None
     """Digest of the output's header."""
     seconds: float
-    """How long it ran [s], in this run or, for a cached one, when it was made."""
+    """How long it ran or was fetched [s], in this run or, for a cached one, when it was made."""
     line: str
     error: DxbError | None
     inputs: Mapping[str, str]
@@ -40,6 +40,9 @@ class NodeRecord:
     """Digest of what it printed, also when it failed."""
     blocked_by: tuple[str, ...] = ()
     """Addresses of the failed nodes that it waits for."""
+    usage: Mapping[str, float] = field(default_factory=dict)
+    tries: int = 0
+    """How often it ran in this run."""
 
 
 class Kept(Mapping[str, NodeRecord]):
@@ -120,6 +123,13 @@ class RunResult:
     """What the run was made of."""
     errors: Mapping[str, DxbError] = field(default_factory=dict)
     """Address of a group, collection or target that failed without being a node -> why."""
+    peak_gb: Callable[[str], float | None] = field(default=lambda address: None, repr=False, compare=False)
+    """Memory that a node took the last time that it ran [GiB], where that is known."""
+
+    @property
+    def own(self) -> Mapping[str, NodeRecord]:
+        """Records of the nodes that the run looked at."""
+        return self.nodes.own if isinstance(self.nodes, Kept) else self.nodes
 
     def made(self, address: str) -> tuple[str, str | None]:
         """The rule and the output of a node; quicker than its whole record."""

@@ -20,14 +20,15 @@ def rewind(unit: Unit, digest: str, store: Store, states: States) -> list[Unit] 
     """Blob `digest` is gone: take `unit`, and all between it and nodes whose results are lost, back to waiting.
 
     Returns:
-        The units that must be connected again, or None where nothing that `unit` reads can be made again.
+        The units that must be connected again, or None where nothing that `unit` reads can be made again. A node itself
+        can: what it wrote may have met damaged bytes of the same name.
     """
     unit.lost = unit.lost or Counter()
     unit.lost[digest] += 1
     if unit.lost[digest] > _MOST:
         return None
     again = _lost(unit, store)
-    if not again and not (isinstance(unit, Node) and unit.leaves):
+    if not again and not isinstance(unit, Node):
         return None
     for other in [*again, unit]:
         _back(other, states)

@@ -7,7 +7,7 @@ same bytes leaves its readers cached (early cutoff).
 The loop, until nothing is left to do:
 - connect new units, and settle those that are ready: open groups, gather collections, look keys up;
 - fill the executor from the queue;
-- take what it reports; what ends sets its readers free;
+- take what it and remotes report; what ends sets its readers free;
 - look again at what another process was building.
 
 All walks are loops: chains may be long.
@@ -21,9 +21,10 @@ from collections.abc import Sequence
 from dextera_build import digest as digests
 from dextera_build.engine import rewind
 from dextera_build.engine.dispatch import Dispatch
-from dextera_build.engine.graph import Address, Graph
+from dextera_build.engine.graph import Address, Fixed, Graph
 from dextera_build.engine.key import Writer
 from dextera_build.engine.policy import Hooks, Policy
+from dextera_build.engine.sharing import Sharing
 from dextera_build.engine.states import LOST, State, States
 from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Gathering, Link, Node, Opening, Packing, Unit
@@ -32,6 +33,7 @@ from dextera_build.errors import DxbError, RuleError, StaleError
 from dextera_build.store import header
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
+from dextera_build.store.remotes.exchange import Exchange
 from dextera_build.store.store import Store
 
 _BATCH = 64
@@ -47,10 +49,17 @@ class Scheduler:
         executor: What runs nodes; None only for a dry run.
         policy: How the run goes.
         hooks: Who listens.
+        exchange: The remotes, where there are any.
     """
 
     def __init__(
-        self, graph: Graph, store: Store, executor: Executor | None, policy: Policy, hooks: Hooks | None = None
+        self,
+        graph: Graph,
+        store: Store,
+        executor: Executor | None,
+        policy: Policy,
+        hooks: Hooks | None = None,
+        exchange: Exchange | None = None,
     ) -> None:
         self.graph = graph
         self.store = store
@@ -61,12 +70,15 @@ class Scheduler:
         self.wishes: list[Gathering] = []
         self.failed: list[Unit] = []
         self.errors: list[DxbError] = []
+        self.sharing = Sharing(exchange, self.states, self._succeed, self._queue)
         self.dispatch = Dispatch(
             store=store,
             executor=executor,
             states=self.states,
+            sharing=self.sharing,
             project=policy.project,
             profile=policy.profile,
+            peak_gb=policy.peak_gb,
             forced=self._is_forced,
             started=self.hooks.started,
             said=self.hooks.said,
@@ -98,6 +110,7 @@ class Scheduler:
                 break
             if self.stopping and not self.states.running:
                 break
+            self.sharing.settle()
             self.dispatch.retry_locked()
         self._forbid_circles()
 
@@ -161,16 +174,26 @@ class Scheduler:
             self._succeed(node, "cached", hit)
         elif self.policy.dry:
             self.states.set(node, State.STALE)
-        elif self.policy.only is not None and not _named(node, self.policy.only):
-            hint = f"dxb why '{self.graph.name}:{node.address}'"
-            raise StaleError(f"`{node.address}` is stale and may not run now", code="DXB-C101", hint=hint)
         else:
             self._owners[node.key] = node
+            # What is forced shall run, and a result that others made is not what it asks for.
+            if self._is_forced(node) or not self.sharing.ask(node):
+                self._queue(node)
+
+    def _queue(self, node: Node) -> None:
+        if self.policy.only is None or _named(node, self.policy.only):
             self.states.set(node, State.QUEUED)
+            return
+        hint = f"dxb why '{self.graph.name}:{node.address}'"
+        error = StaleError(f"`{node.address}` is stale and may not run now", code="DXB-C101", hint=hint)
+        self._fail(node, error)
 
     def _open(self, unit: Opening) -> None:
-        assert unit.over is not None
-        unit.items = header.items(self.store.blobs.get, self._value(unit.over))
+        if isinstance(unit.group.over, Fixed):
+            unit.items = dict.fromkeys(unit.group.over.labels, "")
+        else:
+            assert unit.over is not None
+            unit.items = header.items(self.store.blobs.get, self._value(unit.over))
         for label in unit.items:
             if not _LABEL.fullmatch(label):
                 raise RuleError(
@@ -199,6 +222,7 @@ class Scheduler:
         if not self.policy.dry:
             node.document = b""  # it is in the store
         followers = self._disown(node)
+        self.sharing.offer(node)
         self._done(node)
         for follower in followers:
             self._succeed(follower, "cached", result)

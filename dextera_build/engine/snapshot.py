@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -50,7 +51,10 @@ def load_if_fresh(path: Path, request: Mapping[str, object]) -> Snapshot | None:
     """The snapshot at `path`, if it answers `request` and no file that it rests on has changed."""
     try:
         head = read_head(path)
-        if head["request"] != json.loads(json.dumps(request)) or not _is_fresh(head) or not is_present(path, head):
+        if head["request"] != json.loads(json.dumps(request)) or not _is_fresh(head):
+            return None
+        _use(path)
+        if not is_present(path, head):
             return None
         return Snapshot(head["request"], tuple(head["lines"]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
@@ -114,7 +118,10 @@ def load_if_near(path: Path, request: Mapping[str, object]) -> Stale | None:
     """The snapshot at `path` with the files that changed, if it answers `request` and its store is whole."""
     try:
         head = read_head(path)
-        if head["request"] != json.loads(json.dumps(request)) or not is_present(path, head):
+        if head["request"] != json.loads(json.dumps(request)):
+            return None
+        _use(path)
+        if not is_present(path, head):
             return None
         if any(signature.modules(name) != known for name, known in head["paths"].items()):
             return None
@@ -218,6 +225,15 @@ def is_present(path: Path, head: dict[str, Any]) -> bool:
         with suppress(StoreError):
             _write(path, head)
     return True
+
+
+def _use(path: Path) -> None:
+    """Say that what the snapshot relies on is of use still: a collection lets go of those that nobody used for long.
+
+    That comes before the look at the store, or a collection could find it unused after we found the store whole.
+    """
+    with suppress(OSError):
+        os.utime(path)
 
 
 def _write(path: Path, head: Mapping[str, object]) -> None:

@@ -2,18 +2,24 @@
 
                  sources known            key is in the cache
       WAITS ------------------> READY ------------------------> DONE
-        ^                         |  ^                            ^
-        |                         |  | the other                  |
-        | bytes of an input       |  | one ended        ok        |
-        | are gone            key |  |             +--------------+
-        |                  misses |  +- SHARED     |
-        |                         v     ^          |
-        +-----------------  QUEUED -----+--> RUNNING ---> FAILED
-                             |  ^       room      error
-         another process     v  |
-         builds this key   LOCKED
+        ^                         |  ^                          ^ ^
+        |                     key |  | the other                | |
+        |                  misses |  | one ended    a remote    | |
+        |                         |  |              has it      | |
+        |                         |  +- SHARED   +--------------+ |
+        | bytes of an input       |     ^        |                |
+        | are gone                +-----+--> FETCHING          ok |
+        |                         |              |                |
+        |                         v  no remote   |                |
+        |                         |  has it      |                |
+        +-----------------  QUEUED <-------------+     +----------+
+                             |  ^  |  room             |
+         another process     v  |  +--------------> RUNNING ---> FAILED
+         builds this key   LOCKED                         error
 
       WAITS -> BLOCKED     a source failed, or is blocked itself
+      FETCHING -> FAILED   no remote has it, and it may not run
+      RUNNING -> QUEUED    it failed, and its rule declares more tries
       any but RUNNING -> CANCELLED     the run ended before its turn
       READY -> STALE       a dry run would have to run it
       DONE -> WAITS        its bytes were lost; it is made again
@@ -45,6 +51,8 @@ class State(enum.Enum):
     """Another node of this run has the same key and builds it."""
     QUEUED = "queued"
     """The key is not in the cache; in `States.queue` until there is room."""
+    FETCHING = "fetching"
+    """Remotes are asked for the key's result; counted in `States.fetching`."""
     LOCKED = "locked"
     """Another process builds the key; in `States.locked`."""
     RUNNING = "running"
@@ -66,8 +74,9 @@ _NEXT: dict[State, frozenset[State]] = {
     State.READY: frozenset(set(State) - {State.LOCKED, State.RUNNING}),
     State.SHARED: frozenset({State.READY, State.DONE, State.FAILED, State.BLOCKED, State.CANCELLED}),
     State.QUEUED: frozenset({State.RUNNING, State.LOCKED, State.DONE, State.FAILED, State.CANCELLED}),
+    State.FETCHING: frozenset({State.QUEUED, State.DONE, State.FAILED, State.CANCELLED}),
     State.LOCKED: frozenset({State.QUEUED, State.DONE, State.CANCELLED}),
-    State.RUNNING: frozenset({State.DONE, State.FAILED, State.WAITS, State.CANCELLED}),
+    State.RUNNING: frozenset({State.QUEUED, State.DONE, State.FAILED, State.WAITS, State.CANCELLED}),
     State.DONE: frozenset({State.WAITS}),
     State.FAILED: frozenset(),
     State.BLOCKED: frozenset(),
@@ -87,6 +96,7 @@ class States:
         self.queue: deque[Node] = deque()
         self.locked: list[Node] = []
         self.running = 0
+        self.fetching = 0
 
     def set(self, unit: Unit, state: State) -> None:
         """Every change of state goes through here.
@@ -100,6 +110,7 @@ class States:
         if old is State.LOCKED:
             self.locked.remove(cast("Node", unit))
         self.running += (state is State.RUNNING) - (old is State.RUNNING)
+        self.fetching += (state is State.FETCHING) - (old is State.FETCHING)
         unit.state = state
         if state is State.READY:
             self.ready.append(unit)

@@ -6,10 +6,13 @@ The scheduler knows nothing else about how nodes run, so a pool of processes, th
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeAlias
 
+from dextera_build.engine.capacity import Capacity, Needs
 from dextera_build.errors import DxbError, RuleError
+
+_LITTLE = Needs()
 
 
 @dataclass(frozen=True)
@@ -25,8 +28,9 @@ class Task:
     store: str
     project: str
     profile: str
-    cpus: int = 1
-    memory_gb: float = 1.0
+    needs: Needs = _LITTLE
+    devices: tuple[str, ...] = ()
+    """GPUs that it may use, as `CUDA_VISIBLE_DEVICES` calls them."""
     key: str = ""
     """Names the folder in which the call keeps its progress; "" where it shall have a fresh one."""
 
@@ -64,6 +68,10 @@ class Ended:
     reply: Mapping[str, Any] | None = None
     """{"output", "line", "previews", "metrics"}."""
     error: DxbError | None = None
+    raised: tuple[str, ...] = ()
+    """The exception that the rule let escape, with its bases."""
+    usage: Mapping[str, float] = field(default_factory=dict)
+    """See `usage.Usage`."""
 
 
 Report: TypeAlias = Said | Ended
@@ -72,12 +80,13 @@ Report: TypeAlias = Said | Ended
 class Executor(Protocol):
     """Runs tasks."""
 
-    def has_room(self, task: Task) -> bool:
-        """Whether `task` may start now."""
+    @property
+    def capacity(self) -> Capacity:
+        """What tasks share; no more are submitted at a time than it holds."""
         ...
 
     def submit(self, task: Task) -> None:
-        """Start `task`; there must be room."""
+        """Start `task`."""
         ...
 
     def poll(self, timeout_s: float | None) -> list[Report]:

@@ -68,8 +68,16 @@ class Node(Unit):
     error: DxbError | None = None
     seconds: float = 0.0
     """How long it ran here [s], also when it failed."""
+    remote: str = ""
+    """Name of the remote that its result was fetched from."""
     log: str | None = None
     """Digest of what a failed run printed."""
+    usage: Mapping[str, float] = field(default_factory=dict)
+    """What its last run here used; see `usage.Usage`."""
+    tries: int = 0
+    """How often it ran here."""
+    rests_until: float = 0.0
+    """Not before this is it tried again, by `time.monotonic`."""
     followers: list[Node] = field(default_factory=list, repr=False)
     """Nodes with the same key that wait for this one."""
 

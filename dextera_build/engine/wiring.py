@@ -6,7 +6,19 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path as FilePath
 
-from dextera_build.engine.graph import Address, Gather, Graph, Input, Item, Leaf, Output, Pack, node_address, parts_of
+from dextera_build.engine.graph import (
+    Address,
+    Fixed,
+    Gather,
+    Graph,
+    Input,
+    Item,
+    Leaf,
+    Output,
+    Pack,
+    node_address,
+    parts_of,
+)
 from dextera_build.engine.known import Known
 from dextera_build.engine.reach import copy_of, group_at
 from dextera_build.engine.states import State
@@ -100,7 +112,7 @@ class Wiring:
             self._await_all(unit, unit.call.inputs)
         elif isinstance(unit, Packing):
             self._await_all(unit, unit.parts)
-        elif isinstance(unit, Opening):
+        elif isinstance(unit, Opening) and not isinstance(unit.group.over, Fixed):
             unit.over = self._link(unit.group.over, unit)
             if unit.over.unit is not None:
                 unit.await_(unit.over.unit)

@@ -24,7 +24,9 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from dextera_build.engine.retries import names_of
 from dextera_build.engine.tasks import escaped
+from dextera_build.engine.usage import Meter
 from dextera_build.errors import DxbError, MachineError
 
 _SPELL = json.JSONEncoder(separators=(",", ":"), default=str).encode
@@ -50,6 +52,7 @@ class Worker:
         self._writing = threading.Lock()
         self._last_progress = 0.0
         self._libc = ctypes.CDLL(None)
+        self._meter = Meter()
 
     def serve(self) -> None:
         """Answer every task, one after another."""
@@ -62,6 +65,7 @@ class Worker:
         if os.fstat(1).st_size:
             os.ftruncate(1, 0)
         self._last_progress = 0.0
+        self._meter.begin()
         began = time.perf_counter()
         answer: dict[str, object]
         try:
@@ -72,8 +76,8 @@ class Worker:
         except Exception as error:
             with contextlib.suppress(OSError):  # where the log's disk is full the error still goes out
                 traceback.print_exc()
-            answer = {"error": escaped(error).to_json()}
-        answer["seconds"] = time.perf_counter() - began
+            answer = {"error": escaped(error).to_json(), "raised": names_of(error)}
+        answer |= {"seconds": time.perf_counter() - began, "usage": self._meter.end()}
         self._flush()
         self._write(answer)
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.engine.graph import Call, Graph, Input, Pack, RuleFacts
+from dextera_build.engine.retries import Retries, name_of
 from dextera_build.errors import MachineError, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.loader import BackendFile, Library, RuleFile, choose_backend, version_of
+from dextera_build.recipe import matrix
 from dextera_build.recipe.schema import CallDecl
 from dextera_build.recipe.scope import Scope, type_name
 from dextera_build.recipe.settings import Setting
@@ -39,6 +41,35 @@ class CallMaker:
     def rule_file(self, decl: CallDecl) -> RuleFile:
         """The rule that a declaration names."""
         return self._library.find(decl.rule, decl.place)
+
+    def values(self, decl: CallDecl, values: matrix.Values | None) -> dict[str, Node]:
+        """The arguments of a call with the values of one copy of its matrix in them; None: it stands in no matrix.
+
+        Raises:
+            RecipeError: An argument speaks of a value that is not there.
+        """
+        slots = self.rule_file(decl).rule.slots
+        arguments = {name: node for name, node in decl.arguments.items() if name not in slots}
+        arguments |= {"backend": decl.backend} if decl.backend is not None else {}
+        if values is None:
+            matrix.refuse_outside(arguments)
+            return {}
+        return matrix.filled(arguments, values)
+
+    def refuse_labels(self, group: Address, known: Iterable[str]) -> None:
+        """Settings may speak only of copies that a matrix has.
+
+        Raises:
+            UsageError: One names another.
+        """
+        copies = list(known)
+        for label in sorted(self.labels(group) - set(copies)):
+            raise UsageError(
+                f"`{'.'.join(group)}` has no copy `{label}`",
+                code="DXB-U169",
+                facts={"copies": listing(copies)},
+                hint=did_you_mean(label, copies),
+            )
 
     def labels(self, group: Address) -> set[str]:
         """Labels of copies that the settings speak of."""
@@ -170,7 +201,15 @@ def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> 
         types={**types, "return": _schema(rule.returns)},
         cpus=rule.cpus,
         memory_gb=rule.memory_gb,
+        gpus=rule.gpus,
+        gpu_gb=backend.facts.gpu_gb if backend else 0.0,
+        named=tuple(sorted(rule.resources.items())),
+        retries=Retries(rule.retries, tuple(_spelled(kind) for kind in rule.retry_on), rule.retry_wait_s),
     )
+
+
+def _spelled(kind: type[BaseException] | str) -> str:
+    return kind if isinstance(kind, str) else name_of(kind)
 
 
 @cache

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dextera_build.engine.graph import Call, Gather, Graph, Group, Input, Item, Output, parts_of
+from dextera_build.engine.graph import Call, Fixed, Gather, Graph, Group, Input, Item, Output, parts_of
 from dextera_build.errors import RecipeError
 
 Address = tuple[str, ...]
@@ -60,7 +60,8 @@ def _push(
 def _needs(address: Address, calls: dict[Address, Call], groups: dict[Address, Group]) -> Iterator[Address]:
     inputs: list[Input] = [part for source in calls[address].inputs.values() for part in parts_of(source)]
     # A copy exists only once its group's collection is known.
-    inputs += [groups[address[:depth]].over for depth in range(1, len(address))]
+    opened = [groups[address[:depth]].over for depth in range(1, len(address))]
+    inputs += [over for over in opened if not isinstance(over, Fixed)]
     for given in inputs:
         if isinstance(given, Output | Gather):
             yield given.call

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dextera_build.engine.graph import Call, Graph, Group, Item, Leaf, Output
+from dextera_build.engine.graph import Call, Graph, Group, Leaf
 from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.loader import Library
-from dextera_build.recipe import cycles
+from dextera_build.recipe import cycles, groups
 from dextera_build.recipe.calls import CallMaker
-from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, Recipe, UseDecl
+from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, MatrixDecl, Recipe, UseDecl
 from dextera_build.recipe.scope import Alias, Bound, CallName, GroupName, Scope, UseName, item
 from dextera_build.recipe.settings import Setting
 from dextera_build.recipe.strict_yaml import Node
@@ -75,7 +75,8 @@ class _Planner:
         self._recipes: dict[str, Recipe] = {}
         self._foreign: dict[str, Scope] = {}
         self._pending: list[tuple[tuple[str, ...], CallDecl, Scope]] = []
-        self._groups: dict[tuple[str, ...], tuple[GroupDecl, Callable[[], Bound]]] = {}
+        self._groups: dict[tuple[str, ...], tuple[GroupDecl | MatrixDecl, groups.Over | None]] = {}
+        """Address -> declaration, and what an `each` opens over."""
         self._opening: list[str] = []
         self.calls: dict[tuple[str, ...], Call] = {}
         self._overrides: dict[tuple[str, ...], dict[str, dict[str, Call]]] = {}
@@ -107,7 +108,10 @@ class _Planner:
     def fill(self) -> None:
         """Make every declared call."""
         for address, decl, scope in self._pending:
-            self.calls[address] = self.maker.call(decl, scope, address)
+            around = self._groups[address[:-1]][0] if len(address) > 1 else None
+            # The call of a matrix that stands for its copies is that of the first one.
+            first = next(iter(around.copies.values())) if isinstance(around, MatrixDecl) else None
+            self.calls[address] = self.maker.call(decl, scope, address, self.maker.values(decl, first))
         for address, (group, _) in self._groups.items():
             self._overrides[address] = self._override(address, group)
 
@@ -126,11 +130,8 @@ class _Planner:
         for address, (decl, over) in self._groups.items():
             members: dict[str, Call | Group] = {}
             blocks[address] = members
-            collection = over().input
-            if not isinstance(collection, Output | Item):
-                raise RecipeError("`each` takes what a node returns", code="DXB-R105", where=decl.each.place)
             blocks[address[:-1]][address[-1]] = Group(
-                address[-1], collection, members, self._overrides[address], decl.place
+                address[-1], groups.collection(decl, over), members, self._overrides[address], decl.place
             )
         for address, call in self.calls.items():
             blocks[address[:-1]][address[-1]] = call
@@ -180,6 +181,11 @@ class _Planner:
                 self._pending.append((address, decl, scope))
             elif isinstance(decl, UseDecl):
                 scope.names[name] = UseName(self._use(decl, scope, f"{address[-1]}/", group))
+            elif isinstance(decl, MatrixDecl):
+                self._groups[address] = (decl, None)
+                inner = Scope(scope)
+                self._declare(decl.nodes, inner, "", address)
+                scope.names[name] = GroupName(address, inner)
             else:
                 scope.names[name] = self._group(address, decl, scope)
 
@@ -254,8 +260,10 @@ class _Planner:
             target = str(chosen[0].value)
         return scope.resolve(f"${target}", where)
 
-    def _override(self, address: tuple[str, ...], decl: GroupDecl) -> dict[str, dict[str, Call]]:
+    def _override(self, address: tuple[str, ...], decl: GroupDecl | MatrixDecl) -> dict[str, dict[str, Call]]:
         members = {a[-1]: (d, s) for a, d, s in self._pending if a[:-1] == address}
+        if isinstance(decl, MatrixDecl):
+            return groups.swept(self.maker, address, decl, members)
         found: dict[str, dict[str, Call]] = {}
         labels = {
             **decl.overrides,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
-from dextera_build.recipe import strict_yaml
+from dextera_build.recipe import matrix, strict_yaml
 from dextera_build.recipe.strict_yaml import Node
 
 _NAME = "abcdefghijklmnopqrstuvwxyz0123456789_"
@@ -65,7 +65,18 @@ class GroupDecl:
     place: Place
 
 
-Decl: TypeAlias = CallDecl | UseDecl | GroupDecl
+@dataclass(frozen=True)
+class MatrixDecl:
+    """`{matrix: {seed: [1, 2]}, nodes: {...}}`: its nodes once for every combination of values."""
+
+    name: str
+    copies: dict[str, dict[str, Node]]
+    """Label -> the values of that copy."""
+    nodes: dict[str, Decl]
+    place: Place
+
+
+Decl: TypeAlias = CallDecl | UseDecl | GroupDecl | MatrixDecl
 
 
 @dataclass(frozen=True)
@@ -187,16 +198,20 @@ def _nodes(node: Node | None, where: Place) -> dict[str, Decl]:
 def _node(name: str, node: Node, place: Place) -> Decl:
     if not isinstance(node.value, dict):
         raise RecipeError(f"the node `{name}` is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
-    kinds = [kind for kind in ("rule", "recipe", "each") if kind in node.value]
+    kinds = [kind for kind in ("rule", "recipe", "each", "matrix") if kind in node.value]
     if len(kinds) != 1:
         raise RecipeError(
-            f"the node `{name}` needs exactly one of `rule`, `recipe`, `each`",
+            f"the node `{name}` needs exactly one of `rule`, `recipe`, `each`, `matrix`",
             code="DXB-R112",
             where=place,
             facts={"it has": listing(node.value)},
         )
     if kinds == ["each"]:
         return _group(name, node, place)
+    if kinds == ["matrix"]:
+        parts = _mapping(node, f"the matrix `{name}`", {"matrix", "nodes"})
+        copies = matrix.copies(_entries(parts["matrix"], "matrix"), parts["matrix"].place)
+        return MatrixDecl(name, copies, _nodes(parts.get("nodes"), place), place)
     rest = {key: inner for key, inner in node.value.items() if key not in ("rule", "recipe", "backend", "salt")}
     if kinds == ["recipe"]:
         return UseDecl(name, node.value["recipe"], rest, place)

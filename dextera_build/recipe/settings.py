@@ -10,7 +10,7 @@ from dextera_build.recipe import strict_yaml
 from dextera_build.recipe.strict_yaml import Node
 
 COMMAND_LINE = Place("the command line")
-_STEP = re.compile(r"^(?P<name>[a-z0-9_/:]+)(?:\[(?P<label>[^\]]+)\])?$")
+_STEP = re.compile(r"(?P<name>[a-z0-9_/:]+)(?:\[(?P<label>[^\]]+)\])?(?P<end>\.|\s*=|$)")
 
 
 @dataclass(frozen=True)
@@ -31,15 +31,20 @@ def parse(text: str) -> Setting:
     Raises:
         UsageError: The text has another form.
     """
-    address, equals, value = text.partition("=")
-    steps = [_STEP.match(part) for part in address.strip().split(".")]
-    if not equals or len(steps) < 2 or any(step is None for step in steps):
+    steps: list[re.Match[str]] = []
+    place, end = len(text) - len(text.lstrip()), "."
+    # A label may hold dots and equals signs: `sweep[voxel_m=0.001].mesh.wall_m=0.004`.
+    while end == "." and (step := _STEP.match(text, place)) is not None:
+        steps.append(step)
+        place, end = step.end(), step["end"].strip()
+    value = text[place:]
+    if end != "=" or len(steps) < 2:
         raise UsageError(
             f"`{text}` is not a setting",
             code="DXB-U106",
             hint="`--set 'body[mug].mesh.wall_m=0.004'` sets one option of one node",
         )
-    parts = [(step["name"], step["label"]) for step in steps if step is not None]
+    parts = [(step["name"], step["label"]) for step in steps]
     return Setting(
         text,
         tuple(name for name, _ in parts[:-1]),

@@ -63,6 +63,10 @@ class Node:
         mark = place.line * _COLUMNS + place.column
         return Node(inside, place.file, mark, [mark] * len(inside) if isinstance(inside, dict) else ())
 
+    def holding(self, value: Any) -> Node:
+        """Another value at the place of this one; where this is a mapping, with its keys."""
+        return Node(value, self._file, self._mark, self._marks)
+
     def at(self, path: tuple[object, ...]) -> Place:
         """The place of the value below `path` of keys and indices, or of the deepest part that exists."""
         node = self

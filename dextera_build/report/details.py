@@ -12,7 +12,7 @@ from dextera_build.report.pictures import Pictures
 from dextera_build.report.pieces import failure, link, metrics, state, took
 from dextera_build.report.provenance import Sources, code_digest, sources_of
 from dextera_build.report.run import Node, Run
-from dextera_build.report.wording import count
+from dextera_build.report.wording import count, used
 
 _LOG_LINES = 40  # the last ones
 _LOG_CHARACTERS = 8000
@@ -83,8 +83,11 @@ def _body(node: Node, known: _Known, pictures: Pictures) -> Html:
         ("rule", f"{node.rule}{_version(node)}"),
         ("backend", node.backend),
         ("state", [state(node), " ", took(node)]),
+        ("used", used(node.usage)),
+        ("tries", str(node.tries) if node.tries > 1 else ""),
         ("key", _digest(node.key)),
         ("output", [node.artifact, " " if node.artifact else "", _digest(node.output)]),
+        ("run again gave", [[_digest(output), " "] for output in node.again] or None),
         ("waits for", _links(node.blocked_by, known.by_address)),
         ("depends on", _links(node.depends_on, known.by_address)),
         ("packages", ", ".join(f"{n} {v}" for n, v in _mapping(node, "packages").items())),

@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from dextera_build.report.html import Html, tag
 from dextera_build.report.layout import Cell, Lane, Layout, lay_out
 from dextera_build.report.run import Node, Run
 from dextera_build.report.wording import MARKS, count, duration
 
-_BOX = (102, 38)  # px: a name of 12 characters and the line below it
-_STEP = (118, 46)  # px from box to box
-_LEFT = 92  # px for the lanes' titles, where there are groups
 _PAD = 10  # px above and below the boxes of a lane
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large things are drawn [px]."""
+
+    box: tuple[int, int] = (102, 38)
+    step: tuple[int, int] = (118, 46)
+    """From box to box."""
+    left: int = 92
+    """For the lanes' titles, where there are groups."""
+    label: int = 12
+    """Characters of a name."""
+    sub: int = 14
+    """Characters of the line below it."""
+
+
+SMALL = Size()
+"""As the report draws it, beside much else."""
 
 
 def graph(run: Run) -> Html:
@@ -18,18 +36,7 @@ def graph(run: Run) -> Html:
     if not run.nodes:
         return tag("p", {"class": "quiet"}, "The event log of this run holds no nodes.")
     layout = lay_out(run)
-    tops = _tops(layout)
-    left = _LEFT if any(lane.title for lane in layout.lanes) else _PAD
-    width = left + layout.columns * _STEP[0] - (_STEP[0] - _BOX[0]) + _PAD
-    height = tops[-1]
-    boxes = {
-        cell.node.index: _corner(cell, lane, top, left)
-        for lane, top in zip(layout.lanes, tops, strict=False)
-        for cell in lane.cells
-    }
-    parts = [_lane(lane, top, width, i) for i, (lane, top) in enumerate(zip(layout.lanes, tops, strict=False))]
-    parts.append(tag("g", {"class": "edges"}, [_edge(a, b, boxes) for a, b in layout.edges]))
-    parts += [_box(cell.node, boxes[cell.node.index]) for lane in layout.lanes for cell in lane.cells]
+    parts, width, height = draw(layout, SMALL)
     label = f"graph of {count(len(run.nodes), 'node')}, from inputs on the left to results on the right"
     svg = tag(
         "svg",
@@ -47,56 +54,91 @@ def graph(run: Run) -> Html:
     )
 
 
-def _tops(layout: Layout) -> list[int]:
+def draw(layout: Layout, size: Size) -> tuple[list[Html], int, int]:
+    """(shapes, width, height) of a graph [px]."""
+    tops = _tops(layout, size)
+    left = size.left if any(lane.title for lane in layout.lanes) else _PAD
+    width = left + layout.columns * size.step[0] - (size.step[0] - size.box[0]) + _PAD
+    boxes = {
+        cell.node.index: _corner(cell, lane, top, left, size)
+        for lane, top in zip(layout.lanes, tops, strict=False)
+        for cell in lane.cells
+    }
+    parts = [_lane(lane, top, width, i, size) for i, (lane, top) in enumerate(zip(layout.lanes, tops, strict=False))]
+    parts.append(tag("g", {"class": "edges"}, [_edge(a, b, boxes, size) for a, b in layout.edges]))
+    parts += [_box(cell.node, boxes[cell.node.index], size) for lane in layout.lanes for cell in lane.cells]
+    return parts, width, tops[-1]
+
+
+def _tops(layout: Layout, size: Size) -> list[int]:
     """Upper border of every lane, and the lower one of the last [px]."""
     tops = [0]
     for lane in layout.lanes:
-        tops.append(tops[-1] + lane.rows * _STEP[1] + 2 * _PAD - (_STEP[1] - _BOX[1]))
+        tops.append(tops[-1] + lane.rows * size.step[1] + 2 * _PAD - (size.step[1] - size.box[1]))
     return tops
 
 
-def _corner(cell: Cell, lane: Lane, top: int, left: int) -> tuple[int, int]:
-    return left + cell.column * _STEP[0], top + _PAD + (cell.row - lane.top) * _STEP[1]
+def _corner(cell: Cell, lane: Lane, top: int, left: int, size: Size) -> tuple[int, int]:
+    return left + cell.column * size.step[0], top + _PAD + (cell.row - lane.top) * size.step[1]
 
 
-def _lane(lane: Lane, top: int, width: int, number: int) -> Html:
-    height = lane.rows * _STEP[1] + 2 * _PAD - (_STEP[1] - _BOX[1])
+def _lane(lane: Lane, top: int, width: int, number: int, size: Size) -> Html:
+    height = lane.rows * size.step[1] + 2 * _PAD - (size.step[1] - size.box[1])
     shade = tag("rect", {"x": 0, "y": top, "width": width, "height": height, "class": f"lane l{number % 2}"})
     if not lane.title:
         return shade
     group, label = lane.title[0], " · ".join(lane.title[len(lane.title) // 2 :])
+    if len(lane.title) == 1:
+        group = ""  # a stage of rules
+    elif not label.strip("* ·"):
+        group, label = "every copy", group.rpartition(":")[2]
+    middle = top + height / 2
     words = [
         tag(
-            "text", {"x": 10, "y": top + height / 2 - 3, "class": "label"}, _short(label, 11), tag("title", None, label)
+            "text",
+            {"x": 10, "y": middle - 3, "class": "label"},
+            _short(label, size.label - 1),
+            tag("title", None, label),
         ),
-        tag("text", {"x": 10, "y": top + height / 2 + 11, "class": "sub"}, _short(group, 12)),
+        tag("text", {"x": 10, "y": middle + 11, "class": "sub"}, _short(group, size.label)),
     ]
     return tag("g", None, shade, words)
 
 
-def _edge(a: Node, b: Node, boxes: dict[int, tuple[int, int]]) -> Html:
+def _edge(a: Node, b: Node, boxes: dict[int, tuple[int, int]], size: Size) -> Html:
     (ax, ay), (bx, by) = boxes[a.index], boxes[b.index]
-    x0, y0, x1, y1 = ax + _BOX[0], ay + _BOX[1] / 2, bx, by + _BOX[1] / 2
-    # A long edge leaves in the gap behind its box and comes in through the gap before its end.
-    gap = _STEP[0] - _BOX[0]
-    bend = min(gap * 1.6, (x1 - x0) / 2) if x1 - x0 > gap else gap / 2
-    path = f"M{x0} {y0:g}C{x0 + bend:g} {y0:g} {x1 - bend:g} {y1:g} {x1} {y1:g}"
+    x0, y0, x1, y1 = ax + size.box[0], ay + size.box[1] / 2, bx, by + size.box[1] / 2
+    gap, between = size.step[0] - size.box[0], size.step[1] - size.box[1]
+    if x0 <= x1 <= x0 + gap:
+        path = f"M{x0} {y0:g}C{x0 + gap / 2:g} {y0:g} {x1 - gap / 2:g} {y1:g} {x1} {y1:g}"
+    else:
+        # A long edge, or one that leads back, runs between two rows of boxes, so that it passes under none.
+        side = 1 if by >= ay else -1
+        spread = (a.index % 5 - 2) * between / 8
+        level = y0 + side * (size.box[1] + between) / 2 + spread
+        out, home, half = x0 + gap * 0.6, x1 - gap * 0.6, gap * 0.3
+        path = (
+            f"M{x0} {y0:g}C{x0 + half:g} {y0:g} {out - half:g} {level:g} {out:g} {level:g}H{home:g}"
+            f"C{home + half:g} {level:g} {x1 - half:g} {y1:g} {x1} {y1:g}"
+        )
     return tag("path", {"d": path, "data-a": a.index, "data-b": b.index})
 
 
-def _box(node: Node, corner: tuple[int, int]) -> Html:
+def _box(node: Node, corner: tuple[int, int], size: Size) -> Html:
     x, y = corner
     state = duration(node.seconds) if node.worked else node.status
-    below = f"{state} · {node.backend}" if node.backend else state
+    below = " · ".join(part for part in (state, node.backend) if part) if state else node.rule
     said = f": {node.line}" if node.line else ""
+    mark = MARKS.get(node.status, "")
+    text = x + (22 if mark else 9)
     return tag(
         "a",
-        {"href": f"#n{node.index}", "class": f"node {node.status}", "data-node": node.index},
-        tag("title", None, f"{node.address} ({node.rule}), {node.status}{said}"),
-        tag("rect", {"x": x, "y": y, "width": _BOX[0], "height": _BOX[1], "rx": 6}),
-        tag("text", {"x": x + 9, "y": y + 16, "class": "mark"}, MARKS.get(node.status, "?")),
-        tag("text", {"x": x + 22, "y": y + 16, "class": "label"}, _short(node.name, 12)),
-        tag("text", {"x": x + 22, "y": y + 30, "class": "sub"}, _short(below, 14)),
+        {"href": f"#n{node.index}", "class": f"node {node.status or 'plain'}", "data-node": node.index},
+        tag("title", None, f"{node.address} ({node.rule}){', ' if node.status else ''}{node.status}{said}"),
+        tag("rect", {"x": x, "y": y, "width": size.box[0], "height": size.box[1], "rx": 6}),
+        tag("text", {"x": x + 9, "y": y + 16, "class": "mark"}, mark) if mark else None,
+        tag("text", {"x": text, "y": y + 16, "class": "label"}, _short(node.name, size.label)),
+        tag("text", {"x": text, "y": y + 30, "class": "sub"}, _short(below, size.sub)),
     )
 
 

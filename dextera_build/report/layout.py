@@ -78,7 +78,7 @@ def reduced(nodes: Sequence[Node]) -> list[tuple[Node, Node]]:
         for name in sorted({d for d in node.depends_on if d in rank}, key=lambda d: -rank[d]):
             if not seen & bit[name]:
                 edges.append((order[rank[name]], node))
-            seen |= above[name] | bit[name]
+            seen |= above.get(name, 0) | bit[name]  # an edge of a circle leads back
         above[node.address] = seen
     return edges
 

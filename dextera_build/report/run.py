@@ -42,8 +42,13 @@ class Node:
     first_seconds: float = 0.0
     """How long it took when it ran, in this run or an earlier one [s]."""
     document: dict[str, Any] = field(default_factory=dict)
+    again: tuple[str, ...] = ()
+    """Digests of other outputs that its key gave when it ran again."""
     artifact: str = ""
     fields: dict[str, Any] = field(default_factory=dict)
+    usage: Mapping[str, float] = field(default_factory=dict)
+    """What it used in this run; see `engine.usage`."""
+    tries: int = 0
 
     @property
     def seconds(self) -> float:
@@ -184,6 +189,8 @@ def _node(run: Run, data: Mapping[str, Any], begun: Mapping[str, Any] | None) ->
         blocked_by=list(data.get("blocked_by", ())),
         inputs=dict(data.get("inputs", {})),
         depends_on=list(data.get("depends_on", ())),
+        usage=dict(data.get("usage", {})),
+        tries=int(data.get("tries", 0)),
     )
 
 
@@ -198,6 +205,7 @@ def _complete(node: Node, store: Store, logged: list[str]) -> None:
         node.first_seconds = found.seconds
         node.log = node.log or sources.text(store, found.log).strip()
     node.document = sources.document(store, found)
+    node.again = sources.again(store, node.key)
     node.artifact, node.fields = sources.header(store, node.output)
     if not node.inputs:
         node.inputs = dict(node.document.get("inputs", ()))

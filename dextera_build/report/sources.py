@@ -71,6 +71,13 @@ def result(store: Store, key: str | None) -> Result | None:
         return None
 
 
+def again(store: Store, key: str | None) -> tuple[str, ...]:
+    """Digests of the outputs that `key` gave later beside the one that stays."""
+    known = getattr(store, "divergent", None)
+    found = known.get(key) if known is not None and key is not None else None
+    return found.again if found is not None else ()
+
+
 def blob(store: Store, digest: str | None) -> bytes | None:
     """Bytes, or None where the store does not have them any more."""
     if not digest:

@@ -67,6 +67,13 @@ def size(octets: int) -> str:
     return f"{number:.0f} {unit}" if unit == "B" or number >= 99.5 else f"{number:.1f} {unit}"
 
 
+def used(usage: Mapping[str, float]) -> str:
+    """What a node used: `3.1 s of processor, 812 MB of memory, 4.2 MB read, 1.3 MB written`; "" where unknown."""
+    parts = [f"{duration(usage['cpu_seconds'])} of processor"] if "cpu_seconds" in usage else []
+    names = {"memory_bytes": "of memory", "read_bytes": "read", "written_bytes": "written"}
+    return ", ".join([*parts, *(f"{size(int(usage[name]))} {word}" for name, word in names.items() if name in usage)])
+
+
 def number(value: float) -> str:
     """A measured number with four significant digits, without an exponent where people can read it."""
     if value == 0 or 1e-4 <= abs(value) < 1e6:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build import digest as digests
+from dextera_build.errors import StoreError
 from dextera_build.store import files, header
 from dextera_build.store.cas import Blobs, MissingBlob, entries
 from dextera_build.store.presence import Presence
@@ -103,9 +104,10 @@ class Actions:
 
     def get(self, key: str) -> ActionResult | None:
         """The result of `key`, or None where there is none or a blob that it needs is gone or has another size."""
-        outputs = self._entry(key)
-        if outputs is None:
+        found = self._stamped(key)
+        if found is None:
             return None
+        outputs, stamp = found
         for file in outputs:
             size = self._blobs.size(file.digest)
             if size != file.size:
@@ -113,7 +115,9 @@ class Actions:
                     self._blobs.verify(file.digest)
                 return None
         result = self._result(outputs)
-        if result is not None and self.presence is not None:
+        if result is None or not self._stays(key, stamp):
+            return None
+        if self.presence is not None:
             self.presence.note(key, outputs)
         return result
 
@@ -133,6 +137,14 @@ class Actions:
             self.presence.note(key, outputs)
         return result.digest
 
+    def verify(self, key: str) -> bool:
+        """Whether `key` has a result all of whose blobs are whole; every blob is read, damaged ones are set aside."""
+        outputs = self._entry(key)
+        if outputs is None:
+            return False
+        whole = [self._blobs.verify(file.digest) for file in outputs]
+        return all(whole)
+
     def files(self, key: str) -> list[Path]:
         """The entry and every blob that it needs, as files; empty where there is no entry."""
         outputs = self._entry(key)
@@ -144,6 +156,11 @@ class Actions:
         """Every key that has an entry."""
         yield from (key for key, _ in entries(self.root))
 
+    def message(self, key: str) -> tuple[bytes, list[OutputFile]] | None:
+        """The entry of `key` as it would travel, and what it names, or None."""
+        outputs = self._entry(key)
+        return (encode(outputs), outputs) if outputs is not None else None
+
     def outline(self, key: str) -> tuple[str, frozenset[str]] | None:
         """(output, all that it refers to) of `key` by digest, whether the blobs are there or not, or None."""
         outputs = self._entry(key)
@@ -153,13 +170,28 @@ class Actions:
         return named["output"], frozenset(digest for path, digest in named.items() if path.startswith("closure/"))
 
     def _entry(self, key: str) -> list[OutputFile] | None:
+        found = self._stamped(key)
+        return found[0] if found is not None else None
+
+    def _stays(self, key: str, stamp: float) -> bool:
         path = self._file(key)
         try:
-            data = files.read(path)
+            return self._blobs.use.note(path, stamp)
+        except PermissionError:
+            # Another user's file, whose stamp only a copy of our own renews.
+            with suppress(OSError, StoreError):
+                files.write(path, files.read(path), workshop=self._workshop)
+                return True
+            return False
+
+    def _stamped(self, key: str) -> tuple[list[OutputFile], float] | None:
+        path = self._file(key)
+        try:
+            data, stamp = files.read_stamped(path)
         except OSError:
             return None
         try:
-            return decode(data)
+            return decode(data), stamp
         except (ValueError, IndexError, KeyError):
             with suppress(OSError):
                 os.unlink(path)

@@ -5,14 +5,18 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
 from dextera_build.errors import StoreError
-from dextera_build.store import files
+from dextera_build.store import files, sharing
+from dextera_build.store.locks import Locks
+from dextera_build.store.use import Use
 
 _DIGEST = re.compile(r"[0-9a-f]{64}", re.ASCII)
+_SMALL = 1 << 20
+"""Files up to this size [bytes] are read once, as a whole; others twice, in pieces."""
 
 
 class MissingBlob(StoreError):  # noqa: N818 - says what it found
@@ -44,6 +48,7 @@ class Blobs:
         self._base = f"{root}/"
         self._workshop = f"{root}/{files.TEMPORARY}"
         self._quarantine = root.parent / "local" / "quarantine"
+        self.use = Use(Locks(root.parent / "local" / "locks"))
 
     def path(self, digest: str) -> Path:
         """Where the blob is, or would be."""
@@ -67,10 +72,33 @@ class Blobs:
             StoreError: The disk is full, or the store cannot be written.
         """
         digest = hashlib.sha256(data).hexdigest()
+        path = self._file(digest)
         # A short file is what a power cut leaves; it is replaced.
-        if self.size(digest) != len(data):
-            files.write(self._file(digest), data, workshop=self._workshop)
+        if not self.holds(digest, len(data), lambda: files.read(path) == data):
+            files.write(path, data, workshop=self._workshop)
         return digest
+
+    def holds(self, digest: str, size: int, check: Callable[[], bool] | None = None) -> bool:
+        """Whether the blob is there with this size, and stays while this build runs.
+
+        Args:
+            digest: Names the blob.
+            size: Its size [bytes].
+            check: Tells whether its bytes are right; asked of blobs that nobody used for a while.
+        """
+        path = self._file(digest)
+        try:
+            state = os.stat(path)
+            if state.st_size != size:
+                return False
+            if check is not None and not self.use.is_recent(state.st_mtime) and not check():
+                return False
+            return self.use.note(path, state.st_mtime)
+        except PermissionError:
+            # Another user's file, whose stamp only a copy of our own renews.
+            return self._copied(digest)
+        except OSError:
+            return False
 
     def put_file(self, path: Path) -> tuple[str, int]:
         """Store the bytes of a file, sharing its blocks where the file system can, and return (digest, size).
@@ -81,9 +109,40 @@ class Blobs:
         """
         source = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         try:
+            size = os.fstat(source).st_size
+            if size <= _SMALL:
+                data = os.read(source, size + 1)
+                if len(data) == size:
+                    return self.put(data), size
+                os.lseek(source, 0, os.SEEK_SET)
             return self._take(source)
         finally:
             os.close(source)
+
+    def receive(self, digest: str, size: int, pieces: Iterable[bytes]) -> bool:
+        """Store bytes that come from elsewhere; False where they are not those that `digest` and `size` name.
+
+        Never more than `size` bytes are taken, and nothing shows under `digest` before the last one was checked.
+
+        Raises:
+            StoreError: The disk is full, or the store cannot be written.
+        """
+        if self.size(digest) == size:
+            return True
+        known, left = hashlib.sha256(), size
+        try:
+            with files.new_file(self._file(digest), workshop=self._workshop) as target:
+                for piece in pieces:
+                    left -= len(piece)
+                    if left < 0:
+                        break
+                    known.update(piece)
+                    files.write_all(target, piece)
+                if left or known.hexdigest() != digest:
+                    raise _ChangedError(digest)
+        except _ChangedError:
+            return False
+        return True
 
     def get(self, digest: str) -> bytes:
         """The bytes of a blob, checked against its digest.
@@ -116,7 +175,7 @@ class Blobs:
         """Set a damaged blob aside, so that it counts as missing."""
         # A store that cannot be written keeps it: readers check the bytes anyway.
         with suppress(OSError):
-            self._quarantine.mkdir(parents=True, exist_ok=True)
+            sharing.make_folder(str(self._quarantine))
             os.replace(self._file(digest), self._quarantine / digest)
 
     def all(self) -> Iterator[tuple[str, int]]:
@@ -128,12 +187,22 @@ class Blobs:
             raise StoreError(f"`{digest}` is not a SHA-256 digest", code="DXB-S104")
         return f"{self._base}{digest[:2]}/{digest[2:]}"
 
+    def _copied(self, digest: str) -> bool:
+        path = self._file(digest)
+        try:
+            with open(path, "rb", buffering=0) as source, files.new_file(path, workshop=self._workshop) as target:
+                if self._copy(source.fileno(), target) != digest:
+                    raise _ChangedError(digest)
+        except (OSError, StoreError):
+            return False
+        return True
+
     def _take(self, source: int) -> tuple[str, int]:
         known = hashlib.sha256()
         for chunk in files.chunks(source):
             known.update(chunk)
         digest, size = known.hexdigest(), os.lseek(source, 0, os.SEEK_CUR)
-        if self.size(digest) == size:
+        if self.holds(digest, size, lambda: self.verify(digest)):
             return digest, size
         os.lseek(source, 0, os.SEEK_SET)
         with files.new_file(self._file(digest), workshop=self._workshop) as target:

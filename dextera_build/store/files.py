@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from dextera_build.errors import StoreError
-from dextera_build.store import space
+from dextera_build.store import sharing, space
 
 _FICLONE = 0x40049409
 _CHUNK = 1 << 20
@@ -54,10 +54,11 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
         StoreError: The disk is full, or the folder cannot be written.
     """
     folder = workshop or os.path.dirname(path)
-    temporary = f"{folder}/{TEMPORARY}-{_TOKEN}-{os.getpid()}-{next(_COUNTER)}"
+    temporary = f"{folder}/{TEMPORARY}-{unique()}"
     descriptor = -1
     try:
         descriptor = _create(folder, temporary, mode)
+        sharing.share_file(descriptor, folder, mode)
         yield descriptor
         os.close(descriptor)
         descriptor = -1
@@ -72,6 +73,11 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
         if said is not None:
             raise said from None
         raise
+
+
+def unique() -> str:
+    """A name that no other process, here or on another machine, and no other call of this one takes."""
+    return f"{_TOKEN}-{os.getpid()}-{next(_COUNTER)}"
 
 
 def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None) -> None:
@@ -111,18 +117,28 @@ def write_all(descriptor: int, data: bytes) -> None:
 
 def read(path: str) -> bytes:
     """All bytes of a file, with few system calls."""
+    return read_stamped(path)[0]
+
+
+def read_stamped(path: str) -> tuple[bytes, float]:
+    """All bytes of a file, and its modification time (seconds since the epoch)."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
-        size = os.fstat(descriptor).st_size
-        data = os.read(descriptor, size + 1)
-        if len(data) == size:
-            return data
-        parts = [data]
-        while part := os.read(descriptor, _CHUNK):
-            parts.append(part)
-        return b"".join(parts)
+        state = os.fstat(descriptor)
+        data = os.read(descriptor, state.st_size + 1)
+        if len(data) != state.st_size:
+            parts = [data]
+            while part := os.read(descriptor, _CHUNK):
+                parts.append(part)
+            data = b"".join(parts)
+        return data, state.st_mtime
     finally:
         os.close(descriptor)
+
+
+def size_of(descriptor: int) -> int:
+    """Size of an open file [bytes]."""
+    return os.fstat(descriptor).st_size
 
 
 def clone(source: int, target: int) -> bool:
@@ -136,7 +152,9 @@ def clone(source: int, target: int) -> bool:
 
 def chunks(descriptor: int) -> Iterator[bytes]:
     """The bytes of an open file from where it stands, in pieces."""
-    while chunk := os.read(descriptor, _CHUNK):
+    # A buffer is made for each reading, and one of the full size costs more than reading a small file.
+    piece = min(_CHUNK, os.fstat(descriptor).st_size + 1)
+    while chunk := os.read(descriptor, piece):
         yield chunk
 
 
@@ -145,7 +163,7 @@ def _create(folder: str, temporary: str, mode: int) -> int:
     try:
         return os.open(temporary, flags, mode)
     except FileNotFoundError:
-        os.makedirs(folder, exist_ok=True)
+        sharing.make_folder(folder)
         return os.open(temporary, flags, mode)
 
 
@@ -153,5 +171,5 @@ def _move(temporary: str, path: str) -> None:
     try:
         os.replace(temporary, path)
     except FileNotFoundError:
-        os.makedirs(os.path.dirname(path), exist_ok=True)
+        sharing.make_folder(os.path.dirname(path))
         os.replace(temporary, path)

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from dextera_build import digest as digests
-from dextera_build.errors import RuleError, did_you_mean, listing
+from dextera_build.errors import RuleError, StoreError, did_you_mean, listing
 
 Read = Callable[[str], bytes]
 """digest -> bytes."""
 
 
+ESCAPES = "DXB-S219"
+"""Code of the error for a label that leads out of its folder."""
+
+
 def closure(header: bytes) -> tuple[list[str], list[str]]:
-    """What one header refers to directly: (artifacts, blobs) by digest, in the order in which they stand."""
+    """What one header refers to directly: (artifacts, blobs) by digest, in the order in which they stand.
+
+    Raises:
+        StoreError: A label would lead out of the folder that the artifact is written to.
+    """
     refs: list[str] = []
     blobs: list[str] = []
     stack: list[Any] = [*reversed(json.loads(header)["fields"].values())]
@@ -31,6 +39,8 @@ def closure(header: bytes) -> tuple[list[str], list[str]]:
             elif tag == "$array":
                 blobs.append(body[2])
             else:
+                if tag == "$map":
+                    _refuse_escapes(body)
                 stack += reversed(body.values())
     return refs, blobs
 
@@ -93,6 +103,13 @@ def collection_header(parts: Mapping[str, str]) -> bytes:
     """The header of the `Collection` of these artifacts: label -> digest."""
     content = {label: {"$ref": digest} for label, digest in parts.items()}
     return digests.canonical({"artifact": "Collection", "fields": {"items": {"$map": content}}})
+
+
+def _refuse_escapes(labels: Iterable[str]) -> None:
+    """Labels become names of files; a header may come from anywhere."""
+    for label in labels:
+        if label.startswith("/") or "\0" in label or (".." in label and ".." in label.split("/")):
+            raise StoreError(f"label {label!a} leads out of the folder that it would be written to", code=ESCAPES)
 
 
 def _no_field(step: str, owner: str, known: Mapping[str, Any]) -> RuleError:

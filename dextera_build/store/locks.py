@@ -16,8 +16,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from dextera_build.store import sharing
+
 _FLOCK = struct.Struct("hhqqi4x")
 """`struct flock` of Linux on 64 bits: type, whence, start, length, pid."""
+
+_PROBE = 1 << 61
+"""A place that no key has."""
 
 # POSIX locks belong to the process and are all dropped when any descriptor of the file is closed, so each file is
 # opened once per process and never closed, and threads exclude one another by `_held`.
@@ -84,6 +89,26 @@ class Locks:
             return None
         return pid if kind != fcntl.F_UNLCK and pid > 0 else None
 
+    def is_held_elsewhere(self, key: str) -> bool:
+        """Whether another holds the lock of `key` now; where locks do not work, nobody does."""
+        if not self.take(key):
+            return True
+        self.release(key)
+        return False
+
+    def reliable(self) -> bool:
+        """Whether the file system has locks and this process may take them."""
+        descriptor = self._descriptor()
+        if descriptor < 0:
+            return False
+        try:
+            with _guard:
+                fcntl.lockf(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB, 1, _PROBE)
+                fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, _PROBE)
+        except OSError:
+            return False
+        return True
+
     @contextmanager
     def hold(self, key: str, patience_s: float = 0.02) -> Iterator[None]:
         """Wait for the lock of `key`, looking every `patience_s` [s], and hold it for the block."""
@@ -99,8 +124,9 @@ class Locks:
         with _guard:
             if name not in _open:
                 try:
-                    self._path.parent.mkdir(parents=True, exist_ok=True)
+                    sharing.make_folder(str(self._path.parent))
                     _open[name] = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+                    sharing.share_file(_open[name], str(self._path.parent), 0o644)
                 except OSError:
                     return -1
             return _open[name]

@@ -5,16 +5,12 @@ from __future__ import annotations
 import hashlib
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from dextera_build.store import files
-from dextera_build.store.cas import MissingBlob
-
-if TYPE_CHECKING:
-    from dextera_build.store.store import Store
+from dextera_build.store.cas import Blobs, MissingBlob
 
 
-def place(store: Store, digest: str, target: Path) -> None:
+def place(blobs: Blobs, digest: str, target: Path) -> None:
     """Write the blob to `target`, writable and its own: blocks are shared where the file system can, else copied.
 
     Raises:
@@ -22,17 +18,17 @@ def place(store: Store, digest: str, target: Path) -> None:
         StoreError: The target's disk is full, or cannot be written.
     """
     try:
-        source = os.open(store.blobs.path(digest), os.O_RDONLY | os.O_CLOEXEC)
+        source = os.open(blobs.path(digest), os.O_RDONLY | os.O_CLOEXEC)
     except OSError as error:
         raise MissingBlob(digest, str(error.strerror).lower()) from None
     try:
         with files.new_file(str(target), 0o644) as descriptor:
-            _copy(store, digest, source, descriptor)
+            _copy(blobs, digest, source, descriptor)
     finally:
         os.close(source)
 
 
-def _copy(store: Store, digest: str, source: int, target: int) -> None:
+def _copy(blobs: Blobs, digest: str, source: int, target: int) -> None:
     state = hashlib.sha256()
     cloned = files.clone(source, target)
     for chunk in files.chunks(target if cloned else source):
@@ -40,5 +36,5 @@ def _copy(store: Store, digest: str, source: int, target: int) -> None:
         if not cloned:
             files.write_all(target, chunk)
     if state.hexdigest() != digest:
-        store.blobs.quarantine(digest)
+        blobs.quarantine(digest)
         raise MissingBlob(digest, "its bytes were damaged, it was set aside")

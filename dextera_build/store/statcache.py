@@ -12,6 +12,7 @@ import os
 import stat
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from dextera_build.store.cas import Blobs
 
 _FORM = 1
 _TRIES = 3
+_FEW = 32
+"""Fewer files than this are read one after another: threads would cost more than they save."""
 
 
 class StatCache:
@@ -52,9 +55,10 @@ class StatCache:
         state = _stat(name)
         if not stat.S_ISDIR(state.st_mode):
             return self._blobs.put(header.file_header(*self._file(name, state)))
-        tree = {}
-        for inner, inner_state in self._walk(name):
-            tree[os.path.relpath(inner, name).replace(os.sep, "/")] = self._file(inner, inner_state)
+        inside = list(self._walk(name))
+        found = self._files(inside)
+        start = len(name.rstrip(os.sep)) + 1
+        tree = {inner[start:].replace(os.sep, "/"): found[inner] for inner, _ in inside}
         return self._blobs.put(header.folder_header(tree))
 
     def paths(self, blob: str) -> list[str]:
@@ -69,15 +73,33 @@ class StatCache:
                 files.write(str(self._table), data, 0o644)
                 self._dirty = False
 
+    def _files(self, inside: list[tuple[str, os.stat_result]]) -> dict[str, tuple[str, int]]:
+        """Digest and size of many files; those that must be read are, in parallel: hashing lets other threads run."""
+        found = {path: self._recall(path, state) for path, state in inside}
+        unread = [(path, state) for path, state in inside if found[path] is None]
+        if len(unread) < _FEW:
+            return {
+                path: known or self._read(path, state)
+                for (path, state), known in zip(inside, found.values(), strict=True)
+            }
+        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+            read = pool.map(lambda one: self._read(*one), unread)
+            return {path: known for path, known in found.items() if known is not None} | dict(
+                zip((path for path, _ in unread), read, strict=True)
+            )
+
     def _file(self, path: str, state: os.stat_result) -> tuple[str, int]:
+        return self._recall(path, state) or self._read(path, state)
+
+    def _recall(self, path: str, state: os.stat_result) -> tuple[str, int] | None:
         known = self._load().get(path)
         seen = signature.of(state)
         if known is not None and tuple(known[:4]) == seen and not signature.is_racy(seen, int(known[4])):
             digest = str(known[5])
-            if self._blobs.size(digest) == seen[2]:
+            if self._blobs.holds(digest, seen[2]):
                 self._note(path, seen)
                 return digest, seen[2]
-        return self._read(path, state)
+        return None
 
     def _read(self, path: str, state: os.stat_result) -> tuple[str, int]:
         if not stat.S_ISREG(state.st_mode):

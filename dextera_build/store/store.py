@@ -9,9 +9,13 @@ from dextera_build.errors import StoreError
 from dextera_build.store import files
 from dextera_build.store.actions import Actions
 from dextera_build.store.cas import Blobs, entries
+from dextera_build.store.divergent import Divergent
 from dextera_build.store.keep import Keep
 from dextera_build.store.locks import Locks
+from dextera_build.store.running import Running
 from dextera_build.store.statcache import StatCache
+from dextera_build.store.streams import Reader, Writer
+from dextera_build.store.workspaces import Workspaces
 
 _TAG = b"""Signature: 8a477f597d28d172789f06886806bc55
 # This file marks a cache: backup programs leave it out.
@@ -26,6 +30,7 @@ class Store:
         ac/ab/cdef...    results by key, REAPI `ActionResult` messages
         runs/0001/       event logs
         local/           what belongs to this machine: signatures of project files, history, snapshots, locks,
+                         builds that run now, projects that ever built here, damaged blobs that were set aside,
                          what calls that did not end keep for their next try
 
     Args:
@@ -44,6 +49,11 @@ class Store:
         self.leaves = StatCache(self.blobs, self.local / "leaves.json")
         self.locks = Locks(self.local / "locks")
         self.keep = Keep(self.local / "keep")
+        self.divergent = Divergent(self.local / "divergent")
+        self.reader = Reader(self.blobs)
+        self.writer = Writer(self.blobs)
+        self.running = Running(self.local / "running", self.locks)
+        self.workspaces = Workspaces(self.local / "workspaces")
 
     def size(self) -> dict[str, tuple[int, int]]:
         """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of calls that did not end."""

@@ -1,4 +1,4 @@
-"""Two builds of one graph at once, by processes that share a store: each node runs once."""
+"""Six builds of one graph at once, by processes that share a store: each node runs once."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.engine.tiny import RUNNER, Record, call, graph, out
 
 store = Store(Path(sys.argv[1]))
 layers = [[call(f"n{level}_{place}", "sleep", 0.02, **({"x": out(f"n{level - 1}_{place}")} if level else {}))
-           for place in range(4)] for level in range(4)]
+           for place in range(5)] for level in range(6)]
 plan = graph(*(each for layer in layers for each in layer), default=tuple(each.name for each in layers[-1]))
 print("ready", flush=True)
 sys.stdin.readline()
@@ -42,7 +42,7 @@ def test_each_node_runs_once_across_processes(tmp_path: Path) -> None:
             stdout=subprocess.PIPE,
             text=True,
         )
-        for _ in range(3)
+        for _ in range(6)
     ]
     for builder in builders:
         assert builder.stdout is not None
@@ -51,9 +51,9 @@ def test_each_node_runs_once_across_processes(tmp_path: Path) -> None:
         assert builder.stdin is not None
         builder.stdin.write("go\n")
         builder.stdin.flush()
-    outputs = {builder.communicate(timeout=60)[0] for builder in builders}
-    assert [builder.returncode for builder in builders] == [0, 0, 0]
+    outputs = {builder.communicate(timeout=300)[0] for builder in builders}
+    assert [builder.returncode for builder in builders] == [0] * 6
     assert len(outputs) == 1  # all came to the same result
     ran = Counter(trace.read_text().split())
-    assert len(ran) == 16
+    assert len(ran) == 30
     assert set(ran.values()) == {1}

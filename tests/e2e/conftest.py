@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.e2e.machines import serving
 from tests.e2e.space import Space
 from tests.recipe.conftest import RECIPE, RULES
 
@@ -47,3 +49,10 @@ def space(tmp_path: Path) -> Space:
         made.write(f"rules/{name}", text.lstrip())
     made.write("recipes/say/words.yaml", RECIPE)
     return made
+
+
+@pytest.fixture
+def served(space: Space) -> Iterator[str]:
+    """`dxb cache serve` as a process."""
+    with serving(space, "served") as url:
+        yield url

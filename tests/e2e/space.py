@@ -83,6 +83,18 @@ class Space:
         )
         return Answer(done.returncode, done.stdout, done.stderr)
 
+    def python(self, *words: str, env: Mapping[str, str] | None = None) -> Answer:
+        """Run a Python program in the project."""
+        done = subprocess.run(
+            [sys.executable, *words],
+            cwd=self.root,
+            env=self.environment(**(env or {})),
+            text=True,
+            capture_output=True,
+            timeout=300,
+        )
+        return Answer(done.returncode, done.stdout, done.stderr)
+
     def build(self, *words: str) -> Answer:
         """Build with a log of events."""
         return self.dxb("build", "--console", "jsonl", *words)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 EVERY = {"start", "words", "all", *(f"word[{w}].{n}" for w in ("one", "two") for n in ("loud", "louder"))}
@@ -113,3 +115,33 @@ def test_a_build_that_runs_nothing_keeps_to_its_console(built):
     (event,) = again.events
     assert (event["event"], event["counts"]) == ("run_finished", {"cached": 7})
     assert built.dxb("build", "--console", "none", "say/words").err == ""
+
+
+@pytest.mark.parametrize("verb", ["plan", "build"])
+def test_a_check_says_in_a_line_each_what_is_stale_and_why(built, verb):
+    assert built.dxb(verb, "--check", "say/words").code == 0
+    built.edit("rules/toy/marks.py", 'b"!" * times', 'b"?" * times')
+    built.edit("recipes/say/words.yaml", "  start:", "  more: {rule: toy.start}\n  start:")
+    built.edit("recipes/say/words.yaml", "[all]", "[all, more]")
+    answer = built.dxb(verb, "--check", "say/words")
+    assert answer.code == 3
+    rows = dict(line.split("\t") for line in answer.out.splitlines())
+    assert rows["more"] == "never built"
+    assert rows["word[one].loud"].startswith("code `mark` of rules/toy/marks.py ")
+    assert set(rows) == {"more", "word[one].loud", "word[two].loud"}
+    assert "error[DXB-C102]: `say/words` is stale" in answer.err
+    assert "stale        3 nodes" in answer.err
+    assert "may follow   3 nodes" in answer.err
+
+
+def test_a_check_counts_further_changes_and_tells_what_was_lost(built):
+    built.edit("recipes/say/words.yaml", "text: one two}", "text: three, sizes_m: [2.0]}")
+    (row,) = json.loads(built.dxb("plan", "--check", "--json", "say/words").out)
+    assert row["node"] == "start"
+    assert row["why"].startswith("option sizes_m [1.0] -> [2.0] recipes/say/words.yaml:3:50, and 1 more")
+    built.edit("recipes/say/words.yaml", "text: three, sizes_m: [2.0]}", "text: one two}")
+    for file in (built.root / "cache/ac").rglob("*"):
+        if file.is_file():
+            file.unlink()
+    (row,) = json.loads(built.dxb("plan", "--check", "--json", "say/words").out)
+    assert row["why"] == "built, but the store no longer holds it"

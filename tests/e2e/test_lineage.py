@@ -107,7 +107,12 @@ def test_every_node_and_file_is_there_once(seen):
     assert photo["set"] == {"gain": 2.5}
     assert photo["seeds"] == {"noise_seed": 3}
     assert list(photo["packages"]) == ["numpy"]
-    assert list(photo["code"]["files"]) == ["dextera_build/artifacts/base.py", "rules/toy/photo.py"]
+    assert list(photo["code"]["files"]) == [
+        "dextera_build/artifacts/arrays.py",
+        "dextera_build/artifacts/base.py",
+        "dextera_build/artifacts/content.py",
+        "rules/toy/photo.py",
+    ]
     assert set(nodes["word[one].loud"]["code"]["files"]) >= {"rules/toy/marks.py", "rules/toy/shout.py"}
     assert nodes["said"]["backend"] == "quiet"
     assert nodes["captures/table"]["files"] == {"rgb.png": sha("one two"), "depth.png": sha("0.5")}

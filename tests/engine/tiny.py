@@ -18,7 +18,7 @@ from dextera_build import digest
 from dextera_build.engine.events import Event, NodeFinished
 from dextera_build.engine.execute import RunResult, build
 from dextera_build.engine.executors.inline import Emit, InlineExecutor
-from dextera_build.engine.graph import Address, Call, Gather, Graph, Group, Input, Item, Leaf, Output, RuleFacts
+from dextera_build.engine.graph import Address, Call, Fixed, Gather, Graph, Group, Input, Item, Leaf, Output, RuleFacts
 from dextera_build.errors import Place, RuleError
 from dextera_build.store.store import Store
 
@@ -152,7 +152,7 @@ def leaf(path: Path) -> Leaf:
     return Leaf(path, HERE)
 
 
-def group(name: str, over: Output | Item, *members: Call | Group, **overrides: Call) -> Group:
+def group(name: str, over: Output | Item | Fixed, *members: Call | Group, **overrides: Call) -> Group:
     """A group; `label=call` replaces a member in one copy."""
     return Group(
         name=name,

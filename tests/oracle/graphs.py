@@ -7,7 +7,7 @@ import random
 from pathlib import Path
 from typing import Any
 
-from dextera_build.engine.graph import Address, Call, Graph, Group, Input, Output
+from dextera_build.engine.graph import Address, Call, Fixed, Graph, Group, Input, Output
 from tests.engine.tiny import call, every, facts, graph, group, item, leaf, out
 
 _DOES = ("hash", "hash", "hash", "pick", "const", "blob")
@@ -102,12 +102,23 @@ class RandomGraph:
     def _grow(self) -> None:
         pool: list[Input] = [leaf(path) for path in self.files]
         for number in range(self.random.randint(2, 12)):
-            if number and self.random.random() < 0.3:
+            kind = self.random.random() if number else 1.0
+            if kind < 0.3:
                 self._grow_group(f"g{number}", pool)
+            elif kind < 0.45:
+                self._grow_matrix(f"x{number}", pool)
             else:
                 name = f"n{number}"
                 self.members[name] = self._call(name, self.random.choice(_DOES), pool)
                 pool.append(out(name))
+
+    def _grow_matrix(self, name: str, pool: list[Input]) -> None:
+        first = self._call("first", self.random.choice(_DOES), pool)
+        second = self._call("second", self.random.choice(_DOES), [*pool, out(f"{name}.first")])
+        labels = self.random.sample("pqrs", self.random.randint(1, 3))
+        own = {label: _with(first, value=f"own {label}") for label in labels}
+        self.members[name] = group(name, Fixed(tuple(labels)), first, second, **own)
+        pool += [every(f"{name}.first"), every(f"{name}.second")]
 
     def _grow_group(self, name: str, pool: list[Input]) -> None:
         source = f"{name}s"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build import digest
-from dextera_build.engine.graph import Address, Call, Graph, Input, Item, Leaf, Output, node_address
+from dextera_build.engine.graph import Address, Call, Fixed, Graph, Input, Item, Leaf, Output, node_address
 from dextera_build.store.header import collection_header, file_header
 from tests.engine.tiny import _output
 
@@ -113,7 +113,10 @@ class Reference:
         return found
 
     def items(self, path: tuple[str, ...], labels: Labels) -> dict[str, str] | None:
-        over = self.value(self.member(path).over, path[:-1], labels)
+        listed = self.member(path).over
+        if isinstance(listed, Fixed):
+            return dict.fromkeys(listed.labels, "")
+        over = self.value(listed, path[:-1], labels)
         if over is None:
             return None
         return {label: ref["$ref"] for label, ref in json.loads(self.store[over])["fields"]["items"]["$map"].items()}

@@ -61,6 +61,7 @@ def said(root: Path, run: str) -> dict[str, dict[str, object]]:
     for event in eventlog.read(Store(root), run):
         if event["event"] == NodeFinished.kind:
             event["depends_on"].sort()
+            event["usage"] = sorted(event["usage"])  # what was measured, not how much
             found[event["node"]] = {
                 name: value for name, value in event.items() if name not in ("time", "seconds", "result")
             }

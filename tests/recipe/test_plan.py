@@ -198,7 +198,12 @@ def test_a_listed_cycle_is_found(space):
             "the recipe feeds into itself",
             "2:13",
         ),
-        ("nodes: {a: {text: b}}", "R112", "the node `a` needs exactly one of `rule`, `recipe`, `each`", "1:9"),
+        (
+            "nodes: {a: {text: b}}",
+            "R112",
+            "the node `a` needs exactly one of `rule`, `recipe`, `each`, `matrix`",
+            "1:9",
+        ),
         ("nodes: {}", "R112", "no nodes are declared", "1:8"),
         ("node: {}", "R112", "a recipe has no `node`", "1:1"),
         ("nodes: {A: {rule: toy.start}}", "R112", "`A` is not a name", "1:9"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Annotated
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Array, Artifact, Collection, File, Folder, Value
-from dextera_build.errors import RuleError
+from dextera_build.errors import RuleError, StoreError
 from dextera_build.store import header
 
 
@@ -69,6 +70,20 @@ def outer(memory: Memory) -> str:
         scale=1.5,
         notes={"$ref": "not a reference"},
     ).encode(memory.put)
+
+
+@pytest.mark.parametrize("label", ["../evil", "a/../../evil", "/etc/passwd", "..", "a/..", "a\0b"])
+def test_a_label_that_leads_out_of_its_folder_is_refused(label):
+    raw = json.dumps({"artifact": "Folder", "fields": {"files": {"$map": {label: {"$bytes": ["ab" * 32, 1]}}}}})
+    with pytest.raises(StoreError, match="leads out of the folder") as caught:
+        header.closure(raw.encode())
+    assert caught.value.code == "DXB-S219"
+
+
+@pytest.mark.parametrize("label", ["a..b", "..a", "a/b..", "...", "a/.b", "x[1]"])
+def test_other_labels_are_names(label):
+    raw = json.dumps({"artifact": "Folder", "fields": {"files": {"$map": {label: {"$bytes": ["ab" * 32, 1]}}}}})
+    assert header.closure(raw.encode()) == ([], ["ab" * 32])
 
 
 def test_the_closure_is_all_that_was_put(memory: Memory, outer: str) -> None:

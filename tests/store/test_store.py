@@ -109,10 +109,10 @@ def test_locks_leave_no_files(store: Store) -> None:
 def test_a_placed_blob_is_a_writable_copy(store: Store, tmp_path: Path) -> None:
     key = store.blobs.put(b"mesh")
     target = tmp_path / "out" / "mesh.obj"
-    place(store, key, target)
+    place(store.blobs, key, target)
     target.write_bytes(b"edited")
     assert store.blobs.get(key) == b"mesh"
-    place(store, key, target)  # replaces what stood there
+    place(store.blobs, key, target)  # replaces what stood there
     assert target.read_bytes() == b"mesh"
 
 
@@ -121,7 +121,7 @@ def test_a_damaged_blob_is_not_placed(store: Store, tmp_path: Path) -> None:
     store.blobs.path(key).chmod(0o644)
     store.blobs.path(key).write_bytes(b"hsem")
     with pytest.raises(MissingBlob, match="damaged"):
-        place(store, key, tmp_path / "mesh.obj")
+        place(store.blobs, key, tmp_path / "mesh.obj")
     assert not (tmp_path / "mesh.obj").exists()
     with pytest.raises(MissingBlob, match="no such file"):
-        place(store, key, tmp_path / "mesh.obj")
+        place(store.blobs, key, tmp_path / "mesh.obj")

@@ -5,8 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeAlias
 
-from dextera_build.engine.events import GroupOpened, NodeFinished, RunFinished, RunStarted
-from dextera_build.report.wording import MARKS, STATES, count, duration, some, states
+from dextera_build.engine.events import (
+    GroupOpened,
+    NodeFinished,
+    NodeRetried,
+    RemoteGivenUp,
+    RunFinished,
+    RunStarted,
+    Uploaded,
+    Uploading,
+)
+from dextera_build.report.wording import MARKS, STATES, count, duration, size, some, states
 
 Line: TypeAlias = list[tuple[str, str]]
 """(text, style) pieces; styles are the names in `STYLES`."""
@@ -47,7 +56,8 @@ class Columns:
             said = f"for {some(event.blocked_by, 3)}"
         if event.status == "fetched":
             said = said or "remote"
-        return self._row(event.status, event.node, time, event.backend or "", said)
+        # What it ran with elsewhere tells less here than where it came from.
+        return self._row(event.status, event.node, time, event.remote or event.backend or "", said)
 
     def several(self, events: Sequence[NodeFinished]) -> list[Line]:
         """Nodes of one state: a line each, or one line where they are many."""
@@ -110,6 +120,16 @@ def logged(node: str, text: str) -> Line:
     return [(f"     {node} | ", "dim"), (printable(text.rstrip()), "")]
 
 
+def retried(event: NodeRetried) -> Line:
+    """A node that is tried again: `~  film   try 2 in 1.4 s: worker died (signal 9)`."""
+    message = _first(str(event.error.get("message", "")))
+    return [
+        ("  ~  ", "waits"),
+        (event.node, ""),
+        (f"  try {event.tries + 1} in {duration(event.wait_s)}: {message}", "waits"),
+    ]
+
+
 def summary(recipe: str, event: RunFinished) -> Line:
     """`built twin/laptop_scene   19 nodes: 9 ran, 9 cached   58.3 s (21 min saved)`."""
     total = sum(event.counts.values())
@@ -121,6 +141,47 @@ def summary(recipe: str, event: RunFinished) -> Line:
         verb, style = "stopped", "waits"
     saved = f" ({duration(event.saved_seconds)} saved)" if event.saved_seconds >= 1 else ""
     return [(verb, style), (f" {recipe}", "name"), (f"   {nodes}: {states(event.counts)}   {seconds}{saved}", "")]
+
+
+_GIVEN_UP = {
+    "both": ("{} is left alone for the rest of this build: {}", "`--cache local:rw` builds without remotes"),
+    "read": ("nothing more is read from {} in this build: {}", "`--cache local:rw` builds without remotes"),
+    "write": ("nothing more is sent to {} in this build: {}", "with mode `r` nothing is sent"),
+}
+"""What is given up -> what to say of it, and what to do."""
+
+
+def given_up(event: RemoteGivenUp) -> Line:
+    """One line: which remote, why, what to do."""
+    named = event.remote if event.remote == event.address else f"{event.remote} ({event.address})"
+    said, todo = _GIVEN_UP[event.doing]
+    return [("warning: ", "waits"), (f"{said.format(f'remote {named}', printable(event.reason))}; {todo}", "")]
+
+
+def uploading(event: Uploading) -> Line:
+    """`uploading   3 of 12 results`."""
+    return [("uploading   ", "name"), (f"{event.done:,} of {count(event.total, 'result')}", "")]
+
+
+def uploaded(event: Uploaded) -> list[Line]:
+    """What was uploaded, and what was not, with the reason."""
+    found: list[Line] = []
+    if event.results:
+        found.append([(f"  {event.remote}: {count(event.results, 'result')} uploaded, {size(event.octets)}", "dim")])
+    if event.left:
+        were = "was" if event.left == 1 else "were"
+        said = f"{count(event.left, 'result')} {were} not uploaded to {event.remote}: {printable(event.reason)}"
+        found.append([("warning: ", "waits"), (said, "")])
+    return found
+
+
+def pulled(recipe: str, event: RunFinished) -> Line:
+    """`pulled twin/laptop_scene   19 nodes: 10 fetched, 9 cached   3.1 s`."""
+    total = count(sum(event.counts.values()), "node")
+    lacking = event.counts.get("failed", 0)
+    kept = {state: number for state, number in event.counts.items() if state != "failed"}
+    said = ", ".join(filter(None, [states(kept), f"{lacking:,} lacking" if lacking else ""]))
+    return [("pulled", "fetched"), (f" {recipe}", "name"), (f"   {total}: {said}   {duration(event.seconds)}", "")]
 
 
 def next_steps(recipe: str) -> Line:

@@ -25,9 +25,12 @@ from dextera_build.engine.events import (
     NodeFinished,
     NodeLog,
     NodeProgress,
+    NodeRetried,
     NodeStarted,
+    RemoteGivenUp,
     RunFinished,
     RunStarted,
+    Uploading,
 )
 
 _DEBOUNCE_S = 0.05  # events within it are drawn together: ten thousand cached nodes must not draw ten thousand times
@@ -70,6 +73,7 @@ class LiveConsole:
         self._running: dict[str, Running] = {}
         self._cached: list[NodeFinished] = []
         self._pending: list[Line] = []
+        self._uploading: Uploading | None = None
         self._worked = False
         self._wake, self._stop = threading.Event(), threading.Event()
         self._live = Live(console=self._terminal, auto_refresh=False, transient=True, get_renderable=self._foot)
@@ -129,11 +133,23 @@ class LiveConsole:
             elif event.status not in ("waits", "cancelled"):
                 self._worked = True
                 self._say(self._columns.node(event))
-        elif isinstance(event, RunStarted):
+        elif isinstance(event, NodeRetried):
+            self._running.pop(event.node, None)
+            self._say(lines.retried(event))
+        else:
+            self._mention(event)
+
+    def _mention(self, event: Event) -> None:
+        if isinstance(event, RunStarted):
             self._began = event.time
             self._pending.append(lines.plan(event))
         elif isinstance(event, GroupOpened):
             self._say(lines.opened(event))
+        elif isinstance(event, RemoteGivenUp):
+            self._worked = True
+            self._say(lines.given_up(event))
+        elif isinstance(event, Uploading):
+            self._uploading = event
         elif isinstance(event, NodeLog) and self._verbose:
             self._say(lines.logged(event.node, event.text))
 
@@ -172,6 +188,8 @@ class LiveConsole:
         shown = foot(running, now, self._terminal.width, max(2, self._terminal.height // 2 - 2))
         if running or record.nodes:
             shown.append([(f"     {counted(record, len(running))}   {clock(now - self._began)}", "dim")])
+        if self._uploading is not None:
+            shown.append([("  ▸  ", "fetched"), *lines.uploading(self._uploading)])
         text = Text("\n", no_wrap=True, overflow="ellipsis").join([_text(line) for line in shown])
         text.no_wrap, text.overflow = True, "ellipsis"
         return text

@@ -19,9 +19,12 @@ from dextera_build.engine.events import (
     NodeFinished,
     NodeLog,
     NodeProgress,
+    NodeRetried,
     NodeStarted,
+    RemoteGivenUp,
     RunFinished,
     RunStarted,
+    Uploading,
 )
 
 _ASCII = str.maketrans({"↓": "v", "✗": "x", "·": ".", "…": "...", "–": "-", "×": "x", "→": "->", "°": " deg", "▸": ">"})
@@ -54,6 +57,7 @@ class PlainConsole:
         self._beat_s, self._now = beat_s, now
         self._running: dict[str, Running] = {}
         self._beaten: dict[str, float] = {}
+        self._uploading_at = 0.0
         self._stop = threading.Event()
         self._heart = threading.Thread(target=self._beat, name="console", daemon=True)
 
@@ -66,7 +70,9 @@ class PlainConsole:
                 self._finish(event)
                 return
             self._follow(event)
-            if isinstance(event, NodeStarted) or (isinstance(event, NodeFinished) and event.status != "cached"):
+            if isinstance(event, NodeStarted | RemoteGivenUp) or (
+                isinstance(event, NodeFinished) and event.status != "cached"
+            ):
                 self._release()
             line = self._line(event)
             if line is not None and self._held is not None:
@@ -109,7 +115,7 @@ class PlainConsole:
                 self._heart.start()
         elif isinstance(event, NodeProgress) and event.node in self._running:
             self._running[event.node].progress = event
-        elif isinstance(event, NodeFinished):
+        elif isinstance(event, NodeFinished | NodeRetried):
             self._running.pop(event.node, None)
 
     def _beat(self) -> None:
@@ -123,8 +129,15 @@ class PlainConsole:
             return lines.opened(event)
         if isinstance(event, NodeFinished) and event.status not in ("waits", "cancelled"):
             return self._columns.node(event)
+        if isinstance(event, NodeRetried):
+            return lines.retried(event)
         if isinstance(event, NodeLog) and self._verbose:
             return lines.logged(event.node, event.text)
+        if isinstance(event, RemoteGivenUp):
+            return lines.given_up(event)
+        if isinstance(event, Uploading) and event.time - self._uploading_at >= self._beat_s:
+            self._uploading_at = event.time
+            return lines.uploading(event)
         return None
 
     def _finish(self, event: RunFinished) -> None:

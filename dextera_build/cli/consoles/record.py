@@ -5,7 +5,7 @@ from __future__ import annotations
 from dextera_build.cli.consoles import lines
 from dextera_build.cli.consoles.lines import Line
 from dextera_build.cli.errors import render_node
-from dextera_build.engine.events import Event, NodeFinished, RunFinished, RunSized, RunStarted
+from dextera_build.engine.events import Event, NodeFinished, RunFinished, RunSized, RunStarted, Uploaded
 
 
 class Record:
@@ -20,6 +20,7 @@ class Record:
         self.nodes = 0
         self.unopened = 0
         self._done: set[str] = set()
+        self._uploads: list[Uploaded] = []
         self.failed: list[NodeFinished] = []
         self.left_over: list[NodeFinished] = []
         """Waiting and cancelled nodes; told at the end, because they may be many."""
@@ -41,6 +42,8 @@ class Record:
             self.run, self.recipe, self.nodes = event.run, event.recipe, event.calls
         elif isinstance(event, RunSized):
             self.nodes, self.unopened = event.nodes, event.unopened
+        elif isinstance(event, Uploaded):
+            self._uploads.append(event)
         elif isinstance(event, NodeFinished):
             if event.status in ("cached", "ran", "fetched"):
                 self._done.add(event.node)
@@ -60,6 +63,6 @@ class Record:
 
     def closing(self, event: RunFinished) -> list[Line]:
         """The last lines of a run."""
-        last = lines.summary(self.recipe, event)
+        last = [lines.summary(self.recipe, event), *(line for sent in self._uploads for line in lines.uploaded(sent))]
         fresh = event.ok and event.counts.get("cached", 0) != sum(event.counts.values())
-        return [last, lines.next_steps(self.recipe)] if fresh else [last]
+        return [*last, lines.next_steps(self.recipe)] if fresh else last

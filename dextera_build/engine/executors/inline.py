@@ -6,9 +6,13 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
+from dextera_build.engine.capacity import Capacity
+from dextera_build.engine.retries import names_of
 from dextera_build.engine.tasks import Ended, Report, Said, Task, escaped
+from dextera_build.engine.usage import Meter
 from dextera_build.errors import DxbError
 
 Emit = Callable[[str, Mapping[str, Any]], None]
@@ -21,15 +25,14 @@ class InlineExecutor:
 
     Args:
         runner: What carries out a task.
+        capacity: Devices and named resources, where the rules need some; it has one core in any case.
     """
 
-    def __init__(self, runner: Runner) -> None:
+    def __init__(self, runner: Runner, capacity: Capacity | None = None) -> None:
+        self.capacity = replace(capacity or Capacity(memory_gb=1e6), cpus=1)
         self._runner = runner
+        self._meter = Meter()
         self._waiting: deque[Task] = deque()
-
-    def has_room(self, task: Task) -> bool:
-        """One at a time."""
-        return not self._waiting
 
     def submit(self, task: Task) -> None:
         """Keep the task until `poll`."""
@@ -57,6 +60,8 @@ class InlineExecutor:
 
         reply: Mapping[str, Any] | None = None
         error: DxbError | None = None
+        raised: list[str] = []
+        self._meter.begin()
         began = time.monotonic()
         try:
             reply = self._runner(task.message(), emit)
@@ -64,7 +69,8 @@ class InlineExecutor:
             error = known
         except Exception as unknown:
             log.append(traceback.format_exc())
-            error = escaped(unknown)
+            error, raised = escaped(unknown), names_of(unknown)
         seconds = time.monotonic() - began
-        reports.append(Ended(task.ticket, seconds, "".join(log).encode(), reply=reply, error=error))
+        said = "".join(log).encode()
+        reports.append(Ended(task.ticket, seconds, said, reply, error, tuple(raised), self._meter.end()))
         return reports

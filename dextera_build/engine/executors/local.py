@@ -1,4 +1,4 @@
-"""A pool of worker processes on this machine, with admission by cores and memory."""
+"""A pool of worker processes on this machine."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Self
 
+from dextera_build.engine.capacity import Capacity, available_gb
 from dextera_build.engine.executors.process import Process
 from dextera_build.engine.tasks import Ended, Report, Said, Task
+from dextera_build.engine.usage import Sampler, with_peak
 from dextera_build.errors import MachineError, from_json
 
 _GRACE_S = 1.0
@@ -29,6 +31,7 @@ class LocalExecutor:
             this process may use.
         memory_gb: Memory to share out [GiB]; None is what is available now.
         environment: Variables that workers see beside those of this process.
+        capacity: What to share out, over `jobs` and `memory_gb`.
     """
 
     def __init__(
@@ -38,16 +41,15 @@ class LocalExecutor:
         *,
         memory_gb: float | None = None,
         environment: Mapping[str, str] | None = None,
+        capacity: Capacity | None = None,
     ) -> None:
-        self.jobs = jobs or _cores()
-        self.memory_gb = memory_gb or available_gb()
+        self.capacity = capacity or Capacity(jobs or _cores(), memory_gb or available_gb())
         self._runner = runner
         self._environment = dict(environment or {})
         self._selector = selectors.DefaultSelector()
         self._idle: list[Process] = []
         self._busy: dict[int, Process] = {}
-        self._cpus_in_use = 0
-        self._memory_in_use = 0.0
+        self._sampler = Sampler()
 
     def __enter__(self) -> Self:
         return self
@@ -57,28 +59,18 @@ class LocalExecutor:
     ) -> None:
         self.close()
 
-    def has_room(self, task: Task) -> bool:
-        """Whether cores and memory are free; a task that wants more than there is runs alone."""
-        if not self._busy:
-            return True
-        return (
-            self._cpus_in_use + max(task.cpus, 1) <= self.jobs
-            and self._memory_in_use + task.memory_gb <= self.memory_gb
-        )
-
     def submit(self, task: Task) -> None:
         """Hand the task to a worker that waits, or to a new one."""
-        process = self._take_idle() or self._start()
+        process = self._take_idle(task.devices) or self._start(task.devices)
         process.task = task
         self._busy[task.ticket] = process
-        self._cpus_in_use += max(task.cpus, 1)
-        self._memory_in_use += task.memory_gb
         process.send(task)
 
     def poll(self, timeout_s: float | None) -> list[Report]:
         """What workers reported; a worker that died is reported as the failure of its node."""
         reports: list[Report] = []
-        for key, _ in self._selector.select(timeout_s):
+        self._sampler.look(self._busy.values())
+        for key, _ in self._selector.select(self._sampler.patience(timeout_s, len(self._busy))):
             process: Process = key.data
             if process.alive:
                 reports += self._hear(process)
@@ -95,7 +87,6 @@ class LocalExecutor:
             self._forget(process)
         self._busy.clear()
         self._idle.clear()
-        self._cpus_in_use, self._memory_in_use = 0, 0.0
 
     def close(self) -> None:
         """Let idle workers go; those that still run are ended."""
@@ -112,18 +103,23 @@ class LocalExecutor:
         """Process ids of all workers."""
         return [process.pid for process in [*self._busy.values(), *self._idle]]
 
-    def _take_idle(self) -> Process | None:
-        while self._idle:
-            process = self._idle.pop()
-            if process.is_running():
+    def _take_idle(self, devices: tuple[str, ...]) -> Process | None:
+        for process in reversed(self._idle):
+            if process.devices != devices and set(process.devices).isdisjoint(devices):
+                continue
+            self._idle.remove(process)
+            if process.devices == devices and process.is_running():
                 return process
+            # Dead, or it holds memory of a device that another worker needs now.
             self._forget(process)
             process.end(0.0)
         return None
 
-    def _start(self) -> Process:
+    def _start(self, devices: tuple[str, ...]) -> Process:
+        # CUDA looks at this once in a process, so a worker stays with its devices.
+        environment = {**self._environment, "CUDA_VISIBLE_DEVICES": ",".join(devices)}
         try:
-            process = Process(self._runner, self._environment, [entry for entry in sys.path if entry])
+            process = Process(self._runner, environment, [entry for entry in sys.path if entry], devices)
         except OSError as error:
             raise MachineError(
                 "a worker process cannot be started",
@@ -153,13 +149,15 @@ class LocalExecutor:
     def _end(self, process: Process, line: Mapping[str, object]) -> Ended:
         task = self._release(process)
         self._idle.append(process)
-        error, reply = line.get("error"), line.get("reply")
+        error, reply, raised, used = (line.get(name) for name in ("error", "reply", "raised", "usage"))
         return Ended(
             ticket=task.ticket,
             seconds=float(str(line["seconds"])),
             log=process.log(),
             reply=reply if isinstance(reply, dict) else None,
             error=from_json(error) if isinstance(error, dict) else None,
+            raised=tuple(raised) if isinstance(raised, list) else (),
+            usage=with_peak(used if isinstance(used, dict) else {}, process.peak),
         )
 
     def _bury(self, process: Process) -> list[Report]:
@@ -172,14 +170,13 @@ class LocalExecutor:
         seconds = time.monotonic() - process.began
         log = process.log()
         task = self._release(process)
-        return [Ended(task.ticket, seconds, log, error=process.death(log))]
+        usage = with_peak({}, process.peak)
+        return [Ended(task.ticket, seconds, log, error=process.death(log), usage=usage)]
 
     def _release(self, process: Process) -> Task:
         task, process.task = process.task, None
         assert task is not None
         del self._busy[task.ticket]
-        self._cpus_in_use -= max(task.cpus, 1)
-        self._memory_in_use -= task.memory_gb
         return task
 
     def _forget(self, process: Process) -> None:
@@ -190,13 +187,3 @@ class LocalExecutor:
 
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def available_gb() -> float:
-    """Memory that new processes may use without swapping [GiB]."""
-    try:
-        with open("/proc/meminfo") as table:
-            rows = dict(line.split(":", 1) for line in table)
-        return int(rows["MemAvailable"].split()[0]) / 2**20
-    except (OSError, KeyError, ValueError):
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**30

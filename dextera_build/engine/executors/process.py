@@ -35,11 +35,16 @@ class Process:
         runner: `module:function` for the worker.
         environment: Variables beside those of this process.
         path: Module search path for the worker.
+        devices: GPUs that it may use; `environment` says so to the libraries.
     """
 
-    def __init__(self, runner: str, environment: Mapping[str, str], path: Sequence[str]) -> None:
+    def __init__(
+        self, runner: str, environment: Mapping[str, str], path: Sequence[str], devices: tuple[str, ...] = ()
+    ) -> None:
         self.task: Task | None = None
+        self.devices = devices
         self.began = 0.0
+        self.peak = 0
         self.alive = True
         self._buffer = b""
         # Without a name, so that nothing is left behind however this ends.
@@ -76,7 +81,7 @@ class Process:
 
     def send(self, task: Task) -> None:
         """Give it a task; a worker that is dead already shows in `hear`."""
-        self.began = time.monotonic()
+        self.began, self.peak = time.monotonic(), 0
         self._write(task.message())
 
     def hear(self) -> tuple[list[dict[str, Any]], bool]:

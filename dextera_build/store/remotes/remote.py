@@ -7,15 +7,18 @@ with it makes a build slower, never wrong and never failed.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import BinaryIO, NamedTuple, Protocol
+from typing import Annotated, BinaryIO, NamedTuple, Protocol
+
+MOST_ENTRY = 64 << 20
+"""A result under a key that is longer is not taken [bytes]; one blob takes about 150 bytes there."""
 
 
 class Digest(NamedTuple):
-    """Names bytes as the Remote Execution API does."""
+    """Names bytes as the Remote Execution API does; the numbers are those of its fields there."""
 
-    hash: str
+    hash: Annotated[str, 1]
     """Lower-case hex SHA-256."""
-    size: int
+    size: Annotated[int, 2]
     """How many bytes."""
 
 
@@ -25,12 +28,18 @@ class RemoteFault(Exception):  # noqa: N818 - says what happened, as `MissingBlo
     Args:
         address: The remote, without secrets.
         reason: What happened, for people.
+        refused: The remote works and said no (no right to, no such method): to ask again does not help.
     """
 
-    def __init__(self, address: str, reason: str) -> None:
+    def __init__(self, address: str, reason: str, *, refused: bool = False) -> None:
         super().__init__(f"{address}: {reason}")
         self.address = address
         self.reason = reason
+        self.refused = refused
+
+
+class DamagedBlob(RemoteFault):
+    """A remote gave other bytes than those that it was asked for."""
 
 
 class Remote(Protocol):
@@ -40,7 +49,10 @@ class Remote(Protocol):
     """As the command line names it, without secrets."""
 
     def get_action(self, key: Digest) -> bytes | None:
-        """The `ActionResult` message under a key (the digest of the key document), or None."""
+        """The `ActionResult` message under a key (the digest of the key document), or None.
+
+        One that is longer than `MOST_ENTRY` is a `RemoteFault`, found before all of it is in memory.
+        """
         ...
 
     def put_action(self, key: Digest, message: bytes) -> None:
@@ -54,7 +66,9 @@ class Remote(Protocol):
     def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
         """Hand `take` the bytes of every blob that the remote holds, in pieces; those that it lacks are left out.
 
-        The remote chooses batches and parallel transfers; `take` may be called from several threads at once.
+        The remote chooses batches and parallel transfers; `take` may be called from several threads at once. `take`
+        checks size and bytes, may stop before the last piece, and lets no error of its own out; a `RemoteFault` that
+        the pieces raise passes through it.
         """
         ...
 
@@ -63,5 +77,5 @@ class Remote(Protocol):
         ...
 
     def close(self) -> None:
-        """Let connections go."""
+        """Let connections go; calls that wait for an answer end with a `RemoteFault`."""
         ...

@@ -1,0 +1,234 @@
+"""dxb from Python: the verbs without a command line. Nothing prints; what goes wrong is a `DxbError`.
+
+`from dextera_build import Project` is the way in; docs/python_api.md has a worked example.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from dextera_build import project as settings_of
+from dextera_build.cli import execution
+from dextera_build.cli.locking import Locking
+from dextera_build.cli.options import wish
+from dextera_build.cli.session import Session, addresses
+from dextera_build.engine.events import Listener
+from dextera_build.errors import UsageError, did_you_mean, listing
+
+if TYPE_CHECKING:
+    from dextera_build.artifacts.base import Artifact
+    from dextera_build.cli.causes import Cause
+    from dextera_build.engine.dryrun import Planned
+    from dextera_build.engine.execute import NodeRecord
+    from dextera_build.errors import DxbError
+    from dextera_build.recipe.plan import Request
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of a build."""
+
+    ok: bool
+    """Whether every target is up to date."""
+    run: str
+    """Id of the run, for `dxb log` and `dxb report`; "" where the store cannot be written."""
+    nodes: Mapping[str, NodeRecord]
+    """Address -> what became of it: `status`, `output`, `line`, `seconds`, `key`, ..."""
+    targets: tuple[str, ...]
+    """Addresses of the nodes that were asked for, every copy by itself."""
+    errors: Mapping[str, DxbError]
+    """Address of what failed -> why."""
+    _session: Session = field(repr=False)
+
+    def artifact(self, node: str) -> Artifact:
+        """What a node returned: `scene`, `body[mug].mesh`.
+
+        Raises:
+            UsageError: The build had no such node, or it returned nothing.
+        """
+        record = self.nodes.get(node)
+        if record is None or record.output is None:
+            known = [name for name, other in self.nodes.items() if other.output is not None]
+            raise UsageError(
+                f"`{node}` is no node of this build"
+                if record is None
+                else f"`{node}` returned nothing: {record.status}",
+                code="DXB-U162",
+                facts={"nodes that returned something": listing(known, most=30)},
+                hint=did_you_mean(node, known),
+            )
+        kind: Any = self._session.project.library.find(record.rule).rule.returns
+        decoded: Artifact = kind.decode(record.output, self._session.store.blobs.get)
+        return decoded
+
+
+@dataclass(frozen=True)
+class Why:
+    """Why a node is stale, or when it was built."""
+
+    node: str
+    answer: str
+    """One sentence."""
+    causes: tuple[Cause, ...]
+    """What changed, each followed, at a greater `depth`, by what stands behind it."""
+
+
+class Project(settings_of.Project):
+    """A project folder, with what can be done in it."""
+
+    @classmethod
+    def find(cls, path: Path | str | None = None, **settings: object) -> Self:
+        """The project that `path` (the current folder) lies in; the folder itself where there is none.
+
+        Args:
+            path: A folder.
+            settings: `cache`, `profile`, `jobs`, over all configuration files.
+        """
+        found = settings_of.find(Path(path) if path is not None else None)
+        return cls(found.root, settings, declared=found.declared)
+
+    def build(  # noqa: PLR0913 - the flags of `dxb build`, by name
+        self,
+        recipe: str,
+        *targets: str,
+        inputs: Mapping[str, str | os.PathLike[str]] | None = None,
+        settings: Mapping[str, object] | None = None,
+        backends: Mapping[str, str] | None = None,
+        profile: str | None = None,
+        jobs: int | None = None,
+        force: Iterable[str] = (),
+        keep_going: bool = False,
+        lock: bool = False,
+        locked: bool = False,
+        listen: Listener | None = None,
+    ) -> Result:
+        """Bring targets of a recipe up to date; only what is stale runs.
+
+        Args:
+            recipe: `twin/laptop_scene`, or with a target: `twin/laptop_scene:scene`.
+            targets: Names of targets or addresses of nodes; none stands for the default ones.
+            inputs: Input of the recipe -> path (from the current folder) or target of another recipe.
+            settings: `body[mug].mesh.wall_m` -> value, over the recipe's own.
+            backends: Rule -> backend.
+            profile: `stub`, `cpu`, `gpu` or `cloud`.
+            jobs: Cores to share out; most nodes take one.
+            force: Addresses of nodes that run although they are cached.
+            keep_going: After a failure go on with what does not depend on it.
+            lock: Pin the targets in dxb.lock.
+            locked: Refuse what is not as pinned.
+            listen: Takes every event as it happens, in the calling thread.
+
+        Raises:
+            UsageError: A name does not exist.
+            RecipeError: A recipe or an input is wrong.
+            StaleError: With `locked`, a target is not what it was pinned as.
+            MachineError: A chosen backend is not installed.
+        """
+        here = self._with(profile, jobs)
+        session, names = here._open(recipe, targets)
+        plan = session.plan(_request(here.profile, inputs, settings, backends))
+        wanted = [address for name in names for address in addresses(plan.graph, name)]
+        forced = frozenset(name.partition(":")[2] or name for name in force)
+        for name in forced:
+            addresses(plan.graph, name)
+        locking = Locking(here, lock=lock, locked=locked, plain=not (inputs or settings or backends))
+        locking.refuse(session, plan, wanted)
+        done = execution.carry_out(
+            session, plan, wanted, listen or (lambda event: None), keep_going=keep_going, force=forced
+        )
+        if done.result.ok:
+            locking.refuse(session, plan, wanted)
+            locking.note(session, plan, wanted, done.result)
+            locking.write()
+        failed = {name: record.error for name, record in done.result.nodes.items() if record.error is not None}
+        errors = {**done.result.errors, **failed}
+        return Result(done.result.ok, done.run, done.result.nodes, done.result.targets, errors, session)
+
+    def plan(
+        self,
+        recipe: str,
+        *targets: str,
+        inputs: Mapping[str, str | os.PathLike[str]] | None = None,
+        settings: Mapping[str, object] | None = None,
+        backends: Mapping[str, str] | None = None,
+        profile: str | None = None,
+    ) -> list[Planned]:
+        """What `build` would do with each node, without doing it; the arguments are those of `build`."""
+        from dextera_build.engine.dryrun import plan as dry
+
+        here = self._with(profile, None)
+        session, names = here._open(recipe, targets)
+        graph = session.plan(_request(here.profile, inputs, settings, backends)).graph
+        wanted = [address for name in names for address in addresses(graph, name)]
+        return dry(graph, wanted, session.store, history=session.past_builds)
+
+    def why(
+        self,
+        node: str,
+        *,
+        inputs: Mapping[str, str | os.PathLike[str]] | None = None,
+        settings: Mapping[str, object] | None = None,
+        backends: Mapping[str, str] | None = None,
+        profile: str | None = None,
+    ) -> Why:
+        """Why `twin/laptop_scene:body[mug].mesh` is stale, or when it was built; the arguments are those of `build`."""
+        from dextera_build.cli.why import explain
+
+        here = self._with(profile, None)
+        named = wish(node)
+        sentence, causes = explain(
+            Session(here, named.recipe), _request(here.profile, inputs, settings, backends), named.target
+        )
+        return Why(node, sentence, tuple(causes))
+
+    def get(self, node: str) -> Artifact:
+        """What `twin/laptop_scene:scene` returned when it was built last; nothing runs.
+
+        Raises:
+            UsageError: It was never built here.
+            RuleError: It was, but the store no longer holds it.
+        """
+        named = wish(node)
+        return Session(self, named.recipe).artifact(named.target)
+
+    def _with(self, profile: str | None, jobs: int | None) -> Project:
+        if profile is None and jobs is None:
+            return self
+        flags = self._flags | {
+            name: value for name, value in (("profile", profile), ("jobs", jobs)) if value is not None
+        }
+        return Project(self.root, flags, declared=self.declared)
+
+    def _open(self, recipe: str, targets: tuple[str, ...]) -> tuple[Session, list[str]]:
+        named = wish(recipe)
+        return Session(self, named.recipe), [*([named.target] if named.target or not targets else []), *targets]
+
+
+def _request(
+    profile: str,
+    inputs: Mapping[str, str | os.PathLike[str]] | None,
+    settings: Mapping[str, object] | None,
+    backends: Mapping[str, str] | None,
+) -> Request:
+    from dextera_build.recipe import plan
+    from dextera_build.recipe.settings import parse
+
+    return plan.Request(
+        profile=profile,
+        inputs={name: os.fspath(path) for name, path in (inputs or {}).items()},
+        settings=tuple(parse(f"{name}={_spelled(name, value)}") for name, value in (settings or {}).items()),
+        backends=dict(backends or {}),
+    )
+
+
+def _spelled(name: str, value: object) -> str:
+    try:
+        # JSON is YAML, in which settings are read.
+        return json.dumps(value, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"the value of `{name}` is not plain data: {error}", code="DXB-U163") from None

@@ -1,0 +1,77 @@
+"""The declared form of array fields: shape, dtype, unit and frame, and whether an array has it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, get_args, get_origin
+
+import numpy as np
+
+from dextera_build.errors import ArtifactError
+
+
+@dataclass(frozen=True)
+class Array:
+    """The declared form of an array field, used as `Annotated[np.ndarray, Array("V 3", "float32", unit="m")]`.
+
+    Args:
+        shape: Axis sizes separated by spaces: numbers, or names that must agree within one artifact.
+        dtype: NumPy dtype name.
+        unit: SI unit, or "" for a pure number.
+        frame: The frame that coordinates are expressed in, or "".
+        finite: Refuse NaN and infinities.
+    """
+
+    shape: str
+    dtype: str
+    unit: str = ""
+    frame: str = ""
+    finite: bool = True
+
+    def describe(self) -> str:
+        """`float32 (V, 3) [m] in object`."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        frame = f" in {self.frame}" if self.frame else ""
+        return f"{self.dtype} ({', '.join(self.shape.split())}){unit}{frame}"
+
+
+def array_in(annotation: Any, metadata: list[Any]) -> Array | None:
+    """The form that an annotation declares, if any."""
+    for spec in metadata:
+        if isinstance(spec, Array):
+            return spec
+    for part in get_args(annotation):
+        if get_origin(part) is Annotated:
+            for spec in get_args(part)[1:]:
+                if isinstance(spec, Array):
+                    return spec
+    return None
+
+
+def check_array(place: str, name: str, value: np.ndarray, spec: Array, axes: dict[str, tuple[str, int]]) -> None:
+    """Refuse an array that has not the declared form, and make it read-only.
+
+    Args:
+        place: The field as messages say it.
+        name: The field.
+        value: The array.
+        spec: Its form.
+        axes: Name of an axis -> (field that said so first, size); added to.
+
+    Raises:
+        ArtifactError: Its dtype, number of axes, sizes or numbers are not right.
+    """
+    if value.dtype != np.dtype(spec.dtype):
+        raise ArtifactError(f"{place}: dtype is {value.dtype}, but {spec.describe()} is declared", code="DXB-A103")
+    wanted = spec.shape.split()
+    if value.ndim != len(wanted):
+        raise ArtifactError(f"{place}: shape is {value.shape}, but {spec.describe()} is declared", code="DXB-A104")
+    for axis, size in zip(wanted, value.shape, strict=True):
+        first, known = axes.setdefault(axis, (name, int(axis) if axis.isdigit() else size))
+        if size != known:
+            source = "the type" if axis.isdigit() else first
+            raise ArtifactError(f"{place}: axis {axis} is {size}, but {source} says {known}", code="DXB-A105")
+    if spec.finite and value.dtype.kind == "f" and not np.isfinite(value).all():
+        bad = int((~np.isfinite(value)).sum())
+        raise ArtifactError(f"{place}: {bad:,} of {value.size:,} numbers are not finite", code="DXB-A106")
+    value.flags.writeable = False

@@ -1,0 +1,98 @@
+"""Bytes that stay where they are until someone asks for them: a file on the disk, or a blob of the store.
+
+A function that puts or gets bytes may do more than that. `put.file(path)` stores a file without reading it whole,
+`put.has(digest, size)` says that nothing need be stored, `get.path(digest)` names a file with the bytes of a blob, and
+`get.place(digest, target)` writes them. Those that cannot get bytes, as in tests of rules.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+Put = Callable[[bytes], str]
+Get = Callable[[str], bytes]
+
+SMALL = 1 << 20
+"""Blobs up to this size [bytes] are read at once."""
+
+
+class Content(Protocol):
+    """Bytes that can be had in several ways."""
+
+    def path(self) -> Path:
+        """A file with these bytes, not to be written to."""
+        ...
+
+    def read(self) -> bytes:
+        """All of them."""
+        ...
+
+    def place(self, target: Path) -> None:
+        """Write them to `target`, which is the caller's own."""
+        ...
+
+    def store(self, put: Put) -> tuple[str, int]:
+        """Store them and return (digest, size)."""
+        ...
+
+
+@dataclass(frozen=True)
+class OnDisk:
+    """The bytes of a file that nobody changes any more."""
+
+    file: Path
+
+    def path(self) -> Path:
+        """The file itself."""
+        return self.file
+
+    def read(self) -> bytes:
+        """All of it."""
+        return self.file.read_bytes()
+
+    def place(self, target: Path) -> None:
+        """Copy it."""
+        shutil.copyfile(self.file, target)
+
+    def store(self, put: Put) -> tuple[str, int]:
+        """Store it in pieces, where `put` can."""
+        stream = getattr(put, "file", None)
+        if stream is None:
+            data = self.read()
+            return put(data), len(data)
+        digest, size = stream(self.file)
+        return str(digest), int(size)
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A blob behind a `get` that has `path` and `place`."""
+
+    get: Any
+    digest: str
+    size: int
+
+    def path(self) -> Path:
+        """The blob, once its bytes were compared with its digest."""
+        found: Path = self.get.path(self.digest)
+        return found
+
+    def read(self) -> bytes:
+        """All of it."""
+        data: bytes = self.get(self.digest)
+        return data
+
+    def place(self, target: Path) -> None:
+        """Copy it, sharing its blocks where the file system can."""
+        self.get.place(self.digest, target)
+
+    def store(self, put: Put) -> tuple[str, int]:
+        """Nothing to do where it is stored already."""
+        has = getattr(put, "has", None)
+        if has is not None and has(self.digest, self.size):
+            return self.digest, self.size
+        return OnDisk(self.path()).store(put)

@@ -1,0 +1,137 @@
+"""`dxb graph`: the nodes of a recipe and what they read, as SVG, JSON or Graphviz DOT."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dextera_build.cli import options
+from dextera_build.errors import UsageError, listing
+
+if TYPE_CHECKING:
+    from dextera_build.cli.nodes import Known
+    from dextera_build.cli.session import Session
+    from dextera_build.engine.graph import Graph
+    from dextera_build.report.run import Node
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("target", metavar="RECIPE[:TARGET]", help="all of a recipe, or what a target or node needs")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--svg", action="store_true", help="a picture (the default)")
+    form.add_argument("--json", action="store_true", help="nodes and edges")
+    form.add_argument("--dot", action="store_true", help="for Graphviz")
+    parser.add_argument(
+        "--by", metavar="WHAT", default="node", help="a box for each node, group, rule or recipe (node)"
+    )
+    parser.add_argument("--status", action="store_true", help="what a build would do with each node now")
+    parser.add_argument("-o", "--out", metavar="FILE", help="where to write it (standard output)")
+    options.project_arguments(parser)
+    options.request_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the graph, or write it and print its path.
+
+    The JSON has `recipe`, `target`, `by`, `nodes` (`id`, `rule`, `backend`, `status`: null without `--status`) and
+    `edges` (`from`, `to`: ids; `to` reads what `from` returns).
+    """
+    from dextera_build.cli.session import Session
+    from dextera_build.report.collapse import WAYS, collapse
+
+    if args.by not in WAYS:
+        raise UsageError(
+            f"`--by {args.by}` is not a way to draw a graph", code="DXB-U176", facts={"ways": listing(WAYS)}
+        )
+    project = options.project(args)
+    wanted = options.wish(args.target)
+    session = Session(project, wanted.recipe)
+    nodes = collapse(_nodes(session, wanted.target, args), args.by)
+    text = _written(args, wanted.recipe, wanted.target, nodes)
+    if args.out is None:
+        print(text)
+        return 0
+    path = Path(args.out)
+    try:
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"`{path}` cannot be written: {error.strerror}", code="DXB-U177") from None
+    print(project.shown(path.absolute()))
+    return 0
+
+
+def _nodes(session: Session, target: str, args: argparse.Namespace) -> list[Node]:
+    from dextera_build.cli import nodes as known
+    from dextera_build.cli import query
+    from dextera_build.report.run import Node
+
+    found = known.of_runs(session.store, session.recipe)
+    try:
+        graph = session.plan(options.request(args, session.project.profile)).graph
+    except UsageError as error:
+        # An input is not given; what the runs saw with one can be drawn all the same.
+        if error.code != "DXB-U105" or not found or target or args.status:
+            raise
+    else:
+        found = _planned(graph, found)
+        if target:
+            found = _below(graph, found, target)
+    states = query.statuses(session, args) if args.status else {}
+    return [
+        Node(index, node.address, node.rule, node.backend, _state(states, node), None, None, 0.0, 0.0,
+             depends_on=_sources(found, node))
+        for index, node in enumerate(found.values())
+    ]  # fmt: skip
+
+
+def _planned(graph: Graph, found: dict[str, Known]) -> dict[str, Known]:
+    """The calls of a plan, with the copies that past runs saw."""
+    from dextera_build.cli import nodes as known
+
+    planned = known.of_graph(graph)
+    calls = {node.call for node in planned.values()}
+    kept = {address: node for address, node in found.items() if node.call in calls}
+    seen = {node.call for node in kept.values()}
+    return kept | {address: node for address, node in planned.items() if node.call not in seen}
+
+
+def _below(graph: Graph, found: dict[str, Known], target: str) -> dict[str, Known]:
+    from dextera_build.cli import nodes as known
+    from dextera_build.cli.session import addresses
+
+    start = [one for address in addresses(graph, target) for one in known.matching(found, str(address))]
+    below = {*start, *known.walk(found, start, readers=False, depth=None)}
+    return {address: node for address, node in found.items() if address in below}
+
+
+def _sources(found: Mapping[str, Known], node: Known) -> list[str]:
+    """What it reads; where one of both is known without labels, all that its call stands for."""
+    sources: list[str] = []
+    for source in node.depends_on:
+        bare = source.replace("[*]", "")
+        sources += [source] if source in found else [other for other, one in found.items() if one.call == bare]
+    return sources
+
+
+def _state(states: Mapping[str, str], node: Known) -> str:
+    return states.get(node.address) or states.get(node.call) or ("unknown" if states else "")
+
+
+def _written(args: argparse.Namespace, recipe: str, target: str, nodes: list[Node]) -> str:
+    from dextera_build.report import drawing
+
+    title = f"{recipe}:{target}" if target else recipe
+    if args.dot:
+        return drawing.dot(title, nodes)
+    if not args.json:
+        return drawing.svg(title, nodes)
+    rows = [
+        {"id": node.address, "rule": node.rule, "backend": node.backend, "status": node.status or None}
+        for node in nodes
+    ]
+    edges = [{"from": source, "to": node.address} for node in nodes for source in node.depends_on]
+    return json.dumps({"recipe": recipe, "target": target, "by": args.by, "nodes": rows, "edges": edges}, indent=1)

@@ -1,0 +1,203 @@
+"""`dxb.lock` around a build: refuse what differs from it, or keep it up to date."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from dextera_build import digest
+from dextera_build.errors import StaleError, UsageError
+from dextera_build.project import LOCK
+
+if TYPE_CHECKING:
+    from dextera_build.cli.causes import Cause, Causes
+    from dextera_build.cli.session import Session
+    from dextera_build.engine.dryrun import Planned
+    from dextera_build.engine.execute import RunResult
+    from dextera_build.engine.graph import Address
+    from dextera_build.lockfile import Name, Pin, Pins
+    from dextera_build.project import Project
+    from dextera_build.recipe.plan import Plan
+    from dextera_build.store.store import Store
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser of a verb that builds."""
+    parser.add_argument("--lock", action="store_true", help="pin the targets in dxb.lock")
+    parser.add_argument("--locked", action="store_true", help="exit with 3 where a target is not what dxb.lock says")
+
+
+class Locking:
+    """What one command does with the lock file.
+
+    `--lock` pins what is built, `--locked` refuses what differs. Without either, the pins of a project that has a lock
+    file are kept up to date, and none is added. What `--input`, `--set` or `--backend` made is one build's own: it is
+    not pinned.
+
+    Args:
+        project: Whose lock file.
+        lock: Pin what is built.
+        locked: Refuse what differs.
+        plain: Whether nothing is added to the recipes.
+
+    Raises:
+        UsageError: The arguments do not go together.
+        RecipeError: The lock file is not valid.
+    """
+
+    def __init__(self, project: Project, *, lock: bool, locked: bool, plain: bool) -> None:
+        self._project, self._plain = project, plain
+        self.lock, self.locked = lock, locked
+        self.path = project.root / LOCK
+        if lock and locked:
+            raise UsageError("`--lock` and `--locked` do not go together", code="DXB-U160", hint="give one of them")
+        if (lock or locked) and not plain:
+            raise UsageError(
+                "what `--input`, `--set` or `--backend` makes is not pinned",
+                code="DXB-U161",
+                hint="write it into a recipe, which can extend this one, and lock that",
+            )
+        pins = self._read() if plain else None
+        self._exists = pins is not None
+        self._old = pins or {}
+        self._new: dict[Name, Pin | None] = {}
+        """What this command found out; None drops a pin."""
+
+    def state(self, recipe: str) -> object:
+        """What of the lock file a build of `recipe` rests on, as plain data."""
+        if not (self.lock or self.locked or self._exists):
+            return None
+        mine = [[str(name), pin.key, pin.output] for name, pin in self._pins().items() if self._is_of(name, recipe)]
+        return [self.lock, self.locked, sorted(mine)]
+
+    def refuse(self, session: Session, plan: Plan, wanted: Sequence[Address]) -> None:
+        """With `--locked`, refuse what is known to differ: before anything runs, and again when all is known.
+
+        Raises:
+            StaleError: A target is not pinned, or has another key or output.
+        """
+        if not self.locked:
+            return
+        from dextera_build.cli.causes import Causes
+        from dextera_build.engine.dryrun import plan as dry
+
+        states = {node.address: node for node in dry(plan.graph, wanted, session.store)}
+        asked = {name: node for name, node in states.items() if _is_asked(name, wanted)}
+        causes = Causes(session, plan.graph, states)
+        told = {name: self._difference(session.recipe, node, causes) for name, node in asked.items()}
+        if not any(_is_open(node) for node in asked.values()):
+            gone = [name.node for name in self._old if self._is_of(name, session.recipe) and name.node not in asked]
+            told |= {node: "pinned, but not there any more" for node in gone if _is_asked(node, wanted)}
+        facts = {name: difference for name, difference in told.items() if difference}
+        if facts:
+            raise StaleError(
+                f"`{session.recipe}` is not what `{LOCK}` says",
+                code="DXB-C103",
+                facts=facts,
+                hint=f"`dxb build --lock {session.recipe}` pins what it is now",
+            )
+
+    def _difference(self, recipe: str, state: Planned, causes: Causes) -> str:
+        pin = self._old.get(self._name(recipe, state.address))
+        if pin is None:
+            return "" if _is_open(state) else "not pinned"
+        if state.key not in (None, pin.key):
+            lines = [_line(cause) for cause in causes.since(state.address, pin.key)]
+            return "\n".join([f"key {pin.key[:12]} -> {(state.key or '')[:12]}", *lines])
+        if state.output not in (None, pin.output):
+            return f"key {pin.key[:12]} as pinned, output {pin.output[:12]} -> {(state.output or '')[:12]}"
+        return ""
+
+    def note(self, session: Session, plan: Plan, wanted: Sequence[Address], result: RunResult) -> None:
+        """Take the pins of what was built; what `wanted` once named and no longer does loses its pin."""
+        if not self._plain or self.locked or not (self.lock or self._exists):
+            return
+        from dextera_build.lockfile import Pin
+
+        for node in result.targets:
+            name, record = self._name(session.recipe, node), result.nodes[node]
+            if (self.lock or name in self._old) and record.key and record.output:
+                self._new[name] = Pin(record.key, record.output, _size(session.store, record.key))
+        from dextera_build.engine.graph import parse_address
+
+        others = [name for name in self._old if self._is_of(name, session.recipe) and name.node not in result.targets]
+        calls = {call for call, _ in plan.graph.calls()} if others else set()
+        for name in others:
+            gone = parse_address(name.node).call not in calls or _is_asked(name.node, wanted)
+            self._new |= {name: None} if gone else {}
+
+    def write(self) -> str:
+        """Bring the file up to date, once, if anything changed; return a line about what did, or ""."""
+        if self.locked or not (self.lock or self._new):
+            return ""
+        from dextera_build import lockfile
+        from dextera_build.store.store import Store
+
+        guard = digest.of_bytes(str(self.path).encode())
+        with Store(self._project.cache).locks.hold(guard):
+            # Another build may have written meanwhile; its pins stay.
+            now = self._read() or {}
+            pins = {name: pin for name, pin in (now | self._new).items() if pin is not None}
+            gone = self._gone(pins) if self.lock else []
+            kept = {name: pin for name, pin in pins.items() if name not in gone}
+            return _notice(now, kept, gone) if lockfile.write(self.path, kept) else ""
+
+    def _gone(self, pins: Pins) -> list[Name]:
+        known = {address for address, _ in self._project.recipes()}
+        return [name for name in pins if name.recipe not in known]
+
+    def _read(self) -> dict[Name, Pin] | None:
+        if not self.path.exists():  # A build that does nothing need not wait for more.
+            return None
+        from dextera_build import lockfile
+
+        return lockfile.read(self.path, self._project.shown(self.path))
+
+    def _pins(self) -> dict[Name, Pin]:
+        return {name: pin for name, pin in (self._old | self._new).items() if pin is not None}
+
+    def _name(self, recipe: str, node: str) -> Name:
+        from dextera_build.lockfile import Name
+
+        return Name(self._project.profile, recipe, node)
+
+    def _is_of(self, name: Name, recipe: str) -> bool:
+        return (name.profile, name.recipe) == (self._project.profile, recipe)
+
+
+def _line(cause: Cause) -> str:
+    cells = (cause.kind, cause.name, cause.change, cause.place)
+    return "  " * (cause.depth + 1) + "  ".join(cell for cell in cells if cell)
+
+
+def _is_open(state: Planned) -> bool:
+    """Whether it stands for copies that are not known yet."""
+    from dextera_build.engine.graph import parse_address
+
+    address = parse_address(state.address)
+    return len(address.call) - 1 > len(address.labels or ())
+
+
+def _is_asked(node: str, wanted: Sequence[Address]) -> bool:
+    from dextera_build.engine.graph import parse_address
+
+    address = parse_address(node)
+    return any(address.call == want.call and want.matches(address.labels or ()) for want in wanted)
+
+
+def _size(store: Store, key: str) -> int:
+    outline = store.actions.outline(key)
+    assert outline is not None, "a result that was built has an entry"
+    return sum(store.blobs.size(blob) or 0 for blob in {outline[0], *outline[1]})
+
+
+def _notice(before: Pins, after: Pins, gone: Sequence[Name]) -> str:
+    from dextera_build.report.wording import count, some
+
+    fresh = sum(before.get(name) != pin for name, pin in after.items())
+    told = [f"{count(fresh, 'target')} pinned"] if fresh else []
+    lost = [name for name in before if name not in after]
+    told += [f"{count(len(lost), 'pin')} dropped: {some(map(str, lost))}"] if lost else []
+    told += ["recipes that are gone"] if gone and len(gone) == len(lost) else []
+    return f"{LOCK}: {', '.join(told) or 'empty'}"

@@ -1,0 +1,99 @@
+"""`dxb pull`: brings targets from a remote, and runs nothing."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from dextera_build import __version__
+from dextera_build.cli import options, remotes
+from dextera_build.errors import StoreError, listing
+
+if TYPE_CHECKING:
+    from dextera_build.cli.session import Session
+    from dextera_build.engine.events import Event
+    from dextera_build.engine.execute import RunResult
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what to bring, with all it came from")
+    parser.add_argument(
+        "--from", metavar="NAME|URL", dest="source", help="the remote; else those that the settings let be read"
+    )
+    options.project_arguments(parser)
+    options.request_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Place results as `build` does; one line each: address, main file."""
+    from dextera_build.cli import results
+    from dextera_build.cli.session import Session
+
+    project = options.project(args)
+    lacking: list[str] = []
+    for text in args.targets:
+        wanted = options.wish(text)
+        session = Session(project, wanted.recipe)
+        result = _bring(session, wanted.target, args)
+        print("".join(line + "\n" for line in results.place(session, result)), end="", flush=True)
+        lacking += [f"{wanted.recipe}:{node}" for node, record in result.nodes.items() if record.status == "failed"]
+        lacking += [f"{wanted.recipe}:{place}" for place in result.errors]
+    if lacking:
+        count = "1 node is" if len(lacking) == 1 else f"{len(lacking)} nodes are"
+        raise StoreError(
+            f"{count} neither in the store nor in a remote",
+            code="DXB-S202",
+            facts={"lacking": listing(lacking, most=40)},
+            hint=f"`dxb build {' '.join(args.targets)}` makes what is lacking",
+        )
+    return 0
+
+
+def _bring(session: Session, target: str, args: argparse.Namespace) -> RunResult:
+    from dextera_build.cli.execution import RUNNER
+    from dextera_build.cli.session import addresses
+    from dextera_build.engine.eventlog import EventLog
+    from dextera_build.engine.events import fan_out
+    from dextera_build.engine.execute import RunInfo, build
+    from dextera_build.engine.executors.local import LocalExecutor
+
+    project = session.project
+    graph = session.plan(options.request(args, project.profile)).graph
+    exchange = remotes.exchange(session, "r", args.source)
+    with EventLog(session.store) as log, LocalExecutor(RUNNER, 1) as nobody:
+        return build(
+            graph,
+            addresses(graph, target),
+            store=session.store,
+            executor=nobody,  # it starts no worker, because nothing may run
+            listen=fan_out(log, _Shown()),
+            info=RunInfo(log.run, str(project.root), project.profile, __version__, tuple(sys.argv[1:])),
+            keep_going=True,
+            only=frozenset(),
+            exchange=exchange,
+        )
+
+
+class _Shown:
+    """One line for what came, and one for the whole."""
+
+    def __init__(self) -> None:
+        from dextera_build.cli.consoles.lines import Columns
+
+        self._columns = Columns()
+        self._recipe = ""
+
+    def __call__(self, event: Event) -> None:
+        from dextera_build.cli.consoles import lines
+        from dextera_build.engine import events
+
+        if isinstance(event, events.RunStarted):
+            self._recipe = event.recipe
+        elif isinstance(event, events.NodeFinished) and event.status == "fetched":
+            print(lines.plain(self._columns.node(event)), file=sys.stderr, flush=True)
+        elif isinstance(event, events.RemoteGivenUp):
+            print(lines.plain(lines.given_up(event)), file=sys.stderr, flush=True)
+        elif isinstance(event, events.RunFinished):
+            print(lines.plain(lines.pulled(self._recipe, event)), file=sys.stderr, flush=True)

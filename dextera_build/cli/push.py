@@ -1,0 +1,51 @@
+"""`dxb push`: uploads what was built."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from dextera_build.cli import options, remotes
+from dextera_build.errors import StoreError, listing
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what to upload, with all it came from")
+    parser.add_argument("--to", metavar="NAME|URL", help="the remote; else those that the settings let be written")
+    options.project_arguments(parser)
+    options.request_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print one node a line: address, remote, key."""
+    from dextera_build.cli.session import Session, addresses
+    from dextera_build.engine.dryrun import plan
+
+    project = options.project(args)
+    exchange = None
+    sent: list[tuple[str, str]] = []
+    stale: list[str] = []
+    for text in args.targets:
+        wanted = options.wish(text)
+        session = Session(project, wanted.recipe)
+        graph = session.plan(options.request(args, project.profile)).graph
+        exchange = exchange or remotes.exchange(session, "w", args.to)
+        for node in plan(graph, addresses(graph, wanted.target), session.store):
+            address = f"{wanted.recipe}:{node.address}"
+            if node.status == "cached" and node.key is not None:
+                exchange.offer(node.key)
+                sent.append((address, node.key))
+            else:
+                stale.append(address)
+    assert exchange is not None
+    left = remotes.finish_uploads(exchange, sys.stderr)
+    print("".join(f"{address}\t{key}\n" for address, key in sent if key not in left), end="")
+    if stale:
+        raise StoreError(
+            f"{len(stale)} nodes are not built, so they were not uploaded",
+            code="DXB-S201",
+            facts={"not built": listing(stale)},
+            hint=f"dxb build {' '.join(args.targets)}",
+        )
+    return 1 if left else 0

@@ -1,0 +1,100 @@
+"""What `push` and `pull` share: which remotes they use, and what is said of uploads."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING, TextIO
+
+from dextera_build.errors import UsageError, listing
+
+if TYPE_CHECKING:
+    from dextera_build.cli.session import Session
+    from dextera_build.engine.dryrun import Planned
+    from dextera_build.store.remotes.exchange import Exchange
+
+_TICK_S = 0.2
+_SAY_S = 5.0
+_ASKERS = 16
+
+
+def exchange(session: Session, mode: str, named: str | None = None) -> Exchange:
+    """The remotes to use for one thing alone.
+
+    Args:
+        session: Where the store is.
+        mode: `r` or `w`.
+        named: A remote's name or address; None for those that the settings let be used so.
+
+    Raises:
+        UsageError: There is no such remote.
+    """
+    from dextera_build.store.remotes import spec as specs
+    from dextera_build.store.remotes.connect import guarded, open_remote
+    from dextera_build.store.remotes.exchange import Exchange
+
+    choice = session.project.remotes
+    known = choice.known if session.project.config else {}
+    used = [specs.named(named, known)] if named else [spec for spec in choice.used if mode in spec.mode]
+    if not used:
+        flag, does = ("--to", "written") if mode == "w" else ("--from", "read")
+        raise UsageError(
+            f"no remote may be {does}",
+            code="DXB-U136",
+            facts={"remotes": listing(f"{name} ({spec.mode})" for name, spec in known.items())},
+            hint=f"name one: `{flag} NAME`, or `{flag} https://host/prefix`",
+        )
+    for spec in used:
+        open_remote(spec).close()  # what is wrong with the address or the packages is said before anything is done
+    return Exchange(session.store, [guarded(replace(spec, mode=mode)) for spec in used])
+
+
+def held(session: Session, nodes: Sequence[Planned]) -> set[str]:
+    """Addresses of the stale nodes whose results a remote has; only entries are asked for, no blobs."""
+    used = [spec for spec in session.project.remotes.used if "r" in spec.mode]
+    stale = [node for node in nodes if node.status == "stale" and node.key is not None]
+    if not used or not stale or session.project.remotes.local == "r":
+        return set()
+    from dextera_build.store.remotes import entry
+    from dextera_build.store.remotes.connect import guarded
+    from dextera_build.store.remotes.crew import Crew
+    from dextera_build.store.remotes.remote import Digest, RemoteFault
+
+    remotes, found = [guarded(spec) for spec in used], set[str]()
+
+    def ask(node: Planned) -> None:
+        key = Digest(node.key or "", len(node.key_document))
+        for remote in remotes:
+            with suppress(RemoteFault):
+                message = remote.get_action(key)
+                if message is not None and entry.read(message, key) is not None:
+                    found.add(node.address)
+                    return
+
+    Crew(_ASKERS, "dxb plan").each(ask, stale)
+    for remote in remotes:
+        remote.close()
+    return found
+
+
+def finish_uploads(exchange: Exchange, stream: TextIO) -> set[str]:
+    """Wait for uploads, say how they went, and return the keys of those that failed."""
+    from dextera_build.cli.consoles import lines
+    from dextera_build.engine import events
+
+    said = time.monotonic()
+    while left := exchange.wait(_TICK_S):
+        if time.monotonic() - said > _SAY_S:
+            said = time.monotonic()
+            progress = events.Uploading(time.time(), exchange.offered - left, exchange.offered)
+            print(lines.plain(lines.uploading(progress)), file=stream, flush=True)
+    uploads = exchange.close()
+    for upload in uploads:
+        told = events.Uploaded(
+            time.time(), upload.remote, upload.results, upload.octets, len(upload.left), upload.reason
+        )
+        for line in lines.uploaded(told):
+            print(lines.plain(line).strip(), file=stream)
+    return {key for upload in uploads for key in upload.left}

@@ -1,0 +1,56 @@
+"""`dxb plan --check` and `dxb build --check`: what is stale and why, one line each; nothing runs."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from dextera_build.cli.causes import Causes
+from dextera_build.engine.dryrun import plan as dry
+from dextera_build.errors import StaleError
+from dextera_build.report.wording import count
+
+if TYPE_CHECKING:
+    from dextera_build.cli.session import Session
+    from dextera_build.engine.dryrun import Planned
+    from dextera_build.engine.graph import Address, Graph
+
+
+def check(session: Session, graph: Graph, wanted: Sequence[Address], *, as_json: bool = False) -> int:
+    """Print every stale node with what changed, and refuse where there is one.
+
+    Raises:
+        StaleError: Something that `wanted` needs would run.
+    """
+    states = {node.address: node for node in dry(graph, wanted, session.store, history=session.past_builds)}
+    stale = [name for name, node in states.items() if node.status == "stale"]
+    causes = Causes(session, graph, states)
+    rows = {name: reason(session, states, causes, name) for name in stale}
+    if as_json:
+        print(json.dumps([{"node": name, "why": why} for name, why in rows.items()], indent=1))
+    else:
+        print("".join(f"{name}\t{why}\n" for name, why in rows.items()), end="")
+    if not stale:
+        print(f"{session.recipe} is up to date", file=sys.stderr)
+        return 0
+    waiting = sum(node.status == "unknown" for node in states.values())
+    raise StaleError(
+        f"`{session.recipe}` is stale",
+        code="DXB-C102",
+        facts={"stale": count(len(stale), "node"), "may follow": count(waiting, "node")},
+        hint=f"`dxb why '{session.recipe}:{stale[0]}'`",
+    )
+
+
+def reason(session: Session, states: Mapping[str, Planned], causes: Causes, node: str) -> str:
+    """Why a stale node is stale, in one line: the first thing that changed, and how many more."""
+    entry = session.history.get(node)
+    if entry is None:
+        return "never built"
+    if entry.key == states[node].key:
+        return "built, but the store no longer holds it"
+    first, *more = causes.direct(node)
+    told = " ".join(cell for cell in (first.kind, first.name, first.change, first.place) if cell)
+    return f"{told}, and {len(more)} more" if more else told

@@ -1,0 +1,53 @@
+"""Which failures are worth another try: those of the machine and of what stands behind a network, never a bad input."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from dextera_build.errors import DxbError, MachineError
+
+_DIED = "DXB-B301"
+_LONGEST_S = 60.0
+
+
+@dataclass(frozen=True)
+class Retries:
+    """What a rule declares."""
+
+    most: int = 0
+    """Tries after the first."""
+    on: tuple[str, ...] = ()
+    """Exceptions that count beside a dead worker and a `MachineError`, as `name_of` spells them."""
+    wait_s: float = 1.0
+    """Before the second try; twice as long before each further one."""
+
+    def again(self, tries: int, error: DxbError, raised: Iterable[str]) -> bool:
+        """Whether a node that has failed `tries` times shall be tried again.
+
+        Args:
+            tries: How often it has run.
+            error: What it failed of the last time.
+            raised: The exception that the rule let escape, with its bases; empty where it was a `DxbError`.
+        """
+        if tries > self.most:
+            return False
+        return error.code == _DIED or isinstance(error, MachineError) or not set(self.on).isdisjoint(raised)
+
+    def delay_s(self, tries: int, key: str) -> float:
+        """How long to wait before the next try [s].
+
+        Spread over half of its length by the node's key, so that nodes which failed together do not come back together.
+        """
+        spread = int(key[:8] or "0", 16) / 2**32
+        return min(float(self.wait_s * 2 ** (tries - 1)), _LONGEST_S) * (0.5 + 0.5 * spread)
+
+
+def name_of(kind: type[BaseException]) -> str:
+    """`ConnectionError`, `httpx.TransportError`."""
+    return kind.__qualname__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__qualname__}"
+
+
+def names_of(error: BaseException) -> list[str]:
+    """The exception and its bases down to `Exception`."""
+    return [name_of(kind) for kind in type(error).__mro__ if issubclass(kind, Exception)]

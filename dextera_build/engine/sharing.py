@@ -1,0 +1,69 @@
+"""Between the scheduler and remotes: nodes that are fetched rather than run, and results that are uploaded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from dextera_build.engine.states import State, States
+from dextera_build.engine.units import Node
+from dextera_build.store.actions import ActionResult
+from dextera_build.store.remotes.exchange import Arrival, Exchange
+from dextera_build.store.remotes.remote import Digest
+
+
+class Sharing:
+    """The remotes of one run.
+
+    Args:
+        exchange: Asks and tells remotes; None where there are none.
+        states: The states of all units.
+        succeed: Ends a node with a result.
+        queue: Lets a node run that no remote has.
+    """
+
+    def __init__(
+        self,
+        exchange: Exchange | None,
+        states: States,
+        succeed: Callable[[Node, str, ActionResult], None],
+        queue: Callable[[Node], None],
+    ) -> None:
+        self._exchange, self._states, self._succeed, self._queue = exchange, states, succeed, queue
+        self._fetching: dict[str, Node] = {}
+        self._arrived: list[Arrival] = []
+
+    def ask(self, node: Node) -> bool:
+        """Look for the node's result elsewhere; False where nobody is left to ask."""
+        if self._exchange is None or not self._exchange.reads:
+            return False
+        assert node.key is not None
+        self._fetching[node.key] = node
+        self._states.set(node, State.FETCHING)
+        self._exchange.ask(Digest(node.key, len(node.document)))
+        return True
+
+    def wait(self, patience_s: float) -> None:
+        """Let time pass until an answer comes, at most so long [s]."""
+        if self._exchange is not None:
+            self._arrived += self._exchange.arrived(patience_s)
+
+    def settle(self) -> None:
+        """Go on with the nodes whose answers came: those that no remote has are to run."""
+        if not self._fetching:
+            return
+        self.wait(0.0)
+        arrived, self._arrived = self._arrived, []
+        for answer in arrived:
+            node = self._fetching.pop(answer.key)
+            if node.state is not State.FETCHING:
+                continue
+            if answer.result is None:
+                self._queue(node)
+            else:
+                node.remote, node.seconds = answer.remote, answer.seconds
+                self._succeed(node, "fetched", answer.result)
+
+    def offer(self, node: Node) -> None:
+        """Upload what the node made."""
+        if self._exchange is not None and node.status == "ran" and node.key is not None:
+            self._exchange.offer(node.key)

@@ -1,0 +1,112 @@
+"""Every node that targets need, as it stands in the store, without running anything."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dextera_build.engine.graph import Address, Call, Graph, Leaf, Pack
+from dextera_build.engine.policy import Policy
+from dextera_build.engine.reach import leaves
+from dextera_build.engine.schedule import Scheduler
+from dextera_build.engine.states import State
+from dextera_build.engine.units import producers
+from dextera_build.store.actions import ActionResult
+from dextera_build.store.bundle.contents import Build, Closure
+from dextera_build.store.bundle.contents import Node as Entry
+from dextera_build.store.store import Store
+
+
+@dataclass(frozen=True)
+class Held:
+    """One node whose result is in the store."""
+
+    address: str
+    rule: str
+    backend: str | None
+    key: str
+    result: ActionResult
+    depends_on: tuple[str, ...]
+    """Nodes whose outputs it reads, directly or through groups."""
+    files: dict[str, Path]
+    """Slot, or `slot[label]` -> project file or folder."""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What the store holds for some targets."""
+
+    targets: tuple[str, ...]
+    """Nodes that were asked for, every copy by itself."""
+    nodes: tuple[Held, ...]
+    stale: tuple[str, ...]
+    """Nodes that a build would run, or that wait for one."""
+
+
+def survey(graph: Graph, wanted: Sequence[Address], store: Store) -> Survey:
+    """Look at every node that `wanted` need.
+
+    Raises:
+        UsageError: A target names nothing.
+        RecipeError: A file or folder is missing or cannot be read.
+    """
+    scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True))
+    for leaf in leaves(graph, wanted):
+        scheduler.wiring.leaf(leaf)
+    scheduler.run(list(wanted))
+    store.leaves.save()
+    for unit, error in zip(scheduler.failed, scheduler.errors, strict=True):
+        if unit in scheduler.wishes:
+            raise error
+    held, stale = [], []
+    for node in scheduler.wiring.nodes.values():
+        if node.state is not State.DONE or node.result is None or node.key is None:
+            stale.append(node.address)
+            continue
+        rule, reads = node.call.rule, tuple(dict.fromkeys(other.address for other in producers(node)))
+        held.append(Held(node.address, rule.path, rule.backend, node.key, node.result, reads, _files(node.call)))
+    asked = [node.address for wish in scheduler.wishes for node in wish.nodes.values()]
+    complete = all(wish.state is State.DONE for wish in scheduler.wishes)
+    if not complete and not stale:
+        stale = [wish.address for wish in scheduler.wishes if wish.state is not State.DONE]
+    return Survey(tuple(dict.fromkeys(asked)), tuple(held), tuple(stale))
+
+
+def as_build(found: Survey, recipe: str, profile: str, closure: Closure, shown: Callable[[Path], str]) -> Build:
+    """A survey without stale nodes as a bundle says it.
+
+    Args:
+        found: The nodes.
+        recipe: Address of the recipe.
+        profile: The profile that it was planned with.
+        closure: Of which nodes the results shall be there.
+        shown: A project file's path as others may see it.
+    """
+    kept = {node.key for node in found.nodes if closure == "full" or node.address in found.targets}
+    nodes = tuple(
+        Entry(
+            node=node.address,
+            rule=node.rule,
+            backend=node.backend,
+            key=node.key,
+            output=node.result.output,
+            result=node.result.digest if node.key in kept else None,
+            seconds=node.result.seconds,
+            depends_on=node.depends_on,
+            files={slot: shown(path) for slot, path in node.files.items()},
+        )
+        for node in sorted(found.nodes, key=lambda node: node.address)
+    )
+    return Build(recipe, found.targets, profile, nodes)
+
+
+def _files(call: Call) -> dict[str, Path]:
+    """Slots that read a file or folder."""
+    found = {}
+    for slot, source in call.inputs.items():
+        parts = source.parts if isinstance(source, Pack) else {"": source}
+        for label, part in parts.items():
+            if isinstance(part, Leaf):
+                found[f"{slot}[{label}]" if label else slot] = part.path
+    return found

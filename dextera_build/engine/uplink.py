@@ -1,0 +1,47 @@
+"""What a run says of its remotes: who was given up, and what was uploaded."""
+
+from __future__ import annotations
+
+import time
+
+from dextera_build.engine import events
+from dextera_build.engine.events import Listener
+from dextera_build.store.remotes.exchange import Exchange
+
+_TICK_S = 0.5
+
+
+class Uplink:
+    """The remotes of a run, and who listens.
+
+    Args:
+        exchange: None where there are no remotes.
+        listen: Takes every event.
+    """
+
+    def __init__(self, exchange: Exchange | None, listen: Listener) -> None:
+        self.exchange, self.listen = exchange, listen
+
+    def tell(self) -> None:
+        """Say which remotes were given up since the last call."""
+        for notice in self.exchange.notices() if self.exchange else ():
+            self.listen(events.RemoteGivenUp(time.time(), notice.remote, notice.address, notice.doing, notice.reason))
+
+    def finish(self) -> None:
+        """Wait for uploads, and say how far they are."""
+        if self.exchange is None:
+            return
+        while left := self.exchange.wait(_TICK_S):
+            total = self.exchange.offered
+            self.tell()
+            self.listen(events.Uploading(time.time(), total - left, total))
+
+    def close(self) -> None:
+        """Let connections go, and say what was uploaded and what was not."""
+        if self.exchange is None:
+            return
+        uploads = self.exchange.close()
+        self.tell()
+        for upload in uploads:
+            left = len(upload.left)
+            self.listen(events.Uploaded(time.time(), upload.remote, upload.results, upload.octets, left, upload.reason))

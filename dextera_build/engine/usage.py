@@ -1,0 +1,139 @@
+"""What a node uses while it runs: processor time, memory, bytes read and written.
+
+The worker measures itself and the children that it waited for; the pool looks at the whole tree of processes from
+outside a few times a second, which also tells how large a worker was that died. A number that the system does not give
+is left out.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import time
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from typing import Protocol
+
+Usage = dict[str, float]
+"""`cpu_seconds`, `memory_bytes` (peak), `read_bytes` and `written_bytes` (by read and write calls, cached or not)."""
+
+PERIOD_S = 0.25
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+
+
+class Meter:
+    """Measures one task after another in the process that runs them."""
+
+    def __init__(self) -> None:
+        self._reset = _open("/proc/self/clear_refs", os.O_WRONLY)
+        self._status = _open("/proc/self/status", os.O_RDONLY)
+        self._io = _open("/proc/self/io", os.O_RDONLY)
+        self._before: tuple[float, int, dict[str, int]] = (0.0, 0, {})
+
+    def begin(self) -> None:
+        """A task begins."""
+        if self._reset >= 0:
+            with suppress(OSError):
+                os.pwrite(self._reset, b"5", 0)  # the peak counts from here
+        self._before = (_cpu_seconds(), _children_peak(), self._bytes())
+
+    def end(self) -> Usage:
+        """What the process used since `begin`."""
+        cpu, children, moved = self._before
+        used: Usage = {"cpu_seconds": round(_cpu_seconds() - cpu, 6)}
+        for name, count in self._bytes().items():
+            used[name] = count - moved.get(name, 0)
+        now = _children_peak()
+        # Of children only the largest of all times is known: it is this task's where that record was broken meanwhile.
+        peak = max(self._peak(), now if now > children else 0)
+        if peak:
+            used["memory_bytes"] = peak
+        return used
+
+    def _peak(self) -> int:
+        """Most that was resident since the last reset, or ever where that is not allowed [bytes]."""
+        for line in _text(self._status).splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+        return 0
+
+    def _bytes(self) -> dict[str, int]:
+        rows = dict(line.split(": ", 1) for line in _text(self._io).splitlines() if ": " in line)
+        known = {"read_bytes": "rchar", "written_bytes": "wchar"}
+        return {name: int(rows[row]) for name, row in known.items() if row in rows}
+
+
+class Watched(Protocol):
+    """A worker as the sampler sees it."""
+
+    pid: int
+    began: float
+    """When its task began, by `time.monotonic`."""
+    peak: int
+    """Most that its tree was seen with since then [bytes]."""
+
+
+class Sampler:
+    """Looks at workers from outside, at most once a period, and only at those whose task runs longer than that."""
+
+    def __init__(self) -> None:
+        self._next = 0.0
+
+    def patience(self, timeout_s: float | None, busy: int) -> float | None:
+        """How long the pool may wait so that the next look is in time."""
+        if not busy:
+            return timeout_s
+        return PERIOD_S if timeout_s is None else min(timeout_s, PERIOD_S)
+
+    def look(self, workers: Iterable[Watched]) -> None:
+        """Note the peaks of `workers`, where it is time."""
+        now = time.monotonic()
+        if now < self._next:
+            return
+        self._next = now + PERIOD_S
+        for worker in workers:
+            if now - worker.began >= PERIOD_S:
+                worker.peak = max(worker.peak, tree_bytes(worker.pid))
+
+
+def with_peak(usage: Mapping[str, float], seen: int) -> Usage:
+    """What a worker said of itself, and the most that its tree was seen with from outside [bytes]."""
+    peak = max(usage.get("memory_bytes", 0), seen)
+    return {**usage, "memory_bytes": peak} if peak else dict(usage)
+
+
+def tree_bytes(root: int) -> int:
+    """Resident memory of a process and all that descends from it; pages that they share count for each [bytes]."""
+    total, stack = 0, [root]
+    while stack:
+        pid = stack.pop()
+        with suppress(OSError, ValueError, IndexError):
+            with open(f"/proc/{pid}/statm") as file:
+                total += int(file.read().split()[1]) * _PAGE
+            for thread in os.listdir(f"/proc/{pid}/task"):
+                with open(f"/proc/{pid}/task/{thread}/children") as file:
+                    stack += [int(child) for child in file.read().split()]
+    return total
+
+
+def _cpu_seconds() -> float:
+    own, children = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
+    return own.ru_utime + own.ru_stime + children.ru_utime + children.ru_stime
+
+
+def _children_peak() -> int:
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
+
+
+def _open(path: str, flags: int) -> int:
+    try:
+        return os.open(path, flags | os.O_CLOEXEC)
+    except OSError:
+        return -1
+
+
+def _text(descriptor: int) -> str:
+    try:
+        return os.pread(descriptor, 1 << 14, 0).decode() if descriptor >= 0 else ""
+    except OSError:
+        return ""

@@ -1,0 +1,52 @@
+"""What a group opens over, and the copies of a matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+from dextera_build.engine.graph import Call, Fixed, Item, Output
+from dextera_build.errors import RecipeError
+from dextera_build.recipe.schema import CallDecl, GroupDecl, MatrixDecl
+
+if TYPE_CHECKING:
+    from dextera_build.recipe.calls import CallMaker
+    from dextera_build.recipe.scope import Bound, Scope
+
+Address = tuple[str, ...]
+Over = Callable[[], "Bound"]
+"""What an `each` names; asked for late, because it may be declared later."""
+
+
+def collection(decl: GroupDecl | MatrixDecl, over: Over | None) -> Output | Item | Fixed:
+    """What the engine opens a group over.
+
+    Raises:
+        RecipeError: It is not what a node returns.
+    """
+    if isinstance(decl, MatrixDecl):
+        return Fixed(tuple(decl.copies))
+    assert over is not None
+    found = over().input
+    if not isinstance(found, Output | Item):
+        raise RecipeError("`each` takes what a node returns", code="DXB-R105", where=decl.each.place)
+    return found
+
+
+def swept(
+    maker: CallMaker, address: Address, decl: MatrixDecl, members: Mapping[str, tuple[CallDecl, Scope]]
+) -> dict[str, dict[str, Call]]:
+    """Label -> member -> its call with the values of that copy, for members that speak of them.
+
+    Raises:
+        UsageError: A setting speaks of a copy that is not there.
+    """
+    maker.refuse_labels(address, decl.copies)
+    return {
+        label: {
+            name: maker.call(call, scope, (*address, name), changed, label)
+            for name, (call, scope) in members.items()
+            if (changed := maker.values(call, values)) or maker.concerns((*address, name), label)
+        }
+        for label, values in decl.copies.items()
+    }

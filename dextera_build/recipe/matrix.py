@@ -1,0 +1,135 @@
+"""Parameter sweeps: from lists of values to labelled copies, all known before anything runs.
+
+`matrix: {voxel_m: [0.001, 0.002], seed: [1, 2]}` gives four copies: `voxel_m=0.001,seed=1`, ... Their options may say
+`$matrix.voxel_m`. The label is no part of a key, so one more value makes new copies and leaves the others alone.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+
+from dextera_build.errors import Place, RecipeError, did_you_mean, listing
+from dextera_build.recipe.strict_yaml import Node
+
+PREFIX = "$matrix."
+_MOST = 10_000
+_TEXT = re.compile(r"[^\[\]/\\,=:\s\x00-\x1f]+")
+
+Values = Mapping[str, Node]
+"""Name -> the value that one copy has."""
+
+
+def copies(lists: Mapping[str, Node], place: Place) -> dict[str, dict[str, Node]]:
+    """Label -> the values of that copy, the last list turning fastest.
+
+    Args:
+        lists: Name -> the list of its values, as written.
+        place: Where the matrix stands.
+
+    Raises:
+        RecipeError: A list is empty, or holds a value twice or one that cannot stand in a label; or too many copies.
+    """
+    if not lists:
+        raise RecipeError("a matrix has at least one list of values", code="DXB-R505", where=place)
+    choices = [[(name, *choice) for choice in _values(name, node)] for name, node in lists.items()]
+    number = math.prod(len(values) for values in choices)
+    if number > _MOST:
+        raise RecipeError(
+            f"the matrix has {number:,} copies, {_MOST:,} are allowed",
+            code="DXB-R506",
+            where=place,
+            facts={name: f"{len(values)} values" for (name, _), values in zip(lists.items(), choices, strict=True)},
+        )
+    return {
+        ",".join(f"{name}={text}" for name, text, _ in combination): {name: node for name, _, node in combination}
+        for combination in itertools.product(*choices)
+    }
+
+
+def _values(name: str, node: Node) -> list[tuple[str, Node]]:
+    if not isinstance(node.value, list) or not node.value:
+        raise RecipeError(
+            f"`{name}` of a matrix is a list of values, this is {node.kind}",
+            code="DXB-R505",
+            where=node.place,
+            hint=f"`{name}: [1, 2]`",
+        )
+    found: dict[str, Node] = {}
+    for item in node.value:
+        text = item.value if isinstance(item.value, str) else json.dumps(item.plain())
+        if isinstance(item.value, dict | list) or not _TEXT.fullmatch(text):
+            raise RecipeError(
+                f"`{text}` cannot stand in the label of a copy",
+                code="DXB-R507",
+                where=item.place,
+                facts={"values": "numbers, true, false, null, and text without spaces and [ ] / \\ , = :"},
+            )
+        if text in found:
+            raise RecipeError(f"`{text}` stands twice in the list", code="DXB-R508", where=item.place)
+        found[text] = item
+    return list(found.items())
+
+
+def filled(arguments: Mapping[str, Node], values: Values) -> dict[str, Node]:
+    """The arguments that speak of the matrix, with the values of one copy in place of `$matrix.name`.
+
+    Raises:
+        RecipeError: The matrix has no such name.
+    """
+    return {name: _filled(node, values) for name, node in arguments.items() if any(references(node))}
+
+
+def _filled(node: Node, values: Values) -> Node:
+    if isinstance(node.value, dict):
+        return node.holding({name: _filled(inner, values) for name, inner in node.value.items()})
+    if isinstance(node.value, list):
+        return node.holding([_filled(inner, values) for inner in node.value])
+    if not _speaks(node):
+        return node
+    name = node.value.removeprefix(PREFIX)
+    if name not in values:
+        raise RecipeError(
+            f"the matrix has no `{name}`",
+            code="DXB-R509",
+            where=node.place,
+            facts={"it has": listing(values)},
+            hint=did_you_mean(name, values, form=f"`{PREFIX}{{}}`"),
+        )
+    return values[name]
+
+
+def refuse_outside(arguments: Mapping[str, Node]) -> None:
+    """Values of a matrix are known to the calls that stand directly in it, and to no other.
+
+    Raises:
+        RecipeError: An argument speaks of one.
+    """
+    for node in arguments.values():
+        for place, text in references(node):
+            raise RecipeError(
+                f"`{text}` names nothing: this call does not stand directly in a matrix",
+                code="DXB-R510",
+                where=place,
+                hint="values of a matrix are for options and backends of its own nodes",
+            )
+
+
+def references(node: Node) -> Iterator[tuple[Place, str]]:
+    """Where in a value `$matrix.name` stands."""
+    stack = [node]
+    while stack:
+        here = stack.pop()
+        if isinstance(here.value, dict):
+            stack += here.value.values()
+        elif isinstance(here.value, list):
+            stack += here.value
+        elif _speaks(here):
+            yield here.place, here.value
+
+
+def _speaks(node: Node) -> bool:
+    return isinstance(node.value, str) and node.value.startswith(PREFIX)

@@ -1,0 +1,59 @@
+"""A graph with fewer nodes: one for each call of a group, for each rule, or for each used recipe."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from dextera_build.report.run import Node
+from dextera_build.report.wording import count
+
+WAYS = ("node", "group", "rule", "recipe")
+"""What a box may stand for; `group` is all copies of a call."""
+
+_LABEL = re.compile(r"\[[^\]]*\]")
+_WORST = ("failed", "waits", "cancelled", "stale", "unknown", "ran", "fetched", "cached", "")
+
+
+def collapse(nodes: Sequence[Node], way: str) -> list[Node]:
+    """One node for all that are alike in the way of `WAYS`: it reads what they read, and has the state of the worst.
+
+    Rules and recipes may read one another in a circle although nodes do not.
+    """
+    if way == "node":
+        return list(nodes)
+    place = {node.address: _name(node, way) for node in nodes}
+    members: dict[str, list[Node]] = {}
+    for node in nodes:
+        members.setdefault(place[node.address], []).append(node)
+    return [_one(index, address, members[address], place) for index, address in enumerate(members)]
+
+
+def _name(node: Node, way: str) -> str:
+    if way == "rule":
+        return node.rule
+    if way == "group":
+        return _LABEL.sub("[*]", node.address)
+    first = node.call[0]
+    cut = max(first.rfind(":"), first.rfind("/"))
+    return first[:cut] if cut > 0 else "(its own nodes)"
+
+
+def _one(index: int, address: str, members: Sequence[Node], place: dict[str, str]) -> Node:
+    sources = dict.fromkeys(place[source] for node in members for source in node.depends_on if source in place)
+    rules = sorted({node.rule for node in members})
+    words = rules[0] if len(rules) == 1 and rules[0] != address else count(len(members), "node")
+    if len(members) > 1 and words == rules[0]:
+        words = f"{len(members)} × {words}"
+    return Node(
+        index=index,
+        address=address,
+        rule=words,
+        backend=None,
+        status=min((node.status for node in members), key=_WORST.index),
+        key=None,
+        output=None,
+        began=0.0,
+        ended=sum(node.seconds for node in members),
+        depends_on=[source for source in sources if source != address],
+    )

@@ -1,0 +1,160 @@
+"""Which blobs belong into a bundle: the same walk decides when it is made and when it is taken.
+
+A result brings all that its output refers to, previews, log and `result.json`. A node without its result brings what
+explains it: its key document, and the headers (not the bytes) of its output. The headers of what each node read come
+too, so that an input can be followed to the node, or to the digest of the project file, that it came from.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from dextera_build.store import header
+from dextera_build.store.actions import ActionResult
+from dextera_build.store.bundle import documents
+from dextera_build.store.bundle.contents import Contents, Node
+from dextera_build.store.bundle.documents import Read
+from dextera_build.store.bundle.refusal import BundleRefused, ill_formed, wrong_result
+from dextera_build.store.cas import is_digest
+
+
+class Closure:
+    """Blobs that nodes need.
+
+    Args:
+        read: Gives the bytes of a document, which need not be what they claim to be.
+    """
+
+    def __init__(self, read: Read) -> None:
+        self._read = read
+        self._direct: dict[str, tuple[list[str], list[str]]] = {}
+        self.blobs: set[str] = set()
+        self.results: dict[str, ActionResult] = {}
+        """Key -> result."""
+
+    def add(self, address: str, node: Node) -> None:
+        """Take in all that a node brings.
+
+        Raises:
+            BundleRefused: A document of it is not what it must be.
+        """
+        document = self._document(address, node)
+        self.blobs.add(node.key)
+        self._refs([node.output, *(digest for _, digest in document["inputs"])], whole=False)
+        if node.result is None:
+            return
+        result = self._result(address, node)
+        if self.results.setdefault(node.key, result) != result:
+            raise wrong_result(address, "another node has the same key and another result")
+        self.blobs |= {node.result, result.key_document, *(digest for _, digest in result.previews)}
+        if result.log is not None:
+            self.blobs.add(result.log)
+        self._refs([node.output], whole=True)
+
+    def _document(self, address: str, node: Node) -> dict[str, Any]:
+        what = f"the key document of `{address}`"
+        document = documents.parse(self._read(node.key), what)
+        reader = documents.Reader(document, what)
+        if reader.text("rule") != node.rule or reader.maybe("backend") != node.backend:
+            raise wrong_result(address, "its key document is that of another rule or backend")
+        for pair in reader.items("inputs"):
+            if not (isinstance(pair, list) and len(pair) == 2 and all(isinstance(part, str) for part in pair)):
+                raise ill_formed(what, "`inputs` are not pairs of slot and digest")
+            if not is_digest(pair[1]):
+                raise ill_formed(what, "an input is not a SHA-256 digest")
+        return document
+
+    def _result(self, address: str, node: Node) -> ActionResult:
+        assert node.result is not None, "asked for nodes that have one"
+        data = self._read(node.result)
+        result = read_result(data, address)
+        if result.key_document != node.key:
+            raise wrong_result(address, "its key document does not have the digest that is its key")
+        if result.output != node.output:
+            raise wrong_result(address, "it names another output than the config")
+        if result.digest != node.result:
+            raise wrong_result(address, "it is not spelled as dxb spells it")
+        return result
+
+    def _refs(self, roots: Iterable[str], *, whole: bool) -> None:
+        """Headers below `roots` through all artifacts; with `whole` their bytes too."""
+        stack = list(roots)
+        seen = set(stack)
+        while stack:
+            digest = stack.pop()
+            refs, blobs = self._directly(digest)
+            self.blobs.add(digest)
+            if whole:
+                self.blobs.update(blobs)
+            fresh = [ref for ref in refs if ref not in seen]
+            seen.update(fresh)
+            stack += fresh
+
+    def _directly(self, digest: str) -> tuple[list[str], list[str]]:
+        if digest not in self._direct:
+            self._direct[digest] = read_header(self._read(digest), digest)
+        return self._direct[digest]
+
+
+def of(contents: Contents, read: Read) -> Closure:
+    """All that the nodes of a bundle bring.
+
+    Raises:
+        BundleRefused: A document is not what it must be.
+    """
+    found = Closure(read)
+    for address, node in contents.nodes():
+        found.add(address, node)
+    return found
+
+
+def read_header(data: bytes, digest: str) -> tuple[list[str], list[str]]:
+    """(artifacts, blobs) that a header which someone else wrote refers to.
+
+    Raises:
+        BundleRefused: It is no header.
+    """
+    what = f"the header `{digest[:12]}`"
+    documents.parse(data, what)
+    try:
+        refs, blobs = header.closure(data)
+        whole = all(isinstance(name, str) and is_digest(name) for name in (*refs, *blobs))
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError):
+        whole = False
+    if not whole:
+        raise ill_formed(what, "it is not that of an artifact")
+    return refs, blobs
+
+
+def read_result(data: bytes, address: str) -> ActionResult:
+    """The result that a `result.json` which someone else wrote spells.
+
+    Raises:
+        BundleRefused: It spells none.
+    """
+    what = f"the result of `{address}`"
+    reader = documents.Reader(documents.parse(data, what), what)
+    try:
+        previews = [documents.Reader({"caption": c, "blob": b}, what) for c, b in reader.items("previews")]
+        metrics = documents.Reader(reader.raw.get("metrics"), what).raw
+        for name, (value, unit) in metrics.items():
+            documents.Reader({"name": name, "unit": unit}, what).text("name")
+            documents.Reader({"name": name, "unit": unit}, what).text("unit")
+            if isinstance(value, bool) or not math.isfinite(value):
+                raise ill_formed(what, "a metric is not a number")
+        return ActionResult(
+            output=reader.digest("output"),
+            line=reader.text("line"),
+            previews=tuple((preview.text("caption"), preview.digest("blob")) for preview in previews),
+            metrics={name: (value, unit) for name, (value, unit) in metrics.items()},
+            # As it stands there: 1 and 1.0 are spelled differently, and so is what is digested.
+            seconds=reader.raw["seconds"] if reader.seconds("seconds") >= 0 else 0.0,
+            log=reader.maybe_digest("log"),
+            key_document=reader.digest("key_document"),
+        )
+    except BundleRefused:
+        raise
+    except (ValueError, TypeError, OverflowError):
+        raise ill_formed(what, "`previews` or `metrics` are not what they must be") from None

@@ -1,0 +1,191 @@
+"""Takes a bundle into a store and believes nothing of it.
+
+Blobs are written under the digest of what came, whatever the bundle says; results are written last, by the same code
+that a build uses, after all of them were checked. What is refused leaves at most blobs behind that nothing names.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from dextera_build.store import files, space
+from dextera_build.store.bundle import checked, closure, oci, tar
+from dextera_build.store.bundle.contents import Contents
+from dextera_build.store.bundle.oci import Descriptor, Manifest, Source
+from dextera_build.store.bundle.refusal import BundleRefused, archive, ill_formed, lacking, too_large
+from dextera_build.store.cas import is_digest
+from dextera_build.store.store import Store
+
+MOST_DOCUMENT = 64 << 20
+"""Bytes of a key document, a header or a `result.json`."""
+_KINDS = {oci.PACK, oci.BLOB, oci.RECIPE}
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A bundle of which the manifest and the config were read and checked."""
+
+    source: Source
+    descriptor: Descriptor
+    manifest: Manifest
+    contents: Contents
+    said: tuple[Descriptor, ...]
+    """Manifests that say something of it: its provenance."""
+
+    @property
+    def size(self) -> int:
+        """Bytes of all layers."""
+        return sum(layer.size for layer in self.manifest.layers)
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What came of taking a bundle."""
+
+    new: int
+    """Results that the store did not have."""
+    known: int
+    """Results that it had, equal ones."""
+    other: tuple[str, ...]
+    """Nodes of which the store has another output under the same key; it keeps its own."""
+
+
+def open_bundle(source: Source) -> Opened:
+    """Read what a bundle says of itself.
+
+    Raises:
+        BundleRefused: It is none, or says what cannot be.
+    """
+    descriptor, *said = source.manifests()
+    manifest = Manifest.read(checked.whole(source, descriptor, "the manifest", oci.MOST_MANIFEST))
+    if manifest.artifact_type != oci.BUNDLE:
+        raise ill_formed("the manifest", f"its artifact type is not `{oci.BUNDLE}`")
+    if manifest.config.media_type != oci.CONFIG:
+        raise ill_formed("the manifest", f"its config is not of type `{oci.CONFIG}`")
+    digests = {manifest.config.digest, *(layer.digest for layer in manifest.layers)}
+    if len(digests) != 1 + len(manifest.layers):
+        raise ill_formed("the manifest", "a layer stands twice")
+    for layer in manifest.layers:
+        if layer.media_type not in _KINDS:
+            raise ill_formed("the manifest", f"`{layer.media_type}` is no type of its layers")
+    contents = Contents.read(checked.whole(source, manifest.config, "the config", oci.MOST_CONFIG))
+    recipes = {layer.digest for layer in manifest.layers if layer.media_type == oci.RECIPE}
+    if recipes != set(contents.recipes.values()):
+        raise ill_formed("the manifest", "its recipes are not those of the config")
+    return Opened(source, descriptor, manifest, contents, tuple(said))
+
+
+def take(bundle: Opened, store: Store) -> Taken:
+    """Put everything of a bundle into a store.
+
+    Raises:
+        BundleRefused: Something in it is not what it must be; no result was written.
+        StoreError: The disk is full, or the store cannot be written.
+    """
+    _refuse_without_room(bundle, store)
+    inbox = _Inbox(bundle, store)
+    for layer in bundle.manifest.layers:
+        inbox.layer(layer)
+    found = closure.of(bundle.contents, inbox.read)
+    missing = sorted(found.blobs - inbox.sizes.keys())
+    if missing:
+        raise lacking(f"{len(missing)} of the blobs that its results name", missing[0])
+    loose = sorted(inbox.sizes.keys() - found.blobs)
+    if loose:
+        raise ill_formed(
+            "a layer", f"it holds blobs that no result names, `{loose[0][:12]}` is the first of {len(loose)}"
+        )
+    return _publish(bundle.contents, found, store)
+
+
+def _publish(contents: Contents, found: closure.Closure, store: Store) -> Taken:
+    """Write the results that the store does not have."""
+    new = known = 0
+    other: list[str] = []
+    done: set[str] = set()
+    for address, node in contents.nodes():
+        if node.result is None or node.key in done:
+            continue
+        done.add(node.key)
+        here = store.actions.get(node.key)
+        if here is None:
+            store.actions.put(node.key, found.results[node.key])
+            new += 1
+        elif here.output == node.output:
+            known += 1
+        else:
+            other.append(address)
+    return Taken(new, known, tuple(other))
+
+
+class _Inbox:
+    """Blobs of a bundle as they come."""
+
+    def __init__(self, bundle: Opened, store: Store) -> None:
+        self.sizes: dict[str, int] = {}
+        self._source = bundle.source
+        self._blobs = store.blobs
+        self._workshop = f"{store.blobs.root}/{files.TEMPORARY}"
+
+    def layer(self, layer: Descriptor) -> None:
+        """Take the blobs of one layer."""
+        chunks = checked.stream(self._source, layer)
+        if layer.media_type == oci.RECIPE:
+            for _ in chunks:  # read for the check alone: recipes are the project's own
+                pass
+        elif layer.media_type == oci.BLOB:
+            self._take(layer.digest, layer.size, chunks)
+        else:
+            for file, pieces in tar.Reader(chunks).files():
+                folder, _, digest = file.name.partition("/")
+                if folder != "cas" or not is_digest(digest):
+                    raise archive(file.name[:200] if file.name.isprintable() else "?", "is not named by a digest")
+                self._take(digest, file.size, pieces)
+
+    def read(self, digest: str) -> bytes:
+        """A small document that came with the bundle."""
+        if digest not in self.sizes:
+            raise lacking("a document that it names", digest)
+        if self.sizes[digest] > MOST_DOCUMENT:
+            raise too_large("a document", self.sizes[digest], MOST_DOCUMENT)
+        return self._blobs.get(digest)
+
+    def _take(self, digest: str, size: int, chunks: Iterator[bytes]) -> None:
+        if digest in self.sizes:
+            raise archive(digest, "stands twice")
+        self.sizes[digest] = size
+        if self._blobs.size(digest) == size:
+            _hash(digest, chunks, None)
+            return
+        with files.new_file(str(self._blobs.path(digest)), workshop=self._workshop) as descriptor:
+            _hash(digest, chunks, descriptor)
+
+
+def _hash(digest: str, chunks: Iterator[bytes], descriptor: int | None) -> None:
+    state = hashlib.sha256()
+    for chunk in chunks:
+        state.update(chunk)
+        if descriptor is not None:
+            files.write_all(descriptor, chunk)
+    if state.hexdigest() != digest:
+        raise BundleRefused(
+            "the bundle is damaged: a blob has other bytes than its name says",
+            code="DXB-S302",
+            facts={"digest": digest},
+            hint="get the bundle again from where it came",
+        )
+
+
+def _refuse_without_room(bundle: Opened, store: Store) -> None:
+    """A bundle may say any size; one that cannot fit is not begun."""
+    state = os.statvfs(store.root)
+    if bundle.size > state.f_bavail * state.f_frsize:
+        raise BundleRefused(
+            "the bundle does not fit on the disk of the store",
+            code="DXB-S308",
+            facts={"bytes": bundle.size, "free": space.free(str(store.root))},
+            hint="make room, or set `DXB_CACHE` to a larger disk",
+        )

@@ -1,0 +1,121 @@
+"""Who vouches for a bundle: its provenance, whose signature it carries, and whether that one is trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+from dextera_build.errors import listing
+from dextera_build.store.bundle import checked, oci, provenance
+from dextera_build.store.bundle.oci import Descriptor, Manifest
+from dextera_build.store.bundle.receive import Opened
+from dextera_build.store.bundle.refusal import BundleRefused, ill_formed
+from dextera_build.store.bundle.signing import Envelope, PublicKey
+
+State: TypeAlias = Literal["trusted", "unknown", "unsigned"]
+_MOST = 64 << 20
+
+
+@dataclass(frozen=True)
+class Voucher:
+    """What is known of where a bundle comes from."""
+
+    state: State
+    """`trusted`: signed by a key that is trusted here. `unknown`: by another key, so nothing is known."""
+    signers: tuple[str, ...] = ()
+    """Names of trusted keys, or ids of the others."""
+    statement: dict[str, Any] = field(default_factory=dict)
+    """The in-toto statement; a signature covers it only where the state is `trusted`."""
+
+    def __str__(self) -> str:
+        """One line."""
+        if self.state == "trusted":
+            return f"signed by {', '.join(self.signers)}, trusted here"
+        return f"signed by {', '.join(self.signers)}, not trusted here" if self.signers else "not signed"
+
+
+def judge(bundle: Opened, keys: Sequence[PublicKey]) -> Voucher:
+    """Read and check all that is said of a bundle.
+
+    Raises:
+        BundleRefused: A signature is wrong, or about another bundle.
+    """
+    found = Voucher("unsigned")
+    for descriptor in bundle.said:
+        vouched = _judge(bundle, descriptor, keys)
+        if found.state == "unsigned" or vouched.state == "trusted":
+            found = vouched
+    return found
+
+
+def require(bundle: Opened, voucher: Voucher, keys: Sequence[PublicKey]) -> None:
+    """Refuse a bundle that no trusted key signed.
+
+    Raises:
+        BundleRefused: None did.
+    """
+    if voucher.state == "trusted":
+        return
+    if voucher.state == "unsigned":
+        message = f"`{bundle.source.name}` is not signed"
+    else:
+        message = f"`{bundle.source.name}` is signed by a key that is not trusted here"
+    raise BundleRefused(
+        message,
+        code="DXB-S309",
+        facts={
+            "signed by": listing(voucher.signers),
+            "trusted": listing(f"{key.name} ({key.id})" for key in keys),
+        },
+        hint="if you trust the signer: `cp SIGNER.pub ~/.config/dxb/trusted_keys/`",
+    )
+
+
+def _judge(bundle: Opened, descriptor: Descriptor, keys: Sequence[PublicKey]) -> Voucher:
+    data = checked.whole(bundle.source, descriptor, "the manifest of the provenance", oci.MOST_MANIFEST)
+    manifest = Manifest.read(data)
+    if len(manifest.layers) != 1:
+        raise ill_formed("the manifest of the provenance", "it does not have one layer")
+    layer = manifest.layers[0]
+    content = checked.whole(bundle.source, layer, "the provenance", _MOST)
+    if layer.media_type == oci.IN_TOTO:
+        subject, statement = provenance.subject_of(content)
+        _refuse_other(bundle, subject)
+        return Voucher("unsigned", (), statement)
+    if layer.media_type != oci.DSSE:
+        raise ill_formed("the manifest of the provenance", f"`{layer.media_type}` is no provenance")
+    envelope = Envelope.read(content)
+    signers = _signers(envelope, keys)
+    subject, statement = provenance.subject_of(envelope.payload)
+    _refuse_other(bundle, subject)
+    if signers:
+        return Voucher("trusted", tuple(signers), statement)
+    return Voucher("unknown", tuple(name for name, _ in envelope.signatures), statement)
+
+
+def _signers(envelope: Envelope, keys: Sequence[PublicKey]) -> list[str]:
+    """Trusted keys that signed; a wrong signature in the name of one of them is not passed over."""
+    names = []
+    for identity, signature in envelope.signatures:
+        for key in keys:
+            if key.verifies(signature, envelope.signed):
+                names.append(f"{key.name} ({key.id})")
+            elif key.id == identity:
+                raise BundleRefused(
+                    f"the bundle says that `{key.name}` signed it, but the signature is wrong",
+                    code="DXB-S310",
+                    facts={"key": key.id},
+                    hint="get the bundle again from where it came",
+                )
+    return names
+
+
+def _refuse_other(bundle: Opened, subject: str) -> None:
+    if subject != bundle.descriptor.digest:
+        raise BundleRefused(
+            "the provenance is that of another bundle",
+            code="DXB-S311",
+            facts={"about": f"sha256:{subject}", "bundle": f"sha256:{bundle.descriptor.digest}"},
+            hint="get the bundle again from where it came",
+        )

@@ -1,0 +1,121 @@
+"""What a store holds, as its folders say it: blobs and results with size and last use, and what is only left over."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dextera_build.store import files
+from dextera_build.store.cas import is_digest
+from dextera_build.store.reapi import decode
+from dextera_build.store.store import Store
+
+
+@dataclass(frozen=True)
+class Kept:
+    """One result."""
+
+    size: int
+    """Bytes of the entry itself."""
+    used: float
+    """Last use (seconds since the epoch)."""
+    needs: tuple[str, ...]
+    """Digests of the blobs that it names, each once."""
+
+
+@dataclass
+class Inventory:
+    """What lies in a store at one time."""
+
+    blobs: dict[str, tuple[int, float]] = field(default_factory=dict)
+    """Digest -> (bytes, last use)."""
+    results: dict[str, Kept] = field(default_factory=dict)
+    """Key -> result, those that are whole."""
+    broken: dict[str, Kept] = field(default_factory=dict)
+    """Key -> result that cannot be read or lacks a blob: a miss for every build."""
+    keep: dict[str, tuple[int, float]] = field(default_factory=dict)
+    """Key -> (bytes, last use) of the folders in which calls saved their progress."""
+
+    def bytes(self) -> int:
+        """Size of all of it."""
+        entries = (*self.results.values(), *self.broken.values())
+        sizes = (*self.blobs.values(), *self.keep.values())
+        return sum(entry.size for entry in entries) + sum(size for size, _ in sizes)
+
+
+def read(store: Store) -> Inventory:
+    """Look at everything; nothing is changed, and no use is noted."""
+    found = Inventory()
+    # Entries first: what is published meanwhile then has blobs that no entry names, which are too young to go.
+    entries = dict(results(store))
+    found.blobs = {digest: (size, used) for digest, size, used in listing(store.blobs.root)}
+    for key, (entry, sizes) in entries.items():
+        whole = bool(sizes) and all(found.blobs.get(name, (-1, 0))[0] == size for name, size in sizes.items())
+        (found.results if whole else found.broken)[key] = entry
+    for key, size in store.keep.all():
+        with suppress(OSError):
+            found.keep[key] = (size, _last_change(store.keep.path(key)))
+    return found
+
+
+def results(store: Store, known: frozenset[str] = frozenset()) -> Iterator[tuple[str, tuple[Kept, dict[str, int]]]]:
+    """Every result but those of `known` keys: key, what it is, and digest -> size of the blobs that it names."""
+    names: dict[str, str] = {}
+    for key, size, used in listing(store.actions.root):
+        if key in known:
+            continue
+        sizes: dict[str, int] = {}
+        with suppress(OSError, ValueError, IndexError, KeyError):
+            for file in decode(files.read(f"{store.actions.root}/{key[:2]}/{key[2:]}")):
+                sizes[names.setdefault(file.digest, file.digest)] = file.size
+        yield key, (Kept(size, used, tuple(sizes)), sizes)
+
+
+def listing(root: Path) -> Iterator[tuple[str, int, float]]:
+    """Every file `ab/cdef...` below `root` whose name is a digest: (digest, bytes, last use)."""
+    for shard in _scan(str(root)):
+        if len(shard.name) == 2 and shard.is_dir(follow_symlinks=False):
+            for entry in _scan(shard.path):
+                if is_digest(shard.name + entry.name):
+                    with suppress(FileNotFoundError):
+                        state = entry.stat(follow_symlinks=False)
+                        yield shard.name + entry.name, state.st_size, state.st_mtime
+
+
+def leftovers(store: Store) -> Iterator[tuple[str, int, float]]:
+    """Unfinished files of processes that were killed, and damaged blobs set aside: (path, bytes, last change)."""
+    for folder, below, names in os.walk(store.root):
+        if folder == str(store.root):
+            below[:] = [name for name in below if name in ("cas", "ac", "local")]
+        aside = folder == str(store.local / "quarantine")
+        if folder == str(store.local):
+            below[:] = [name for name in below if name != "keep"]
+        for name in names:
+            if aside or name.startswith(files.TEMPORARY):
+                path = os.path.join(folder, name)
+                with suppress(FileNotFoundError):
+                    state = os.lstat(path)
+                    yield path, state.st_size, state.st_mtime
+
+    for left in store.keep.root.glob(f"{files.TEMPORARY}-*"):
+        with suppress(FileNotFoundError):
+            yield str(left), 0, os.lstat(left).st_mtime
+
+
+def _last_change(folder: Path) -> float:
+    found = os.stat(folder).st_mtime
+    for place, _, names in os.walk(folder):
+        for name in names:
+            with suppress(OSError):
+                found = max(found, os.lstat(os.path.join(place, name)).st_mtime)
+    return found
+
+
+def _scan(folder: str) -> list[os.DirEntry[str]]:
+    try:
+        return sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except (FileNotFoundError, NotADirectoryError):
+        return []

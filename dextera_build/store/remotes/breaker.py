@@ -1,0 +1,180 @@
+"""Keeps a remote that fails from costing more than a few time-outs.
+
+What fails is tried once more. After a few faults in a row, or a refusal, the remote is left alone for the rest of the
+build, and that is said once. Reading and writing are two matters: a server that takes no results may still give some.
+"""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import BinaryIO, Literal, TypeVar
+
+from dextera_build.errors import DxbError, StoreError
+from dextera_build.store.remotes.remote import Digest, Remote, RemoteFault
+
+T = TypeVar("T")
+Doing = Literal["read", "write"]
+
+_FAULTS = 3
+_PAUSE_S = 0.2
+_SLOWEST = 16 << 10  # bytes a second; what is slower counts as standing still
+_PATIENCE = 3  # an answer may take so many times the time-out, however it drips
+_EACH_S = 0.05  # more for each blob of a long list
+
+
+@dataclass(frozen=True)
+class GivenUp:
+    """A remote was left alone."""
+
+    remote: str
+    """Its name."""
+    address: str
+    doing: Literal["read", "write", "both"]
+    reason: str
+
+
+class Guarded:
+    """A remote with a circuit breaker; itself a `Remote`, for one build.
+
+    Args:
+        name: What people call the remote.
+        address: What to show of where it is.
+        opener: Connects; called when the remote is first needed.
+        timeout_s: How long the remote waits for an answer [s].
+        mode: `r`, `w` or `rw`.
+    """
+
+    def __init__(
+        self, name: str, address: str, opener: Callable[[], Remote], *, timeout_s: float = 10.0, mode: str = "rw"
+    ) -> None:
+        self.name, self.address, self._timeout_s = name, address, timeout_s
+        self.given_up: list[GivenUp] = []
+        self.reasons: dict[Doing, str] = {}
+        self._may: dict[Doing, bool] = {"read": "r" in mode, "write": "w" in mode}
+        self._faults: dict[Doing, int] = {"read": 0, "write": 0}
+        self._damaged = 0
+        self._opener, self._remote = opener, None
+        self._guard, self._opening = threading.Lock(), threading.Lock()
+        self._under_way: dict[int, float] = {}
+        self._numbers = itertools.count()
+
+    _remote: Remote | None
+
+    def may(self, doing: Doing) -> bool:
+        """Whether the remote is still asked."""
+        return self._may[doing]
+
+    def get_action(self, key: Digest) -> bytes | None:
+        """As `Remote`."""
+        return self._call("read", lambda remote: remote.get_action(key))
+
+    def put_action(self, key: Digest, message: bytes) -> None:
+        """As `Remote`."""
+        self._call("write", lambda remote: remote.put_action(key, message), len(message))
+
+    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
+        """As `Remote`; asked before writing."""
+        return self._call("write", lambda remote: remote.missing(digests), 0, len(digests))
+
+    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
+        """As `Remote`; the second try asks for what has not come."""
+        came: set[Digest] = set()
+
+        def note(digest: Digest, pieces: Iterator[bytes]) -> None:
+            take(digest, pieces)
+            came.add(digest)
+
+        def work(remote: Remote) -> None:
+            remote.fetch([digest for digest in digests if digest not in came], note)
+
+        self._call("read", work, sum(digest.size for digest in digests), len(digests))
+
+    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
+        """As `Remote`."""
+        octets = sum(digest.size for digest in digests)
+        self._call("write", lambda remote: remote.send(digests, give), octets, len(digests))
+
+    def close(self) -> None:
+        """Ask the remote nothing more, and let connections go."""
+        self._may = {"read": False, "write": False}
+        if self._remote is not None:
+            self._remote.close()
+
+    def blame(self, fault: RemoteFault) -> None:
+        """Bytes came that were not those asked for; a few times, and nothing is read any more."""
+        with self._guard:
+            self._damaged += 1
+            if self._damaged >= _FAULTS:
+                self._give_up("read", fault.reason)
+
+    def watch(self) -> None:
+        """Give the remote up where a call takes longer than it may, and end that call."""
+        now = time.monotonic()
+        with self._guard:
+            late = any(now > deadline for deadline in self._under_way.values()) and any(self._may.values())
+            if late:
+                self._give_up("both", "it answers too slowly")
+        if late:
+            self.close()
+
+    def _call(self, doing: Doing, work: Callable[[Remote], T], octets: int = 0, parts: int = 1) -> T:
+        patience = _PATIENCE * self._timeout_s + octets / _SLOWEST + parts * _EACH_S
+        for last in (False, True):
+            if not self._may[doing]:
+                raise RemoteFault(self.address, self.reasons.get(doing, "it is not used"))
+            try:
+                done = self._watched(work, patience)
+            except RemoteFault as fault:
+                # Where another call failed, too, the second try of each would only double the wait.
+                if last or fault.refused or self._faults[doing]:
+                    self._count(doing, fault)
+                    raise
+                time.sleep(_PAUSE_S)
+            else:
+                self._faults[doing] = 0
+                return done
+        raise AssertionError("a second try returns or raises")
+
+    def _watched(self, work: Callable[[Remote], T], patience_s: float) -> T:
+        number = next(self._numbers)
+        with self._guard:
+            self._under_way[number] = time.monotonic() + patience_s
+        try:
+            return work(self._connected())
+        except (RemoteFault, StoreError):
+            raise
+        except Exception as error:  # a library that raises what it does not declare must not end a build
+            reason = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
+            raise RemoteFault(self.address, reason) from error
+        finally:
+            with self._guard:
+                del self._under_way[number]
+
+    def _connected(self) -> Remote:
+        with self._opening:
+            if self._remote is None:
+                try:
+                    self._remote = self._opener()
+                except DxbError as error:
+                    hint = f" ({error.hint})" if error.hint else ""
+                    raise RemoteFault(self.address, f"{error.message}{hint}", refused=True) from None
+            return self._remote
+
+    def _count(self, doing: Doing, fault: RemoteFault) -> None:
+        with self._guard:
+            self._faults[doing] += 1
+            if self._may[doing] and (fault.refused or self._faults[doing] >= _FAULTS):
+                # A server that says no to one may say yes to the other; one that is away is away for both.
+                self._give_up(doing if fault.refused else "both", fault.reason)
+
+    def _give_up(self, doing: Literal["read", "write", "both"], reason: str) -> None:
+        each: tuple[Doing, ...] = ("read", "write") if doing == "both" else (doing,)
+        if any(self._may[one] for one in each):
+            self.given_up.append(GivenUp(self.name, self.address, doing, reason))
+        for one in each:
+            self._may[one] = False
+            self.reasons.setdefault(one, reason)

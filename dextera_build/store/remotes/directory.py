@@ -1,0 +1,127 @@
+"""A folder as a remote: a network share, or another store, in the layout of the store.
+
+Files are written aside and renamed, so no locks are needed; on NFS, too, a reader sees all of a file or none.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from dextera_build.errors import StoreError
+from dextera_build.store import files
+from dextera_build.store.remotes.crew import Crew
+from dextera_build.store.remotes.remote import MOST_ENTRY, Digest, RemoteFault
+
+_CHUNK = 1 << 20
+_THREADS = 8
+
+
+class Directory:
+    """Blobs under `cas/ab/cdef...` and results under `ac/ab/cdef...` of one folder.
+
+    Args:
+        root: The folder; made with the first thing that is written, where the folder around it is there.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.address = str(root)
+        self._root = root
+        self._crew = Crew(_THREADS, f"dxb {root.name}")
+
+    def get_action(self, key: Digest) -> bytes | None:
+        """The `ActionResult` message under a key, or None."""
+        try:
+            with open(self._file("ac", key), "rb") as file:
+                size = os.fstat(file.fileno()).st_size
+                if size > MOST_ENTRY:
+                    raise RemoteFault(self.address, f"the entry of `{key.hash[:12]}` has {size:,} bytes")
+                return file.read(size)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise self._fault(error) from None
+
+    def put_action(self, key: Digest, message: bytes) -> None:
+        """Publish a result, all of whose blobs the folder holds."""
+        with self._writing("ac", key) as target:
+            files.write_all(target, message)
+
+    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
+        """Those that the folder lacks, or holds with another size."""
+        lacking: set[Digest] = set()
+
+        def look(digest: Digest) -> None:
+            try:
+                if os.stat(self._file("cas", digest)).st_size == digest.size:
+                    return
+            except FileNotFoundError:
+                pass
+            except OSError as error:
+                raise self._fault(error) from None
+            lacking.add(digest)
+
+        self._crew.each(look, digests)
+        return lacking
+
+    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
+        """Hand `take` the bytes of every blob that the folder holds."""
+        self._crew.each(lambda digest: self._fetch_one(digest, take), digests)
+
+    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
+        """Copy blobs into the folder."""
+
+        def send_one(digest: Digest) -> None:
+            with (
+                give(digest) as source,
+                self._writing("cas", digest) as target,
+                open(target, "wb", closefd=False) as to,
+            ):
+                shutil.copyfileobj(source, to, _CHUNK)
+
+        self._crew.each(send_one, digests)
+
+    def close(self) -> None:
+        """Let the threads go."""
+        self._crew.dismiss()
+
+    def _fetch_one(self, digest: Digest, take: Callable[[Digest, Iterator[bytes]], None]) -> None:
+        try:
+            file = open(self._file("cas", digest), "rb")  # noqa: SIM115 - closed below; only opening may find nothing
+        except FileNotFoundError:
+            return
+        except OSError as error:
+            raise self._fault(error) from None
+        with file:
+            take(digest, self._pieces(file))
+
+    def _pieces(self, file: BinaryIO) -> Iterator[bytes]:
+        try:
+            while piece := file.read(_CHUNK):
+                yield piece
+        except OSError as error:
+            raise self._fault(error) from None
+
+    def _file(self, kind: str, digest: Digest) -> str:
+        return f"{self._root}/{kind}/{digest.hash[:2]}/{digest.hash[2:]}"
+
+    @contextmanager
+    def _writing(self, kind: str, digest: Digest) -> Iterator[int]:
+        if not self._root.parent.is_dir():
+            raise RemoteFault(self.address, f"there is no folder `{self._root.parent}`", refused=True)
+        workshop = f"{self._root}/{kind}/{files.TEMPORARY}"
+        try:
+            with files.new_file(self._file(kind, digest), workshop=workshop) as target:
+                yield target
+        except StoreError as error:
+            system = error.facts.get("system says", error.message)
+            raise RemoteFault(self.address, f"nothing can be written there: {system}", refused=True) from None
+        except OSError as error:
+            raise self._fault(error) from None
+
+    def _fault(self, error: OSError) -> RemoteFault:
+        return RemoteFault(self.address, error.strerror or str(error), refused=isinstance(error, PermissionError))

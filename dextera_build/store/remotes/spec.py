@@ -1,0 +1,119 @@
+"""What is said of one remote: its name, address, mode; from the table `remotes` of the settings, or by its address."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from dextera_build.errors import UsageError, did_you_mean, listing
+
+MODES = ("r", "rw", "w", "off")
+SCHEMES = ("http", "https", "s3", "gs", "az", "grpc", "grpcs", "file")
+LOCAL, EVERY = "local", "remote"
+_NAME = re.compile(r"[a-z][a-z0-9_-]*")
+_SECRET = re.compile(r"key|secret|token|password|credential|sas", re.IGNORECASE)
+_TIMEOUT_S = 10.0
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One remote: where it is, and what may be done with it."""
+
+    name: str
+    address: str
+    """A URL, or a folder; may hold `${NAME}` for a variable of the environment."""
+    mode: str = "r"
+    timeout_s: float = _TIMEOUT_S
+    """How long to wait for an answer [s]."""
+    options: Mapping[str, str] = field(default_factory=dict)
+    """More for the library that speaks to an object store: `endpoint`, `region`, ..."""
+
+    @property
+    def shown(self) -> str:
+        """The address without secrets."""
+        return mask(self.address)
+
+    def below(self, root: Path) -> Spec:
+        """The same remote; a folder that is relative is taken from `root`."""
+        if "://" in self.address or self.address.startswith(("/", "~", "$")):
+            return self
+        return replace(self, address=os.path.normpath(root / self.address))
+
+    def __str__(self) -> str:
+        """As `dxb show --config` prints it; no secrets."""
+        more = {name: "***" if _SECRET.search(name) else value for name, value in self.options.items()}
+        if self.timeout_s != _TIMEOUT_S:
+            more["timeout_s"] = f"{self.timeout_s:g}"
+        return " ".join([self.shown, self.mode, *(f"{name}={value}" for name, value in more.items())])
+
+
+def mask(address: str) -> str:
+    """An address without what stands before its `@`."""
+    return re.sub(r"(?<=://)[^/@]*(?:@[^/@]*)*@", "***@", address)
+
+
+def from_table(table: Mapping[str, Any], where: str) -> dict[str, Spec]:
+    """The remotes of a settings file: name -> address, or name -> {address, mode, timeout_s, ...}.
+
+    Raises:
+        UsageError: A name, address or mode is wrong.
+    """
+    found = {}
+    for name, value in table.items():
+        if not _NAME.fullmatch(name) or name in (LOCAL, EVERY):
+            raise UsageError(
+                f"`{name}` cannot be the name of a remote",
+                code="DXB-U130",
+                facts={"from": where, "names": "lower-case letters, digits, `-` and `_`; not `local`, not `remote`"},
+            )
+        body = dict(value) if isinstance(value, Mapping) else {"address": value}
+        address, mode, patience = body.pop("address", None), body.pop("mode", "r"), body.pop("timeout_s", _TIMEOUT_S)
+        if not isinstance(address, str) or not address:
+            raise UsageError(f"remote `{name}` has no address", code="DXB-U131", facts={"from": where})
+        if not isinstance(patience, int | float) or isinstance(patience, bool) or patience <= 0:
+            raise UsageError(f"`timeout_s` of remote `{name}` is not a time", code="DXB-U131", facts={"from": where})
+        options = {option: str(setting) for option, setting in body.items()}
+        found[name] = Spec(name, _checked(address), _mode(str(mode), name), float(patience), options)
+    return found
+
+
+def named(what: str, known: Mapping[str, Spec]) -> Spec:
+    """The remote of a name, URL or folder.
+
+    Raises:
+        UsageError: It is none of these.
+    """
+    return known.get(what) or _by_address(what, known)
+
+
+def _by_address(what: str, known: Mapping[str, Spec]) -> Spec:
+    if "://" in what or what.startswith(("/", "./", "../", "~")):
+        return Spec(mask(what), _checked(what))
+    raise UsageError(
+        f"no remote is called `{what}`",
+        code="DXB-U133",
+        facts={"remotes": listing(known), "or": "a URL, or a folder that begins with `/`, `./` or `~`"},
+        hint=did_you_mean(what, known) or f'in `dxb.toml`: [remotes] {what} = "https://host/prefix"',
+    )
+
+
+def _mode(mode: str, name: str) -> str:
+    if mode not in MODES:
+        raise UsageError(f"`{mode}` is not a mode of remote `{name}`", code="DXB-U132", facts={"modes": listing(MODES)})
+    return mode
+
+
+def _checked(address: str) -> str:
+    scheme, separator, rest = address.partition("://")
+    if separator and (scheme not in SCHEMES or not rest.strip("/")):
+        raise UsageError(
+            f"`{mask(address)}` is not the address of a remote",
+            code="DXB-U131",
+            facts={"schemes": listing(SCHEMES), "or": "a folder"},
+            hint=did_you_mean(scheme, SCHEMES, "`{}://`"),
+        )
+    return address

@@ -1,0 +1,96 @@
+"""Builds announce themselves, so that a collection takes nothing that they need.
+
+An announcement is a small file whose time is the start of the build, and a lock that dies with the process. A
+collection that finds nobody announced holds the lock `_ALONE`, and builds that start meanwhile wait for its end.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from dextera_build import digest as digests
+from dextera_build.errors import StoreError
+from dextera_build.store import files
+from dextera_build.store.locks import Locks
+
+_ALONE = digests.of_bytes(b"a collection that no build may disturb")
+_ONE = digests.of_bytes(b"one collection at a time")
+_PATIENCE_S = 0.01
+_FORGOTTEN_S = 7 * 86400.0
+"""An announcement of this age counts as dead where locks cannot tell."""
+
+
+class Running:
+    """The builds that run now on one store.
+
+    Args:
+        folder: Where announcements lie.
+        locks: Tell the living from the dead.
+    """
+
+    def __init__(self, folder: Path, locks: Locks) -> None:
+        self._folder = folder
+        self._locks = locks
+
+    @contextmanager
+    def announced(self) -> Iterator[None]:
+        """Be a running build for the block; waits for a collection that has the store to itself.
+
+        A store that cannot be written gets no announcement, and its builds no protection.
+        """
+        name = files.unique()
+        path, lock = str(self._folder / name), _lock(name)
+        self._locks.take(lock)
+        try:
+            # Without a blob's mode: whoever collects may have to remove it.
+            with suppress(StoreError):
+                files.write(path, json.dumps({"pid": os.getpid(), "host": socket.gethostname()}).encode(), 0o644)
+            while self._locks.is_held_elsewhere(_ALONE):
+                time.sleep(_PATIENCE_S)
+            yield
+        finally:
+            with suppress(OSError):
+                os.unlink(path)
+            self._locks.release(lock)
+
+    def starts(self) -> list[float]:
+        """When the builds began that run now (seconds since the epoch); announcements of dead ones are removed."""
+        found = []
+        known = self._folder.iterdir() if self._folder.is_dir() else ()
+        for path in known:
+            if path.name.startswith(files.TEMPORARY):
+                continue
+            with suppress(OSError):
+                began = path.stat().st_mtime
+                if self._is_dead(path.name, began):
+                    path.unlink()
+                else:
+                    found.append(began)
+        return sorted(found)
+
+    @contextmanager
+    def collecting(self) -> Iterator[bool]:
+        """Be the one collection for the block; True: no build runs, and none starts before it ends."""
+        with self._locks.hold(_ONE), self._locks.hold(_ALONE):
+            alone = self._locks.reliable() and not self.starts()
+            if not alone:
+                self._locks.release(_ALONE)
+            yield alone
+
+    def _is_dead(self, name: str, began: float) -> bool:
+        if not self._locks.reliable():
+            return began < time.time() - _FORGOTTEN_S
+        if not self._locks.take(_lock(name)):
+            return False
+        self._locks.release(_lock(name))
+        return True
+
+
+def _lock(name: str) -> str:
+    return digests.of_bytes(f"build {name}".encode())

@@ -1,0 +1,48 @@
+"""Several machines, each a store of its own, and a server between them."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from tests.e2e.space import Answer, Space
+
+EVERY = {"start", "words", "all", *(f"word[{w}].{n}" for w in ("one", "two") for n in ("loud", "louder"))}
+"""The nodes of `say/words`."""
+
+
+def machine(space: Space, name: str, *words: str, use: str = "") -> Answer:
+    """Build on a machine with a store of its own; `use` is the list of remotes."""
+    return space.dxb("build", "--console", "jsonl", *words, env={"DXB_CACHE": name, "DXB_REMOTES": use})
+
+
+def results(space: Space, name: str) -> dict[str, bytes]:
+    """Every result and blob of a store."""
+    folders = [space.root / name / kind for kind in ("ac", "cas")]
+    return {
+        str(path.relative_to(space.root / name)): path.read_bytes()
+        for f in folders
+        for path in f.rglob("*")
+        if path.is_file()
+    }
+
+
+def uploads(answer: Answer) -> list[tuple[int, int]]:
+    return [(event["results"], event["left"]) for event in answer.events if event["event"] == "uploaded"]
+
+
+def given_up(answer: Answer) -> list[dict]:
+    return [event for event in answer.events if event["event"] == "remote_given_up"]
+
+
+@contextmanager
+def serving(space: Space, name: str, *words: str) -> Iterator[str]:
+    server = space.start("cache", "serve", "--port", "0", "--cache", name, *words)
+    try:
+        assert server.stdout is not None
+        yield server.stdout.readline().strip()
+    finally:
+        server.send_signal(signal.SIGINT)
+        _, said = server.communicate(timeout=20)
+        assert server.returncode == 0, said

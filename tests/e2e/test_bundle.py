@@ -1,0 +1,201 @@
+"""`dxb bundle` from one project and store to another, through the real `dxb`."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.space import Space
+
+RECIPE = """summary: A file, louder.
+inputs:
+  text: in/text.txt
+nodes:
+  loud: {rule: toy.shout, text: $text}
+  words: {rule: toy.split, text: $loud}
+  word:
+    each: $words
+    as: word
+    nodes:
+      louder: {rule: toy.shout, text: $word, times: 3}
+  all: {rule: toy.join, texts: $word.louder}
+targets:
+  default: [all]
+"""
+
+
+@pytest.fixture
+def there(space: Space, tmp_path_factory: pytest.TempPathFactory) -> Space:
+    """A second project with the same recipes and rules, and a store of its own; the first has built."""
+    space.write("recipes/say/file.yaml", RECIPE)
+    space.write("in/text.txt", "some text\n")
+    other = Space(tmp_path_factory.mktemp("there"))
+    for name in (
+        "dxb.toml",
+        *(str(path.relative_to(space.root)) for path in space.root.rglob("*.*") if path.is_file()),
+    ):
+        other.write(name, (space.root / name).read_text())
+    assert space.build("say/file").code == 0
+    return other
+
+
+def bundle(space: Space, *more: str, name: str = "words.tar") -> str:
+    done = space.dxb("bundle", "create", "say/file", "-o", name, *more)
+    assert done.code == 0, done.err
+    return str(space.root / name)
+
+
+def test_a_result_goes_to_another_project(space, there):
+    file = bundle(space)
+    done = there.dxb("bundle", "import", file)
+    assert done.code == 0, done.err
+    assert done.out.split("\t")[0] == "say/file:all"
+    assert "6 nodes, 1 with results: 1 new, 0 known" in done.err
+    assert "not signed" in done.err
+    assert "nobody whom you trust vouches for it" in done.err
+    assert there.dxb("get", "say/file:all", "-o", "got").code == 0
+    assert (there.root / "got" / "all").read_bytes() == (space.root / "cache/out/say/file/all/all").read_bytes()
+    assert there.dxb("get", "say/file:loud").code == 1
+    built = there.build("say/file")
+    assert built.nodes("cached") == {"all"}
+    assert (there.root / "cache/out/say/file/all/all").exists()
+
+
+def test_a_full_bundle_leaves_nothing_to_build(space, there):
+    there.dxb("bundle", "import", bundle(space, "--closure", "full"))
+    built = there.build("say/file")
+    assert built.nodes("ran") == set()
+    assert len(built.nodes("cached")) == 6
+    there.write("in/text.txt", "some other text\n")
+    built = there.build("say/file")
+    assert "loud" in built.nodes("ran")
+    assert "word[SOME].louder" in built.nodes("cached")
+
+
+def test_an_imported_result_is_explained_as_the_one_that_was_built(space, there):
+    there.dxb("bundle", "import", bundle(space))
+    here, elsewhere = (project.dxb("show", "--lineage", "say/file:all") for project in (space, there))
+    told = [line for line in here.out.splitlines() if "in/text.txt" in line]
+    assert len(told) == 1
+    assert told[0] in elsewhere.out
+    for name in ("word[SOME].louder", "loud\ttoy.shout version 1", "option times"):
+        assert name in elsewhere.out
+    assert "does not know where it came from" not in elsewhere.out
+    there.write("in/text.txt", "other")
+    assert "in/text.txt" in there.dxb("why", "say/file:loud").out
+    assert there.dxb("ls", "runs").out.count("say/file") == 1
+
+
+def test_equal_targets_give_equal_bytes(space, there):
+    one = Path(bundle(space, name="one.tar")).read_bytes()
+    assert space.build("say/file").code == 0
+    assert Path(bundle(space, name="two.tar")).read_bytes() == one
+    done = space.dxb("bundle", "create", "say/file", "-o", "then.tar", env={"SOURCE_DATE_EPOCH": "0"})
+    assert done.code == 0
+    assert "created\t1970-01-01T00:00:00Z" in space.dxb("bundle", "inspect", "then.tar").out
+    wrong = space.dxb("bundle", "create", "say/file", "-o", "then.tar", env={"SOURCE_DATE_EPOCH": "now"})
+    assert (wrong.code, "DXB-U145" in wrong.err) == (2, True)
+
+
+def test_inspect_says_what_is_inside(space, there):
+    file = bundle(space)
+    rows = dict(line.split("\t", 1) for line in there.dxb("bundle", "inspect", file).out.splitlines())
+    assert rows["target"] == "say/file:all"
+    assert rows["nodes"] == "6"
+    assert rows["results"] == "1"
+    assert rows["input files"] == "1"
+    assert rows["signature"] == "not signed"
+    assert there.dxb("bundle", "inspect", file, "--recipe", "say/file").out == RECIPE
+    wrong = there.dxb("bundle", "inspect", file, "--recipe", "say/fil")
+    assert (wrong.code, "DXB-U148" in wrong.err, "did you mean `say/file`?" in wrong.err) == (2, True, True)
+    raw = json.loads(there.dxb("bundle", "inspect", file, "--json").out)
+    kinds = raw["provenance"]["predicate"]["buildDefinition"]["resolvedDependencies"]
+    assert {"in/text.txt", "say/file", "toy.join", "toy.shout", "toy.split"} == {kind["name"] for kind in kinds}
+    assert raw["provenance"]["subject"][0]["digest"]["sha256"] == raw["digest"].removeprefix("sha256:")
+
+
+def test_only_who_is_trusted_is_believed(space, there):
+    assert space.dxb("bundle", "keygen", "anna", "--name", "anna@lab").code == 0
+    file = bundle(space, "--sign", "anna")
+    wrong = there.dxb("bundle", "import", "--require-signed", file)
+    assert (wrong.code, "DXB-S309" in wrong.err, "not trusted here" in wrong.err) == (1, True, True)
+    assert "say/file" not in there.dxb("ls", "runs").out
+    there.write("trusted/anna.pub", (space.root / "anna.pub").read_text())
+    there.write("dxb.toml", 'cache = "cache"\ntrusted_keys = "trusted"\nrequire_signed = true\n')
+    done = there.dxb("bundle", "import", file)
+    assert (done.code, "signed by anna@lab (SHA256:" in done.err) == (0, True)
+    assert "nobody whom you trust" not in done.err
+    wrong = there.dxb("bundle", "import", bundle(space, name="unsigned.tar"))
+    assert (wrong.code, "is not signed" in wrong.err, "anna@lab" in wrong.err) == (1, True, True)
+    there.write("dxb.toml", 'trusted_keys = ["trusted", "nowhere"]\n')
+    wrong = there.dxb("bundle", "import", file)
+    assert (wrong.code, "DXB-U149" in wrong.err, "nowhere" in wrong.err) == (2, True, True)
+
+
+def test_the_keys_of_the_user_count(space, there):
+    space.dxb("bundle", "keygen", "anna")
+    file = bundle(space, "--sign", "anna")
+    there.write(".config/dxb/trusted_keys/anna.pub", (space.root / "anna.pub").read_text())
+    assert there.dxb("bundle", "import", "--require-signed", file).code == 0
+
+
+def test_what_is_not_built_is_not_bundled(space, there):
+    space.edit("recipes/say/file.yaml", "times: 3", "times: 4")
+    wrong = space.dxb("bundle", "create", "say/file", "-o", "x.tar")
+    assert (wrong.code, "DXB-U142" in wrong.err, "`dxb build say/file`" in wrong.err) == (2, True, True)
+    assert not (space.root / "x.tar").exists()
+
+
+def test_a_blob_that_was_damaged_here_is_not_bundled(space, there):
+    found = json.loads(space.dxb("show", "--json", "say/file:all").out)
+    blob = space.root / "cache" / "cas" / found["output"][:2] / found["output"][2:]
+    good = blob.read_bytes()
+    os.chmod(blob, 0o644)
+    blob.write_bytes(good[:-1] + b"?")
+    wrong = space.dxb("bundle", "create", "say/file", "-o", "x.tar")
+    assert (wrong.code, "damaged" in wrong.err) == (1, True)
+    assert not (space.root / "x.tar").exists()
+
+
+def test_words_that_are_wrong_are_explained(space, there):
+    for words, code in (
+        (("create", "say/file", "-o", "x.zip"), "DXB-U140"),
+        (("create", "say/file", "-o", "in"), "DXB-U141"),
+        (("create", "say/nothing", "-o", "x.tar"), "DXB-U108"),
+        (("create", "say/file:nothing", "-o", "x.tar"), "DXB-U110"),
+        (("create", "say/file", "-o", "x.tar", "--sign", "nothing"), "DXB-U144"),
+        (("import", "nothing.tar"), "DXB-U146"),
+        (("import", "dxb.toml"), "DXB-S301"),
+        (("inspect", "in"), "DXB-S301"),
+        (("pull", "localhost/x:v1", "-o", "x.tar"), "DXB-U147"),
+        (("push", "say/file", "localhost/x:v1"), "DXB-U147"),
+        (("push", "say/file", f"oci://localhost/x@sha256:{'0' * 64}"), "DXB-U147"),
+    ):
+        wrong = space.dxb("bundle", *words)
+        assert code in wrong.err, (words, wrong.err)
+        assert "Traceback" not in wrong.err
+        assert wrong.code in (1, 2)
+
+
+def test_a_damaged_bundle_leaves_no_result_behind(space, there):
+    file = Path(bundle(space, "--closure", "full"))
+    data = file.read_bytes()
+    file.write_bytes(data[: len(data) // 2] + b"!" + data[len(data) // 2 + 1 :])
+    wrong = there.dxb("bundle", "import", str(file))
+    assert wrong.code == 1
+    assert "DXB-S30" in wrong.err
+    assert list((there.root / "cache").glob("ac/*/*")) == []
+    assert there.dxb("ls", "runs").out.strip() == ""
+
+
+def test_several_targets_in_one_bundle(space, there):
+    assert space.build("say/words").code == 0
+    done = space.dxb("bundle", "create", "say/words:word.loud", "say/file", "say/words:start", "-o", "both")
+    assert done.code == 0, done.err
+    out = there.dxb("bundle", "import", str(space.root / "both")).out.splitlines()
+    names = [line.split("\t")[0] for line in out]
+    assert names == ["say/file:all", "say/words:word[one].loud", "say/words:word[two].loud", "say/words:start"]
+    assert there.dxb("get", "say/words:word[two].loud", "-o", "got").code == 0

@@ -1,0 +1,106 @@
+"""A key that gives another output when it runs again: what `dxb check` allows, what stays, and where it is written."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+DICE = '''
+"""toy.dice: numbers that shake by as much as a file beside the project says."""
+from pathlib import Path
+from typing import Annotated
+import numpy as np
+from dextera_build.artifacts.base import Array, Artifact
+from dextera_build.rule import Context, Tolerance, rule
+
+SHAKE = Path(__file__).parents[2] / "shake.txt"
+
+class Numbers(Artifact):
+    """Numbers."""
+    numbers: Annotated[np.ndarray, Array("N", "float64", unit="m")]
+    word: str = "x"
+
+@rule(version=1, TOLERANCE)
+def dice(ctx: Context) -> Numbers:
+    """Return numbers."""
+    shake = float(SHAKE.read_text())
+    ctx.metric("mean", 1.0 + shake)
+    return Numbers(numbers=np.array([1.0, 2.0 + shake]), word="y" if shake > 1 else "x")
+'''
+
+
+@pytest.fixture
+def dice(space):
+    def make(tolerance=""):
+        space.write("rules/toy/dice.py", DICE.lstrip().replace(", TOLERANCE", tolerance))
+        space.write("recipes/say/dice.yaml", "nodes: {d: {rule: toy.dice}}")
+        space.write("shake.txt", "0")
+        assert space.build("say/dice").code == 0
+        return space
+
+    return make
+
+
+def divergent(space):
+    return json.loads(space.dxb("ls", "--json", "divergent").out)
+
+
+def test_an_exact_rule_allows_nothing(dice):
+    space = dice()
+    assert "same output again" in space.dxb("check", "say/dice:d").out
+    assert divergent(space) == []
+    space.write("shake.txt", "1e-9")
+    answer = space.dxb("check", "say/dice:d")
+    assert answer.code == 1
+    assert "error[DXB-B402]: `say/dice:d` is not deterministic: built again, it came out different" in answer.err
+    assert "numbers   1e-09 apart, 0 allowed" in answer.err
+    (row,) = divergent(space)
+    assert row["node"] == "say/dice:d"
+    why = space.dxb("why", "say/dice:d").out
+    assert f"run again it gave another output, {row['again']} for {row['first']}" in why
+
+
+def test_a_tolerance_is_by_field_and_metric(dice):
+    space = dice(', tolerance=Tolerance({"numbers": 1e-6}, metrics={"mean": 1e-7})')
+    space.write("shake.txt", "1e-8")
+    answer = space.dxb("check", "say/dice:d")
+    assert answer.code == 0
+    assert "same within the tolerance of its rule: numbers 1e-08 apart, 1e-06 allowed; metric mean " in answer.out
+    assert len(divergent(space)) == 1  # other bytes all the same
+    space.write("shake.txt", "5e-7")
+    answer = space.dxb("check", "say/dice:d")
+    assert answer.code == 1
+    assert "numbers       5e-07 apart, 1e-06 allowed" in answer.err
+    assert "metric mean   5e-07 apart, 1e-07 allowed" in answer.err
+    assert len(divergent(space)[0]["again"].split(",")) == 2
+
+
+def test_what_is_no_number_is_exact_whatever_the_tolerance(dice):
+    space = dice(', tolerance=Tolerance({"numbers": 10.0, "word": 10.0})')
+    space.write("shake.txt", "2")
+    answer = space.dxb("check", "say/dice:d")
+    assert answer.code == 1
+    assert "word      another form or value, 10 allowed" in answer.err
+
+
+def test_a_forced_node_keeps_its_first_output_and_says_so(dice):
+    space = dice()
+    first = json.loads(space.dxb("show", "--json", "say/dice:d").out)["output"]
+    space.write("shake.txt", "0.5")
+    forced = space.build("say/dice", "--force", "d")
+    assert forced.code == 0
+    assert forced.nodes("ran") == {"d"}
+    assert any("gave another output before, which stays" in event.get("text", "") for event in forced.events)
+    assert json.loads(space.dxb("show", "--json", "say/dice:d").out)["output"] == first
+    (row,) = divergent(space)
+    assert row["first"] == first[:12]
+    space.write("shake.txt", "0")
+    assert space.build("say/dice", "--force", "d").code == 0  # the first one again
+    assert divergent(space) == [row]
+    assert f"dxb diff {row['first']}" not in space.dxb("why", "say/dice:d").err
+    report = (space.root / space.dxb("report").out.strip()).read_text()
+    assert "run again gave" in report
+    assert row["again"] in report
+    found = space.dxb("diff", row["first"], row["again"]).out
+    assert found == "output\tnumbers\tfloat64 (2): 1 of 2 differ, by 0.5 at most\n"

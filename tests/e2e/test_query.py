@@ -1,0 +1,118 @@
+"""`dxb ls` with globs, `dxb graph` and `dxb trace` through the real `dxb`."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from tests.e2e.space import Space
+
+
+@pytest.fixture
+def built(space: Space) -> Space:
+    assert space.build("say/words").code == 0
+    return space
+
+
+def names(space: Space, *words: str) -> list[str]:
+    answer = space.dxb("ls", *words)
+    assert answer.code == 0, answer.err
+    return [line.split("\t")[0] for line in answer.out.splitlines()]
+
+
+def test_globs_over_recipes_and_nodes(built: Space) -> None:
+    assert names(built, "say/*:word[*].loud") == ["say/words:word[one].loud", "say/words:word[two].loud"]
+    # Without labels every copy, as everywhere; brackets are no character classes.
+    assert names(built, "say/words:word.loud") == names(built, "say/words:word[*].loud")
+    assert names(built, "say/words:word[one].*") == ["say/words:word[one].loud", "say/words:word[one].louder"]
+    assert len(names(built, "say/words:*")) == 7
+    assert built.dxb("ls", "say/words:all").out == "say/words:all\ttoy.join\t-\tran\n"
+
+
+def test_what_it_reads_and_what_reads_it(built: Space) -> None:
+    louder = ["say/words:word[one].louder", "say/words:word[two].louder"]
+    # A collection depends on what its group was opened over, too.
+    assert names(built, "say/words:all", "--deps") == ["say/words:words", *louder]
+    assert names(built, "say/words:word[one].loud", "--rdeps") == louder[:1]
+    assert names(built, "say/words:word[one].loud", "--rdeps", "--depth", "2") == [louder[0], "say/words:all"]
+    assert len(names(built, "say/words:all", "--deps", "--depth", "all")) == 6
+    assert names(built, "say/words:all", "--deps", "--depth", "all", "--rule", "toy.s?lit") == ["say/words:words"]
+    assert names(built, "say/words", "--rule", "toy.start") == ["say/words:start"]
+
+
+def test_stale_and_cached(built: Space) -> None:
+    assert names(built, "say/words", "--stale") == []
+    assert len(names(built, "say/words", "--cached")) == 7
+    built.edit("recipes/say/words.yaml", "times: 2", "times: 3")
+    stale = json.loads(built.dxb("ls", "say/words", "--stale", "--json").out)
+    assert {row["node"]: row["status"] for row in stale} == {
+        "say/words:word[one].louder": "stale",
+        "say/words:word[two].louder": "stale",
+        "say/words:all": "unknown",
+    }
+
+
+def test_a_recipe_that_was_never_built_has_its_calls(space: Space) -> None:
+    assert names(space, "say/words:word.*") == ["say/words:word[*].loud", "say/words:word[*].louder"]
+    assert names(space, "say/words:all", "--deps") == ["say/words:word[*].louder"]
+    assert names(space, "say/words:word.loud", "--deps", "--depth", "all") == ["say/words:words", "say/words:start"]
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (("say/nothing:x",), "DXB-U108", "no recipe is called `say/nothing`"),
+        (("say/words:lod",), "DXB-U173", "no node is called `say/words:lod`"),
+        (("say/words:all", "--deps", "--depth", "0"), "DXB-U174", "`--depth` is a number of steps or `all`, not `0`"),
+    ],
+)
+def test_what_does_not_exist_is_named(built: Space, words: tuple[str, ...], code: str, said: str) -> None:
+    answer = built.dxb("ls", *words)
+    assert answer.code == 2
+    assert f"error[{code}]: {said}" in answer.err
+
+
+def test_the_graph_as_json_dot_and_svg(built: Space) -> None:
+    found = json.loads(built.dxb("graph", "say/words", "--json", "--status").out)
+    assert (found["recipe"], found["target"], found["by"]) == ("say/words", "", "node")
+    assert {node["status"] for node in found["nodes"]} == {"cached"}
+    assert {"id": "start", "rule": "toy.start", "backend": None, "status": "cached"} in found["nodes"]
+    edges = {(edge["from"], edge["to"]) for edge in found["edges"]}
+    assert {("start", "words"), ("words", "word[one].loud"), ("word[two].louder", "all")} <= edges
+    ids = {node["id"] for node in found["nodes"]}
+    assert all(source in ids and reader in ids for source, reader in edges)
+    assert '"start" -> "words";' in built.dxb("graph", "say/words", "--dot").out
+    written = built.dxb("graph", "say/words", "-o", "graph.svg").out.strip()
+    assert written == "graph.svg"
+    assert ET.parse(built.root / written).getroot().tag.endswith("svg")
+
+
+def test_the_graph_of_a_target_and_collapsed(space: Space) -> None:
+    below = json.loads(space.dxb("graph", "say/words:words", "--json").out)
+    assert [(node["id"], node["status"]) for node in below["nodes"]] == [("start", None), ("words", None)]
+    rules = json.loads(space.dxb("graph", "say/words", "--json", "--by", "rule").out)
+    assert {node["id"] for node in rules["nodes"]} == {"toy.start", "toy.split", "toy.shout", "toy.join"}
+    answer = space.dxb("graph", "say/words", "--by", "colour")
+    assert (answer.code, "`--by colour` is not a way to draw a graph" in answer.err) == (2, True)
+    answer = space.dxb("graph", "say/words", "-o", "no/such/folder/graph.svg")
+    assert (answer.code, "cannot be written: No such file or directory" in answer.err) == (2, True)
+
+
+def test_copies_that_are_new_stand_beside_those_that_were_built(built: Space) -> None:
+    built.edit("recipes/say/words.yaml", "  all:", "  more: {rule: toy.join, texts: $word.loud}\n  all:")
+    edges = json.loads(built.dxb("graph", "say/words", "--json").out)["edges"]
+    assert {edge["from"] for edge in edges if edge["to"] == "more"} == {"word[one].loud", "word[two].loud"}
+
+
+def test_the_trace_of_a_run(built: Space) -> None:
+    events = json.loads(built.dxb("trace").out)["traceEvents"]
+    slices = {event["name"]: event["args"] for event in events if event["ph"] == "X"}
+    assert set(slices) == {name.partition(":")[2] for name in names(built, "say/words:*")}
+    assert slices["start"]["memory_bytes"] > 1e6
+    assert slices["start"]["rule"] == "toy.start"
+    assert built.dxb("trace", "0001", "-o", "trace.json").out.strip() == "trace.json"
+    assert json.loads((built.root / "trace.json").read_text())["otherData"]["run"] == "0001"
+    assert built.dxb("trace", "-o", "no/such/folder/x").code == 2
+    assert built.dxb("trace", "say/nothing").code == 2

@@ -1,0 +1,223 @@
+"""Results shared between machines, through the real `dxb`: each machine is a store of its own."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from tests.e2e.machines import EVERY, given_up, machine, results, serving, uploads
+from tests.e2e.space import Answer, Space
+from tests.interrupts import hear_interrupts
+from tests.store.remotes import servers
+
+LINE = "all\t"
+
+
+@pytest.mark.parametrize("kind", ["folder", "http"])
+def test_a_second_machine_runs_nothing(space: Space, served: str, kind: str) -> None:
+    remote = served if kind == "http" else "./share"
+    first = machine(space, "one", "say/words", use=f"{remote}:rw")
+    assert first.nodes("ran") == EVERY, first.err
+    assert uploads(first) == [(7, 0)]
+    second = machine(space, "two", "say/words", use=f"{remote}:r")
+    assert second.code == 0
+    assert second.nodes("fetched") == EVERY
+    assert second.nodes("ran", "cached") == set()
+    assert results(space, "two") == results(space, "one")
+    assert (space.root / "two/out/say/words/all/all").read_bytes() == b"ONE!!! TWO!!!"
+    third = machine(space, "two", "say/words", use=f"{remote}:r")
+    assert third.events[-1]["counts"] == {"cached": 7}
+
+
+def test_a_log_shows_what_was_fetched_and_from_where(space: Space, served: str) -> None:
+    space.write("dxb.toml", f'cache = "cache"\n[remotes]\nlab = "{served}"\n')
+    space.dxb("build", "say/words", "--cache", "local:rw,lab:rw", env={"DXB_CACHE": "one"})
+    log = space.dxb("build", "say/words", "--console", "plain").err
+    assert "  ↓  start" in log
+    assert "lab" in log
+    assert "built say/words   7 nodes: 7 fetched" in log
+
+
+def test_a_remote_that_is_not_there_costs_a_warning(space: Space) -> None:
+    port = servers.free_port()
+    space.write("dxb.toml", f'[remotes]\nlab = {{address = "http://me:geheim@127.0.0.1:{port}/x", mode = "rw"}}\n')
+    answer = space.dxb("build", "say/words", "--console", "plain")
+    assert answer.code == 0
+    (warning,) = [line for line in answer.err.splitlines() if "is left alone" in line]
+    assert warning == (
+        f"warning: remote lab (http://***@127.0.0.1:{port}/x) is left alone for the rest of this build: "
+        "no connection: Connection refused; `--cache local:rw` builds without remotes"
+    )
+    assert "warning: 7 results were not uploaded to lab: no connection: Connection refused" in answer.err
+    assert "geheim" not in answer.err
+
+
+def test_a_read_only_remote_refuses_and_the_build_goes_on(space: Space) -> None:
+    with serving(space, "served", "--read-only") as url:
+        answer = machine(space, "one", "say/words", use=f"{url}:rw")
+    assert answer.code == 0
+    assert answer.nodes("ran") == EVERY
+    (notice,) = given_up(answer)
+    assert notice["doing"] == "write"
+    assert notice["reason"] == "PUT was answered 405: it does not allow that"
+    assert uploads(answer) == [(0, 7)]
+
+
+def test_a_remote_killed_in_the_middle(space: Space) -> None:
+    space.write("recipes/say/long.yaml", long_recipe(12))
+    server = space.start("cache", "serve", "--port", "0", "--cache", "served")
+    assert server.stdout is not None
+    url = server.stdout.readline().strip()
+    build = subprocess.Popen(
+        [sys.executable, "-m", "dextera_build", "build", "-j", "2", "--console", "jsonl", "say/long"],
+        cwd=space.root,
+        env=space.environment(DXB_CACHE="one", DXB_REMOTES=f"{url}:rw"),
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert build.stderr is not None
+    lines = []
+    for line in build.stderr:
+        lines.append(line)
+        if '"status": "ran"' in line and len(lines) > 8:
+            os.kill(server.pid, signal.SIGKILL)
+            break
+    rest = build.stderr.read()
+    assert build.wait(60) == 0
+    server.communicate()
+    answer = Answer(0, "", "".join(lines) + rest)
+    assert len(answer.nodes("ran")) == 13
+    ((sent, left),) = uploads(answer)
+    assert sent + left == 13
+    assert left > 0
+    # What was uploaded is whole: another machine takes that and makes the rest.
+    with serving(space, "served") as url:
+        second = machine(space, "two", "say/long", use=f"{url}:r")
+    assert second.code == 0
+    assert len(second.nodes("fetched")) >= sent
+    made, remade = results(space, "one"), results(space, "two")
+    assert {name for name in made if name.startswith("ac")} == {name for name in remade if name.startswith("ac")}
+    assert (space.root / "two/out/say/long/all/all").read_bytes() == (
+        space.root / "one/out/say/long/all/all"
+    ).read_bytes()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_remote_full_of_damage(space: Space, seed: int) -> None:
+    dice = random.Random(seed)
+    first = machine(space, "one", "say/words", use="./share:rw")
+    assert uploads(first) == [(7, 0)]
+    for file in [path for path in (space.root / "share").rglob("*") if path.is_file()]:
+        data = bytearray(file.read_bytes())
+        file.unlink()
+        if dice.random() < 0.5:
+            data = data[: dice.randrange(len(data))]
+        else:
+            data[dice.randrange(len(data))] ^= 1 << dice.randrange(8)
+        file.write_bytes(bytes(data))
+    second = machine(space, "two", "say/words", use="./share:rw")
+    assert second.code == 0
+    assert second.nodes("ran", "fetched") == EVERY
+    assert (space.root / "two/out/say/words/all/all").read_bytes() == b"ONE!!! TWO!!!"
+
+
+class Dripping:
+    """A server that gives one byte of an answer now and then."""
+
+    def __init__(self) -> None:
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self.url = f"http://127.0.0.1:{self._listening.getsockname()[1]}"
+        self.served = 0
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        while True:
+            link, _ = self._listening.accept()
+            self.served += 1
+            threading.Thread(target=self._drip, args=(link,), daemon=True).start()
+
+    def _drip(self, link: socket.socket) -> None:
+        try:
+            for byte in b"HTTP/1.1 200 OK\r\nX-Slow: " + b"x" * 60_000:
+                link.sendall(bytes([byte]))
+                time.sleep(0.05)
+        except OSError:
+            pass
+
+
+def test_a_server_that_drips_is_left_alone(space: Space) -> None:
+    server = Dripping()
+    space.write("dxb.toml", f'[remotes]\nlab = {{address = "{server.url}", mode = "rw", timeout_s = 0.3}}\n')
+    answer = space.build("say/words")
+    assert answer.code == 0
+    assert answer.nodes("ran") == EVERY
+    assert [notice["reason"] for notice in given_up(answer)] == ["it answers too slowly"]
+    assert answer.events[-1]["seconds"] < 20
+    assert server.served > 0
+
+
+def test_an_interrupt_does_not_wait_for_uploads(space: Space) -> None:
+    build = subprocess.Popen(
+        [sys.executable, "-m", "dextera_build", "build", "--console", "jsonl", "say/words"],
+        cwd=space.root,
+        env=space.environment(DXB_REMOTES=f"{Dripping().url}:w"),
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=hear_interrupts,
+    )
+    assert build.stderr is not None
+    lines = []
+    for line in build.stderr:
+        lines.append(line)
+        if '"event": "uploading"' in line:
+            build.send_signal(signal.SIGINT)
+            break
+    lines += build.stderr.readlines()
+    assert build.wait(10) == 130
+    answer = Answer(130, "", "".join(lines))
+    assert answer.nodes("ran") == EVERY
+    assert uploads(answer) == [(0, 7)]
+    assert space.build("say/words").nodes("ran") == set()
+
+
+def test_several_builds_share_one_remote(space: Space, served: str) -> None:
+    space.write("recipes/say/long.yaml", long_recipe(6))
+    builds = [
+        subprocess.Popen(
+            [sys.executable, "-m", "dextera_build", "build", "-j", "1", "--console", "none", "say/long"],
+            cwd=space.root,
+            env=space.environment(DXB_CACHE=f"m{number}", DXB_REMOTES=f"{served}:rw"),
+        )
+        for number in range(4)
+    ]
+    assert [build.wait(120) for build in builds] == [0, 0, 0, 0]
+    last = machine(space, "last", "say/long", use=f"{served}:r")
+    assert len(last.nodes("fetched")) == 7
+    checked = space.dxb("cache", "size", "--cache", "served").out
+    assert checked.startswith("blobs\t")
+
+
+def long_recipe(number: int) -> str:
+    """Slow nodes beside one another, and one that reads them all."""
+    rows = [f"  n{place}: {{rule: toy.slow, text: $start, seconds: 0.{place + 1:02}}}" for place in range(number - 1)]
+    last = ", ".join(f"n{place}: $n{place}" for place in range(number - 1))
+    return "\n".join(
+        [
+            "summary: Slow words.",
+            "nodes:",
+            "  start: {rule: toy.start, text: one two}",
+            *rows,
+            f"  all: {{rule: toy.join, texts: {{{last}}}}}",
+            "targets:",
+            "  default: [all]",
+            "",
+        ]
+    )

@@ -1,0 +1,120 @@
+"""What a collection leaves alone, by all that remembers results."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from dextera_build.engine import roots, snapshot
+from dextera_build.engine.collection import collect
+from dextera_build.engine.execute import RunInfo, build
+from dextera_build.engine.history import History
+from dextera_build.store.presence import Presence
+from dextera_build.store.signature import Watch
+from dextera_build.store.store import Store
+from tests.engine.tiny import Record, call, graph, inline, out
+
+KEY = "ab" * 32
+
+
+def run(store: Store, project: Path, value: int = 0) -> set[str]:
+    plan = graph(call("a", value=value), call("b", a=out("a")))
+    info = RunInfo("0001", str(project))
+    result = build(plan, [("b",)], store=store, executor=inline(), listen=Record(), info=info)
+    return {node.key or "" for node in result.nodes.values()}
+
+
+def test_what_a_project_built_last_is_held_by_its_name(store: Store, tmp_path: Path) -> None:
+    old, new = run(store, tmp_path, 0), run(store, tmp_path, 1)
+    assert roots.find(store).keys == {str(tmp_path): new}
+    collect(store, size=0, dry=False)
+    assert set(store.actions.keys()) == new
+    assert old != new
+
+
+def test_a_project_is_registered_once(store: Store, tmp_path: Path) -> None:
+    run(store, tmp_path)
+    (file,) = (store.local / "workspaces").iterdir()
+    before = file.stat().st_mtime_ns
+    run(store, tmp_path, 1)
+    assert file.stat().st_mtime_ns == before
+
+
+def test_a_history_that_names_no_project_is_held(store: Store) -> None:
+    plan = graph(call("a"))
+    build(plan, [("a",)], store=store, executor=inline(), listen=Record())
+    (file,) = (store.local / "history").iterdir()
+    stored = json.loads(file.read_text())
+    del stored["project"]
+    file.write_text(json.dumps(stored))
+    (key,) = (entry.key for entry in History(store, "tiny/graph").all().values())
+    assert roots.find(store).keys == {roots.NOBODY: {key}}
+
+
+@pytest.mark.parametrize(
+    "text", [f'[targets]\nscene = "{KEY}"\n', json.dumps({"scene": {"key": KEY}}), f"scene {KEY}\n<<<<<<< torn"]
+)
+def test_a_lock_file_of_any_form_holds_its_keys(store: Store, tmp_path: Path, text: str) -> None:
+    keys = run(store, tmp_path)
+    (tmp_path / roots.LOCKFILE).write_text(text)
+    assert roots.find(store).keys == {str(tmp_path): keys | {KEY}}
+
+
+def snapshot_of(store: Store, project: Path) -> tuple[Path, dict[str, object], set[str]]:
+    """A real snapshot that alone remembers what it rests on."""
+    store.actions.presence = Presence(str(store.root))
+    keys = run(store, project)
+    shutil.rmtree(store.local / "history")
+    path, request = store.local / "snapshots" / "one", {"root": str(project)}
+    assert snapshot.save(path, request, Watch(), ["line"], (str(store.root), store.actions.presence))
+    (path.parent / "one.plan").write_bytes(b"\xff" * 80)
+    return path, request, keys
+
+
+def test_a_snapshot_holds_its_results_for_a_month(store: Store, tmp_path: Path) -> None:
+    path, _, keys = snapshot_of(store, tmp_path)
+    assert roots.find(store).keys == {str(tmp_path): keys}
+    collect(store, size=0, dry=False)
+    assert set(store.actions.keys()) == keys
+    then = time.time() - 31 * 86400
+    os.utime(path, (then, then))
+    found = roots.find(store)
+    assert (found.keys, set(found.snapshots)) == ({str(tmp_path): set()}, set(path.parent.iterdir()))
+    collect(store, dry=False)
+    assert list(path.parent.iterdir()) == []
+
+
+@pytest.mark.parametrize("load", [snapshot.load_if_fresh, snapshot.load_if_near])
+def test_a_snapshot_that_is_used_holds_on_for_another_month(
+    store: Store, tmp_path: Path, load: Callable[[Path, dict[str, object]], object]
+) -> None:
+    path, request, keys = snapshot_of(store, tmp_path)
+    then = time.time() - 31 * 86400
+    os.utime(path, (then, then))
+    assert load(path, {"root": "another"}) is None
+    assert roots.find(store).keys == {str(tmp_path): set()}
+    assert load(path, request) is not None
+    assert roots.find(store).keys == {str(tmp_path): keys}
+
+
+def test_torn_files_hold_nothing_and_stop_nothing(store: Store, tmp_path: Path) -> None:
+    run(store, tmp_path)
+    for name in ("history/torn.json", "snapshots/torn", "workspaces/torn"):
+        (store.local / name).parent.mkdir(exist_ok=True)
+        (store.local / name).write_bytes(b'{"nodes": \xff')
+    assert set(roots.find(store).keys) == {str(tmp_path)}
+
+
+def test_a_vanished_project_holds_nothing(store: Store, tmp_path: Path) -> None:
+    project = tmp_path / "project"
+    project.mkdir()
+    run(store, project)
+    project.rmdir()
+    found = roots.find(store)
+    assert (found.keys, found.vanished) == ({}, [str(project)])

@@ -1,0 +1,145 @@
+"""What a node used: memory of the worker and its children, processor time, bytes; and that it is remembered."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from dextera_build.engine.eventlog import EventLog, read
+from dextera_build.engine.execute import RunInfo, build
+from dextera_build.engine.executors.local import LocalExecutor
+from dextera_build.engine.history import History
+from dextera_build.engine.usage import Meter, Sampler, tree_bytes, with_peak
+from dextera_build.store.store import Store
+from tests.engine.tiny import RUNNER, Record, call, graph
+
+MIB = 1 << 20
+
+
+def test_the_peak_is_that_of_one_task() -> None:
+    meter = Meter()
+    meter.begin()
+    block = bytearray(200 * MIB)
+    del block
+    large = meter.end()
+    meter.begin()
+    small = meter.end()
+    assert large["memory_bytes"] >= 200 * MIB
+    assert small["memory_bytes"] < large["memory_bytes"] - 150 * MIB
+
+
+def test_a_child_counts_once_it_is_waited_for(tmp_path: Path) -> None:
+    meter = Meter()
+    meter.begin()
+    write = f"open({str(tmp_path / 'out')!r}, 'wb').write(bytes({5 * MIB}))"
+    script = f"x = bytearray({400 * MIB}); {write}; sum(range(4_000_000))"
+    subprocess.run([sys.executable, "-c", script], check=True)
+    used = meter.end()
+    assert used["memory_bytes"] >= 400 * MIB
+    assert used["written_bytes"] >= 5 * MIB
+    assert used["cpu_seconds"] > 0.02
+
+
+def test_bytes_and_time_are_differences() -> None:
+    meter = Meter()
+    meter.begin()
+    used = meter.end()
+    assert used["cpu_seconds"] < 0.05
+    assert used["read_bytes"] < 4096
+    assert used["written_bytes"] < 4096
+
+
+def test_the_tree_is_seen_from_outside() -> None:
+    inner = f"import time; x = bytearray({150 * MIB}); print('up', flush=True); time.sleep(60)"
+    outer = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {inner!r}])"
+    with subprocess.Popen([sys.executable, "-c", outer], stdout=subprocess.PIPE) as child:
+        try:
+            assert child.stdout is not None
+            child.stdout.readline()
+            assert tree_bytes(child.pid) >= 150 * MIB
+        finally:
+            child.kill()
+    assert tree_bytes(child.pid) == 0
+
+
+class Worker:
+    """What the sampler sees."""
+
+    def __init__(self, pid: int, began: float) -> None:
+        self.pid, self.began, self.peak = pid, began, 0
+
+
+def test_the_sampler_looks_only_at_what_runs_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: list[int] = []
+    monkeypatch.setattr("dextera_build.engine.usage.tree_bytes", lambda pid: looked.append(pid) or 7)
+    sampler, now = Sampler(), time.monotonic()
+    workers = [Worker(1, now), Worker(2, now - 1)]
+    sampler.look(workers)
+    sampler.look(workers)
+    assert looked == [2]
+    assert [worker.peak for worker in workers] == [0, 7]
+    assert sampler.patience(None, 0) is None
+    assert sampler.patience(0.02, 1) == 0.02
+    assert sampler.patience(None, 1) == 0.25
+
+
+def test_the_larger_of_both_views_counts() -> None:
+    assert with_peak({"memory_bytes": 5.0}, 9) == {"memory_bytes": 9}
+    assert with_peak({"memory_bytes": 5.0, "cpu_seconds": 1.0}, 0) == {"memory_bytes": 5.0, "cpu_seconds": 1.0}
+    assert with_peak({}, 0) == {}
+
+
+@pytest.fixture
+def pool() -> Iterator[LocalExecutor]:
+    with LocalExecutor(RUNNER, 1) as executor:
+        yield executor
+
+
+def test_events_and_history_hold_it(store: Store, pool: LocalExecutor) -> None:
+    record = Record()
+    plan = graph(call("a", "sleep", 0.4))
+    with EventLog(store) as log:
+        build(plan, plan.targets["default"], store=store, executor=pool, listen=log, info=RunInfo(log.run))
+        (finished,) = (event for event in read(store, log.run) if event["event"] == "node_finished")
+    assert set(finished["usage"]) == {"cpu_seconds", "memory_bytes", "read_bytes", "written_bytes"}
+    assert 5 * MIB < finished["usage"]["memory_bytes"] < 500 * MIB
+    peak = History(store, "tiny/graph").peak_gb("a")
+    assert peak is not None
+    assert peak * 2**30 == finished["usage"]["memory_bytes"]
+    # A cached node keeps what is known of its last run.
+    build(plan, plan.targets["default"], store=store, executor=pool, listen=record)
+    assert History(store, "tiny/graph").peak_gb("a") == peak
+
+
+def test_a_history_of_before_is_read(store: Store, pool: LocalExecutor) -> None:
+    plan = graph(call("a"))
+    build(plan, plan.targets["default"], store=store, executor=pool, listen=Record())
+    (file,) = (store.local / "history").iterdir()
+    known = json.loads(file.read_text())
+    known["nodes"]["a"] = known["nodes"]["a"][:5]
+    file.write_text(json.dumps(known))
+    history = History(store, "tiny/graph")
+    assert history.get("a") is not None
+    assert history.peak_gb("a") is None
+
+
+def test_a_worker_that_died_was_seen(store: Store) -> None:
+    record = Record()
+    plan = graph(call("a", "sleep", 30))
+    with LocalExecutor(RUNNER, 1) as pool:
+        began = time.monotonic()
+
+        def listen(event: object) -> None:
+            record(event)  # type: ignore[arg-type]
+
+        threading.Timer(1.5, lambda: subprocess.run(["kill", "-KILL", str(pool.pids()[0])], check=False)).start()
+        result = build(plan, plan.targets["default"], store=store, executor=pool, listen=listen)
+    assert time.monotonic() - began < 20
+    assert result.nodes["a"].usage["memory_bytes"] > 5 * MIB

@@ -1,0 +1,100 @@
+"""What is made of a store arrives in another one."""
+
+from __future__ import annotations
+
+import json
+import os
+import tracemalloc
+
+import pytest
+
+from dextera_build.digest import canonical
+from dextera_build.engine.key import manifest as key_document
+from dextera_build.store.actions import ActionResult
+from dextera_build.store.bundle import layout, receive
+from dextera_build.store.bundle.contents import Contents
+from tests.engine.tiny import call, graph, run
+from tests.store.bundle.conftest import bundle
+from tests.store.bundle.forge import take
+
+
+@pytest.mark.parametrize("name", ["bundle.tar", "layout"])
+@pytest.mark.parametrize("closure", ["targets", "full"])
+def test_results_arrive(tmp_path, store, other, plan, name, closure):
+    layout.write(bundle(store, plan, closure), tmp_path / name)
+    taken = take(tmp_path / name, other)
+    keys = set(other.actions.keys())
+    assert keys == (set(store.actions.keys()) if closure == "full" else {last_key(plan, store)})
+    assert (taken.new, taken.known, taken.other) == (len(keys), 0, ())
+    for key in keys:
+        assert other.actions.get(key) == store.actions.get(key)
+        for file in other.actions.files(key):
+            assert file.read_bytes() == (store.root / file.relative_to(other.root)).read_bytes()
+
+
+def last_key(plan, store) -> str:
+    result, _ = run(plan, store)
+    return str(result.nodes["scene"].key)
+
+
+def test_a_build_finds_all_of_a_full_bundle(folder, other, plan):
+    take(folder, other)
+    _, record = run(plan, other)
+    assert record.with_status("ran") == []
+
+
+def test_taking_twice_changes_nothing(folder, other):
+    first = take(folder, other)
+    assert take(folder, other) == receive.Taken(0, first.new, ())
+
+
+def test_equal_targets_give_equal_bytes(tmp_path, store, plan):
+    layout.write(bundle(store, plan), tmp_path / "a.tar")
+    run(plan, store)
+    layout.write(bundle(store, plan), tmp_path / "b.tar")
+    assert (tmp_path / "a.tar").read_bytes() == (tmp_path / "b.tar").read_bytes()
+
+
+def test_a_folder_and_an_archive_hold_the_same(tmp_path, store, plan, folder):
+    layout.write(layout.read(folder), tmp_path / "copied.tar")
+    layout.write(bundle(store, plan, "full"), tmp_path / "made.tar")
+    assert (tmp_path / "copied.tar").read_bytes() == (tmp_path / "made.tar").read_bytes()
+
+
+def test_the_store_keeps_what_it_has_under_a_key(folder, store, other):
+    key = next(iter(store.actions.keys()))
+    theirs = store.actions.get(key)
+    output = other.blobs.put(canonical({"artifact": "Text", "fields": {"text": "mine"}}))
+    document = other.blobs.put(store.blobs.get(key))
+    mine = ActionResult(output, "mine", (), {}, 1.0, None, document)
+    other.actions.put(key, mine)
+    taken = take(folder, other)
+    assert theirs.output != output
+    assert len(taken.other) == 1
+    assert other.actions.get(key) == mine
+
+
+def test_a_large_blob_is_never_in_memory(tmp_path, store, other):
+    """96 MiB pass through while Python holds a tenth of that."""
+    size = 96 << 20
+    (tmp_path / "large").write_bytes(b"")
+    os.truncate(tmp_path / "large", size)
+    digest, _ = store.blobs.put_file(tmp_path / "large")
+    one = call("large", "const", "x")
+    document = store.blobs.put(canonical(key_document(one, {})))
+    header = {"artifact": "Film", "fields": {"data": {"$bytes": [digest, size]}}}
+    output = store.blobs.put(canonical(header))
+    store.actions.put(document, ActionResult(output, "", (), {}, 1.0, None, document))
+    tracemalloc.start()
+    layout.write(bundle(store, graph(one)), tmp_path / "large.tar")
+    take(tmp_path / "large.tar", other)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert other.blobs.size(digest) == size
+    assert peak < 10 << 20
+
+
+def test_the_config_reads_what_it_spells(folder):
+    opened = receive.open_bundle(layout.read(folder))
+    assert Contents.read(opened.contents.spell()) == opened.contents
+    assert json.loads(opened.manifest.spell()) == json.loads(b"".join(layout.read(folder).chunks(opened.descriptor)))

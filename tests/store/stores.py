@@ -1,0 +1,53 @@
+"""Stores of small artifacts, built by hand."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from dextera_build import digest
+from dextera_build.store.actions import ActionResult
+from dextera_build.store.store import Store
+
+
+def key_of(name: str) -> str:
+    """A key: the digest of its document."""
+    return digest.of_bytes(document(name))
+
+
+def document(name: str) -> bytes:
+    return f"key of {name}".encode()
+
+
+def publish(store: Store, name: str, blobs: Iterable[bytes] = ()) -> str:
+    """Store a result that holds `blobs`, and return its key."""
+    fields = {f"b{n}": {"$bytes": [store.blobs.put(data), len(data)]} for n, data in enumerate(blobs)}
+    output = store.blobs.put(digest.canonical({"artifact": "Bag", "fields": {"name": name, **fields}}))
+    result = ActionResult(output, "", (), {}, 1.0, None, store.blobs.put(document(name)))
+    store.actions.put(key_of(name), result)
+    return key_of(name)
+
+
+def entry(store: Store, key: str) -> Path:
+    """The file of a result."""
+    return store.actions.root / key[:2] / key[2:]
+
+
+def age(path: Path, used: float) -> None:
+    """Set when a file was of use last."""
+    os.utime(path, (used, used))
+
+
+def age_all(store: Store, used: float) -> None:
+    """As if nothing in the store were of use since."""
+    for folder in (store.blobs.root, store.actions.root, store.local):
+        for path in folder.rglob("*"):
+            if path.is_file():
+                age(path, used)
+
+
+def harm(path: Path, data: bytes) -> None:
+    """Overwrite a read-only file."""
+    path.chmod(0o644)
+    path.write_bytes(data)

@@ -1,0 +1,354 @@
+"""Collection of a store: what goes and what stays, against a model, and while builds use it."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dextera_build import digest
+from dextera_build.errors import StoreError
+from dextera_build.store import inventory
+from dextera_build.store.choose import Limits
+from dextera_build.store.collect import Collection, collect
+from dextera_build.store.store import Store
+from dextera_build.store.use import Use
+from tests.store.stores import age, age_all, entry, harm, key_of, publish
+
+DAY = 86400.0
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path / "store")
+
+
+def nobody() -> dict[str, set[str]]:
+    return {}
+
+
+def held(*keys: str) -> Callable[[], dict[str, set[str]]]:
+    return lambda: {"someone": set(keys)}
+
+
+def keys(store: Store) -> set[str]:
+    return set(store.actions.keys())
+
+
+def contents(store: Store) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in store.root.rglob("*") if path.is_file() and path.name != "locks"}
+
+
+def rows(said: Collection) -> dict[str, int]:
+    return {row.kind: row.count for row in said.gone}
+
+
+def assert_whole(store: Store) -> None:
+    """Every result has all that it names, and nothing is damaged."""
+    for key in keys(store):
+        found = store.actions.get(key)
+        assert found is not None
+        _, closure = store.actions.outline(key) or ("", frozenset())
+        for name in {found.output, found.key_document, *closure}:
+            store.blobs.get(name)
+
+
+def test_a_dry_run_says_what_would_go_and_changes_nothing(store: Store) -> None:
+    publish(store, "old", [b"1"])
+    age_all(store, time.time() - 9 * DAY)
+    before = contents(store)
+    said = collect(store, nobody, Limits(size=0))
+    assert rows(said) == {"results": 1, "blobs": 4}
+    assert contents(store) == before
+
+
+def test_only_garbage_goes_without_limits(store: Store) -> None:
+    publish(store, "old", [b"1"])
+    lost = store.blobs.put(b"of nobody")
+    age_all(store, time.time() - 9 * DAY)
+    said = collect(store, nobody, dry=False)
+    assert rows(said) == {"blobs": 1}
+    assert not store.blobs.has(lost)
+    assert_whole(store)
+
+
+def test_the_longest_unused_go_first_down_to_the_size(store: Store) -> None:
+    for number in range(4):
+        publish(store, f"r{number}", [b"%d" % number * 1000])
+    for number in range(4):
+        age(entry(store, key_of(f"r{number}")), time.time() - (9 - number) * DAY)
+    half = inventory.read(store).bytes() // 2
+    said = collect(store, nobody, Limits(size=half), dry=False)
+    assert keys(store) == {key_of("r2"), key_of("r3")}
+    assert said.after == inventory.read(store).bytes() == half
+    assert_whole(store)
+
+
+def test_what_was_not_used_for_longer_than_the_age_goes(store: Store) -> None:
+    old, new = publish(store, "old"), publish(store, "new")
+    age(entry(store, old), time.time() - 3 * DAY)
+    collect(store, nobody, Limits(since=time.time() - 2 * DAY), dry=False)
+    assert keys(store) == {new}
+
+
+def test_a_hit_is_a_use(store: Store) -> None:
+    used, unused = publish(store, "used"), publish(store, "unused")
+    age_all(store, time.time() - 3 * DAY)
+    assert store.actions.get(used) is not None
+    collect(store, nobody, Limits(since=time.time() - 2 * DAY), dry=False)
+    assert keys(store) == {used}
+    assert unused not in keys(store)
+
+
+def test_a_second_hit_within_the_hour_writes_nothing(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    key = publish(store, "a", [b"1"])
+    age_all(store, time.time() - 3 * DAY)
+    assert store.actions.get(key) is not None
+
+    def refuse(*arguments: object) -> None:
+        raise AssertionError("the stamp was renewed again")
+
+    monkeypatch.setattr("os.utime", refuse)
+    assert store.actions.get(key) is not None
+
+
+def test_roots_stay_above_every_limit_and_that_is_said(store: Store) -> None:
+    root = publish(store, "root", [b"x" * 1000])
+    publish(store, "other")
+    age_all(store, time.time() - 9 * DAY)
+    said = collect(store, held(root, key_of("never built")), Limits(size=10, since=time.time()), dry=False)
+    assert keys(store) == {root}
+    assert said.after > 10
+    assert [(row.kind, row.count, row.why) for row in said.stays] == [("results", 1, "built last by someone")]
+    assert_whole(store)
+
+
+def test_a_blob_of_two_results_goes_with_the_second(store: Store) -> None:
+    one, two = publish(store, "one", [b"both"]), publish(store, "two", [b"both"])
+    age_all(store, time.time() - 9 * DAY)
+    collect(store, held(two), Limits(size=0), dry=False)
+    assert keys(store) == {two}
+    assert one not in keys(store)
+    assert store.blobs.get(digest.of_bytes(b"both")) == b"both"
+
+
+def test_results_that_lack_a_blob_or_cannot_be_read_go_even_as_roots(store: Store) -> None:
+    lacking, torn = publish(store, "lacking", [b"1"]), publish(store, "torn", [b"2"])
+    store.blobs.path(digest.of_bytes(b"1")).unlink()
+    harm(entry(store, torn), b"\x12\xff")
+    age_all(store, time.time() - 9 * DAY)
+    said = collect(store, held(lacking, torn), dry=False)
+    assert keys(store) == set()
+    assert next((row.kind, row.count, row.why) for row in said.gone) == (
+        "results",
+        2,
+        "they lack a blob or cannot be read",
+    )
+
+
+def test_young_blobs_without_a_result_stay_for_a_result_to_come(store: Store) -> None:
+    young = store.blobs.put(b"just written")
+    said = collect(store, nobody, Limits(size=0), dry=False)
+    assert store.blobs.has(young)
+    assert [(row.kind, row.count, row.why) for row in said.stays] == [
+        ("blobs", 1, "no result needs them, but they were used of late")
+    ]
+
+
+def test_a_blob_that_is_put_again_is_young_again(store: Store) -> None:
+    name = store.blobs.put(b"once")
+    age_all(store, time.time() - 9 * DAY)
+    store.blobs.put(b"once")
+    collect(store, nobody, dry=False)
+    assert store.blobs.has(name)
+
+
+def test_leftovers_go_but_not_those_of_now(store: Store) -> None:
+    workshop = store.blobs.root / ".tmp"
+    workshop.mkdir(parents=True)
+    dead, living = workshop / ".tmp-dead-1-1", workshop / ".tmp-living-1-1"
+    for path in (dead, living):
+        path.write_bytes(b"half")
+    aside = store.local / "quarantine" / key_of("damaged")
+    aside.parent.mkdir(parents=True)
+    aside.write_bytes(b"bad")
+    for path in (dead, aside):
+        age(path, time.time() - DAY)
+    assert rows(collect(store, nobody, dry=False)) == {"leftovers": 2}
+    assert [path.exists() for path in (dead, living, aside)] == [False, True, False]
+
+
+def test_saved_progress_goes_by_age_unless_the_call_runs(store: Store) -> None:
+    for name in ("dead", "running"):
+        folder = store.keep.path(key_of(name))
+        folder.mkdir(parents=True)
+        (folder / "state").write_bytes(b"x")
+        for path in (folder / "state", folder):
+            age(path, time.time() - 9 * DAY)
+    assert store.locks.take(key_of("running"))
+    try:
+        collect(store, nobody, Limits(since=time.time() - DAY), dry=False)
+        assert [key for key, _ in store.keep.all()] == [key_of("running")]
+    finally:
+        store.locks.release(key_of("running"))
+
+
+def test_what_a_running_build_may_need_stays(store: Store) -> None:
+    young, old = publish(store, "young"), publish(store, "old")
+    age(entry(store, old), time.time() - DAY)
+    with store.running.announced():
+        said = collect(store, nobody, Limits(size=0), dry=False)
+        assert keys(store) == {young}
+        assert said.running == 1
+    collect(store, nobody, Limits(size=0), dry=False)
+    assert keys(store) == set()
+
+
+def test_a_store_that_may_only_be_read_is_not_collected(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    publish(store, "a")
+    monkeypatch.setattr("os.access", lambda path, mode: False)
+    with pytest.raises(StoreError, match="cannot be collected, it may only be read") as caught:
+        collect(store, nobody, dry=False)
+    assert caught.value.code == "DXB-S401"
+    assert collect(store, nobody).before > 0  # to look is no change
+
+
+@dataclass
+class World:
+    """A store by plan: results with their last use and blobs, blobs of nobody, what is held, the limits."""
+
+    results: dict[str, tuple[int, list[int]]]
+    loose: dict[int, int]
+    broken: set[str]
+    roots: set[str]
+    size: int | None
+    days: int | None
+    building: bool
+    meanwhile: list[tuple[str, str, list[int]]] = field(default_factory=list)
+
+
+NAMES = [f"r{n}" for n in range(6)]
+BLOBS = st.lists(st.integers(0, 7), max_size=4)
+DAYS = st.integers(0, 5)
+WORLDS = st.builds(
+    World,
+    results=st.dictionaries(st.sampled_from(NAMES), st.tuples(DAYS, BLOBS), max_size=6),
+    loose=st.dictionaries(st.integers(0, 11), DAYS, max_size=4),
+    broken=st.sets(st.sampled_from(NAMES), max_size=2),
+    roots=st.sets(st.sampled_from(NAMES), max_size=3),
+    size=st.none() | st.integers(0, 9000),
+    days=st.none() | DAYS,
+    building=st.booleans(),
+    meanwhile=st.lists(
+        st.tuples(st.sampled_from(["hit", "publish"]), st.sampled_from([*NAMES, "new"]), BLOBS), max_size=5
+    ),
+)
+
+
+def data_of(number: int) -> bytes:
+    return b"%d" % number * (200 * (number + 1))
+
+
+def make(world: World, store: Store) -> None:
+    now = time.time()
+    for name, (_, blobs) in world.results.items():
+        publish(store, name, map(data_of, blobs))
+    for number in world.loose:
+        store.blobs.put(data_of(number))
+    age_all(store, now - 4.5 * DAY)
+    for number, days in world.loose.items():
+        age(store.blobs.path(digest.of_bytes(data_of(number))), now - days * DAY - 1)
+    for name, (days, _) in world.results.items():
+        age(entry(store, key_of(name)), now - days * DAY - 1)
+        if name in world.broken:
+            harm(entry(store, key_of(name)), b"torn")
+            age(entry(store, key_of(name)), now - days * DAY - 1)
+
+
+def model(world: World, store: Store) -> tuple[set[str], set[str]]:
+    """(keys, blobs) that stay, found by trying: each step looks at everything again."""
+    found, now = inventory.read(store), time.time()
+    horizon = now - 3660
+    alive = dict(found.results)
+    named = {name for one in (*found.results.values(), *found.broken.values()) for name in one.needs}
+
+    def blobs() -> set[str]:
+        needed = {name for one in alive.values() for name in one.needs}
+        late = {n for n, (_, used) in found.blobs.items() if used >= horizon and (world.building or n not in named)}
+        return (needed | late) & set(found.blobs)
+
+    def total() -> int:
+        return sum(one.size for one in alive.values()) + sum(found.blobs[name][0] for name in blobs())
+
+    free = [key for key in alive if key not in {key_of(root) for root in world.roots}]
+    for key in sorted(free, key=lambda key: (alive[key].used, key)):
+        used = alive[key].used
+        if world.building and used >= horizon:
+            continue
+        too_old = world.days is not None and used < now - world.days * DAY
+        if too_old or (world.size is not None and total() > world.size):
+            del alive[key]
+    return set(alive), blobs()
+
+
+def take(world: World, store: Store, *, dry: bool = False) -> Collection:
+    since = None if world.days is None else time.time() - world.days * DAY
+    return collect(store, held(*map(key_of, world.roots)), Limits(world.size, since), dry=dry)
+
+
+@settings(max_examples=150, deadline=None)
+@given(world=WORLDS)
+def test_a_collection_agrees_with_the_model(world: World) -> None:
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        store = Store(Path(folder) / "store")
+        make(world, store)
+        if world.building:
+            stack.enter_context(store.running.announced())
+        expected = model(world, store)
+        planned = take(world, store, dry=True)
+        said = take(world, store)
+        assert (keys(store), {name for name, _ in store.blobs.all()}) == expected
+        assert_whole_untouched(store)
+        assert said.after == planned.after == inventory.read(store).bytes()
+        again = take(world, store)
+        assert not again.gone
+
+
+def assert_whole_untouched(store: Store) -> None:
+    """As `assert_whole`, without a hit, which would be a use."""
+    assert inventory.read(store).broken == {}
+
+
+@settings(max_examples=150, deadline=None)
+@given(world=WORLDS)
+def test_what_a_build_does_meanwhile_stays_whole(world: World) -> None:
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        store = Store(Path(folder) / "store")
+        make(world, store)
+        relied: set[str] = set()
+
+        def act(what: str, name: str, blobs: list[int]) -> None:
+            if what == "publish":
+                relied.add(publish(store, name, map(data_of, blobs)))
+            elif store.actions.get(key_of(name)) is not None:
+                relied.add(key_of(name))
+
+        things = iter([lambda row=row: act(*row) for row in world.meanwhile])
+        drop = Use.drop
+
+        def disturbed(use: Use, path: str, older_than: float) -> bool:
+            next(things, lambda: None)()
+            return drop(use, path, older_than)
+
+        patch.setattr(Use, "drop", disturbed)
+        with store.running.announced():
+            take(world, store)
+            assert relied <= keys(store)
+            assert_whole(store)
