@@ -50,7 +50,7 @@ def built(space: Space) -> Space:
 
 
 def test_verbs_flags_and_values(space: Space) -> None:
-    assert by_bash(space, "dxb bu") == ["build"]
+    assert by_bash(space, "dxb bui") == ["build"]
     assert "--keep-going" in by_bash(space, "dxb build --k")
     assert by_bash(space, "dxb build --profile c") == ["cpu", "cloud"]
     assert by_bash(space, "dxb completion ") == ["bash", "zsh", "fish"]

@@ -6,9 +6,7 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from functools import partial
-from importlib import import_module
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlsplit
 
 from dextera_build.errors import MachineError, UsageError
@@ -69,10 +67,10 @@ def _objects(address: str, spec: Spec) -> Remote:
 
 
 def _reapi(address: str, spec: Spec) -> Remote:
-    kind: Any = import_module("dextera_build.store.remotes.reapi").Reapi
+    from dextera_build.store.remotes.reapi import Reapi
+
     parts = urlsplit(address)
-    remote: Remote = kind(parts.netloc, parts.path.strip("/"), tls=parts.scheme == "grpcs", timeout_s=spec.timeout_s)
-    return remote
+    return Reapi(parts.netloc, parts.path.strip("/"), tls=parts.scheme == "grpcs", timeout_s=spec.timeout_s)
 
 
 _OPENERS: Mapping[str, Callable[[str, Spec], Remote]] = {
