@@ -32,8 +32,8 @@ def built(space: Space) -> Space:
     """Two variants, of which the first is nobody's any more."""
     assert space.dxb("build", "say/words", "--set", "start.text=old").code == 0
     assert space.dxb("build", "say/words").code == 0
-    for snapshot in (space.root / "cache" / "local" / "snapshots").iterdir():
-        snapshot.unlink()
+    for written in (space.root / "cache" / "local" / "snapshots").iterdir():
+        written.unlink()
     assert space.dxb("build", "say/words").code == 0
     grow_old(space)
     return space
