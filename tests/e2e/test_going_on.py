@@ -288,3 +288,35 @@ def test_broken_snapshots_are_passed_over(built: Space, ending: str) -> None:
         assert output(built, "c") == "one.txtagain"
         built.write("two.txt", "new")
         time.sleep(0.05)
+
+
+def test_a_build_that_goes_on_keeps_the_pins_and_a_locked_one_looks_at_everything(built: Space) -> None:
+    assert build(built, "--lock")[1] is not None
+    pinned = (built.root / "dxb.lock").read_bytes()
+    assert build(built)[1] is not None  # another request than the first: there is a lock file now
+    built.write("two.txt", "new")
+    time.sleep(0.05)
+    _, ended, kept = build(built)
+    assert kept
+    assert ended == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
+    renewed = (built.root / "dxb.lock").read_bytes()
+    assert renewed != pinned
+    assert build(built)[1] is None
+    assert built.dxb("build", "two", "--locked").code == 0
+    built.write("two.txt", "more")
+    time.sleep(0.05)
+    refused = built.dxb("build", "two", "--locked")
+    assert (refused.code, "DXB-C103" in refused.err) == (3, True)
+    assert (built.root / "dxb.lock").read_bytes() == renewed
+    built.edit("recipes/two.yaml", "nodes:", "# a comment\nnodes:")
+    assert (built.dxb("build", "two", "--locked")).code == 3
+
+
+def test_a_rule_edited_twice_in_a_second_to_the_same_size_runs_as_it_is(built: Space) -> None:
+    rule, moment = built.root / "rules/toy/first.py", int(time.time())
+    for joint in ('"."', '"+"', '"-"'):
+        built.write("rules/toy/first.py", FIRST.lstrip().replace('" "', joint))
+        built.write("box/y", "y")
+        os.utime(rule, (moment, moment))
+        assert built.dxb("build", "two", env={"PYTHONDONTWRITEBYTECODE": ""}).code == 0
+        assert output(built, "d") == f"x{joint[1]}y"

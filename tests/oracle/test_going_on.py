@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 import shutil
 from dataclasses import dataclass
@@ -9,17 +10,18 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine import eventlog, known
+from dextera_build.engine import compact, eventlog, known
 from dextera_build.engine.eventlog import EventLog
 from dextera_build.engine.events import NodeFinished, NodesKept, fan_out
 from dextera_build.engine.execute import RunInfo, RunResult, build
-from dextera_build.engine.graph import Address, Graph, Leaf, parts_of
+from dextera_build.engine.graph import Address, Fixed, Graph, Leaf, parts_of
 from dextera_build.engine.history import History
 from dextera_build.engine.known import Known
 from dextera_build.engine.reach import reach
+from dextera_build.engine.retries import Retries
 from dextera_build.engine.units import Node
 from dextera_build.store.store import Store
-from tests.engine.tiny import Record, call, graph, group, inline, item, leaf, out, run
+from tests.engine.tiny import Record, call, facts, graph, group, inline, item, leaf, out, run
 from tests.oracle.graphs import RandomGraph
 
 
@@ -257,3 +259,30 @@ def test_a_chain_of_many_nodes_goes_on(tmp_path: Path, files: list[Path]) -> Non
     assert isinstance(next(iter(built.result.wiring.nodes.values())), Node) if built.result.wiring else False
     again, _ = run(plan, Store(root))
     assert {node.status for node in again.nodes.values()} == {"cached"}
+
+
+def test_what_rules_declare_and_labels_of_a_recipe_come_back(tmp_path: Path) -> None:
+    rich = facts(
+        cpus=3, memory_gb=2.5, gpus=1, gpu_gb=0.5, named=(("seat", 2.0),), retries=Retries(2, ("OSError",), 0.25)
+    )
+    assert compact.facts_of(json.loads(json.dumps(compact.facts_to_plain(rich)))) == rich
+    assert compact.facts_of(compact.facts_to_plain(rich)).needs == rich.needs
+    text = tmp_path / "text"
+    text.write_text("one")
+    plan = graph(
+        call("a", a=leaf(text)),
+        group("g", Fixed(("p", "q")), call("c", a=out("a")), q=call("c", value=2, a=out("a"))),
+        call("all", "const", a=out("a")),
+    )
+    targets, root, path = [Address(("g", "c")), Address(("all",))], tmp_path / "store", tmp_path / "snapshot"
+    first = go(plan, targets, root)
+    assert first.result.wiring is not None
+    known.write(path, plan, first.result.wiring, first.run, lambda address: 0.5 if address == "a" else None)
+    found = known.read(path)
+    assert found.graph == plan
+    assert [found.peak_gb(address) for address in ("a", "all", "nobody")] == [0.5, None, None]
+    text.write_text("two")
+    assert found.spread([str(text)])
+    built = go(found.graph, targets, root, found)
+    assert sorted(built.record.with_status("ran")) == ["a", "all", "g[p].c", "g[q].c"]
+    assert built.result.ok
