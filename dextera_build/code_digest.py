@@ -7,18 +7,37 @@ definition, so that `dxb why` can name the function that changed.
 from __future__ import annotations
 
 import ast
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build import digest
 
+_YOUNG_S = 2.5
 # What a rule writes against, and what can reach no artifact: the key's schema version stands for them.
 _FRAMEWORK = ("__init__.py", "rule.py", "errors.py", "digest.py")
 
 # What `@rule(...)` and `Backend(...)` say of how a call runs; it changes no result, so it stays out of the key.
 _NEEDS = {"cpus", "memory_gb", "gpus", "resources", "retries", "retry_on", "retry_wait_s"}
 _BACKEND_NEEDS = {"gpu_gb", "summary"}
+
+
+def content(file: Path) -> str | None:
+    """Digest of what a source file says, without comments, docstrings and positions; None where it cannot be read."""
+    try:
+        return _content(_parse(file))
+    except (OSError, SyntaxError, ValueError):
+        return None
+
+
+def is_young(folder: Path) -> bool:
+    """Whether a source file in `folder` was changed so lately that no byte code should be written for it.
+
+    Python knows byte code by whole seconds and by size: what is made of a young file can outlive the next edit.
+    """
+    now = time.time()
+    return any(file.stat().st_mtime > now - _YOUNG_S for file in folder.glob("*.py"))
 
 
 @dataclass(frozen=True)
@@ -59,6 +78,10 @@ class CodeIndex:
         """Every file that was read so far."""
         return sorted(self._parsed)
 
+    def contents(self) -> dict[Path, str]:
+        """Digest of what each file says that was read so far, as `content` gives it."""
+        return {file: _content(source) for file, source in self._parsed.items()}
+
     def name(self, file: Path) -> str:
         """The name of a source file that is the same on every machine: `rules/factorize/mesh.py`."""
         for folder in self._roots.values():
@@ -97,6 +120,10 @@ class CodeIndex:
         if file not in self._parsed:
             self._parsed[file] = _parse(file)
         return self._parsed[file]
+
+
+def _content(source: _Source) -> str:
+    return digest.of_value([list(source.definitions.items()), list(source.lines), source.imports])
 
 
 def _modules(base: Path, names: tuple[str, ...]) -> Iterator[Path]:

@@ -20,7 +20,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest
-from dextera_build.code_digest import CodeIndex
+from dextera_build.code_digest import CodeIndex, is_young
 from dextera_build.errors import MachineError, Place, RecipeError, did_you_mean, listing
 
 if TYPE_CHECKING:
@@ -251,6 +251,8 @@ def _others(found: RuleFile, but: str) -> str:
 
 def _import(root: Root, path: str, file: Path) -> ModuleType:
     root.mount()
+    written = sys.dont_write_bytecode
+    sys.dont_write_bytecode = written or is_young(file.parent)
     try:
         return importlib.import_module(f"{root.name}.{path}")
     except ImportError as error:
@@ -266,6 +268,8 @@ def _import(root: Root, path: str, file: Path) -> ModuleType:
     except SyntaxError as error:
         where = Place(error.filename or str(file), error.lineno or 0, error.offset or 0)
         raise RecipeError(f"{path} is not valid Python: {error.msg}", code="DXB-R206", where=where) from None
+    finally:
+        sys.dont_write_bytecode = written
 
 
 def _holds_rule(file: Path) -> bool:

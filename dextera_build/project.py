@@ -55,6 +55,7 @@ class Project:
     def __init__(self, root: Path, flags: Mapping[str, Any] | None = None, *, declared: bool = True) -> None:
         self.root = root
         self.declared = declared
+        self._recipes: dict[tuple[Path, int, int, int], Recipe] = {}
         self.remotes = Choice(root)
         """The remotes; known when `config` is."""
         self._flags = {name: value for name, value in (flags or {}).items() if value is not None}
@@ -182,8 +183,17 @@ class Project:
         for folder in self._recipe_folders():
             file = folder / f"{address}.yaml"
             if file.is_file() and file.resolve().is_relative_to(folder.resolve()):
-                return read(file, address, self.shown(file))
+                state = file.stat()
+                # A recipe is asked for several times in one command; it is read once.
+                place = (file, state.st_mtime_ns, state.st_size, state.st_ino)
+                if place not in self._recipes:
+                    self._recipes[place] = read(file, address, self.shown(file))
+                return self._recipes[place]
         return None
+
+    def forget_recipes(self) -> None:
+        """Let go of what was read: a plan holds all that a build needs, and a large recipe is large in memory."""
+        self._recipes.clear()
 
     def recipes(self) -> Iterator[tuple[str, Path]]:
         """Every recipe: address and file."""

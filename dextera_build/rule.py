@@ -11,6 +11,7 @@ import types
 import typing
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, get_args, get_origin
 
@@ -72,7 +73,7 @@ class Context:
 
     Args:
         backend: The chosen backend's module, or None for a rule without backends.
-        scratch: A folder of this call alone, removed afterwards.
+        scratch: A folder of this call alone, removed afterwards; or what makes it when it is asked for.
         emit: Takes (kind, data) as it happens: `progress`, `log`.
         keep: See the property `keep`; None is a folder below `scratch`.
     """
@@ -81,15 +82,20 @@ class Context:
         self,
         backend: Any = None,
         *,
-        scratch: Path,
+        scratch: Path | Callable[[], Path],
         emit: Callable[[str, Mapping[str, object]], None] | None = None,
         keep: Path | None = None,
     ) -> None:
         self.backend = backend
-        self.scratch = scratch
+        self._scratch = scratch
         self.outcome = Outcome()
         self._emit = emit or (lambda kind, data: None)
-        self._keep = keep or scratch / "keep"
+        self._keep = keep
+
+    @cached_property
+    def scratch(self) -> Path:
+        """A folder of this call alone, removed afterwards."""
+        return self._scratch if isinstance(self._scratch, Path) else self._scratch()
 
     @property
     def keep(self) -> Path:
@@ -99,8 +105,9 @@ class Context:
         return the bytes that it would have returned in one go. A kill may come at any moment, so write a file aside and
         rename it.
         """
-        self._keep.mkdir(parents=True, exist_ok=True)
-        return self._keep
+        folder = self._keep or self.scratch / "keep"
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
 
     def check(self, holds: bool, message: str, *, hint: str | None = None, **facts: object) -> None:
         """A post-condition: nothing is published where it does not hold.
@@ -190,7 +197,7 @@ class Rule(Generic[P, R]):
         """First line of the docstring."""
         return (inspect.getdoc(self.function) or "").partition("\n")[0]
 
-    @property
+    @cached_property
     def slots(self) -> dict[str, Slot]:
         """Inputs by name, in order."""
         hints = typing.get_type_hints(self.function, include_extras=True)
@@ -203,18 +210,18 @@ class Rule(Generic[P, R]):
             found[name] = Slot(name, _without_none(annotation), optional)
         return found
 
-    @property
+    @cached_property
     def takes_options(self) -> bool:
         """Whether the function has an `options` parameter."""
         return "options" in inspect.signature(self.function).parameters
 
-    @property
+    @cached_property
     def options(self) -> type[Options]:
         """The options class; an empty one where the rule has none."""
         kind = typing.get_type_hints(self.function).get("options", Options)
         return typing.cast(type[Options], _without_none(kind))
 
-    @property
+    @cached_property
     def returns(self) -> Any:
         """The artifact type that comes out."""
         return typing.get_type_hints(self.function, include_extras=True)["return"]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import tempfile
 import traceback
+from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,10 +15,15 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.errors import DxbError, RuleError
 from dextera_build.loader import Library, RuleFile
 from dextera_build.store import space
+from dextera_build.store.cas import Blobs
 from dextera_build.store.store import Store
+from dextera_build.store.streams import Reader
 
 if TYPE_CHECKING:
     from dextera_build.rule import Context
+
+_SMALL = 1 << 14
+_MOST_KNOWN = 1 << 10
 
 Emit = Callable[[str, Mapping[str, object]], None]
 
@@ -40,18 +46,24 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
 
     found = _library(task["project"]).find(task["rule"])
     backend = found.backends[task["backend"]].load() if task["backend"] else None
-    store = _store(task["store"])
+    store, read = _store(task["store"])
     rule = found.rule
     inputs = {
-        name: slot.annotation.decode(task["inputs"][name], store.reader)
+        name: slot.annotation.decode(task["inputs"][name], read)
         for name, slot in rule.slots.items()
         if name in task["inputs"]
     }
     # JSON mode takes a list for a tuple, and the engine speaks JSON.
     options = rule.options.model_validate_json(json.dumps(task["options"]))
     keep = store.keep.path(task["key"]) if task.get("key") else None
-    with _full_disk_said(store), tempfile.TemporaryDirectory(prefix="dxb-") as scratch, _full_disk_said(store):
-        ctx = Context(backend, scratch=Path(scratch), emit=emit, keep=keep)
+    with _full_disk_said(store), ExitStack() as folders, _full_disk_said(store):
+        # Most calls need no folder, and making one takes longer than a small call.
+        ctx = Context(
+            backend,
+            scratch=lambda: Path(folders.enter_context(tempfile.TemporaryDirectory(prefix="dxb-"))),
+            emit=emit,
+            keep=keep,
+        )
         keyword = {"options": options} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)
         # Before the scratch folder goes: what is returned may lie there.
@@ -96,5 +108,25 @@ def _library(project: str) -> Library:
 
 
 @lru_cache(maxsize=1)
-def _store(root: str) -> Store:
-    return Store(Path(root))
+def _store(root: str) -> tuple[Store, _Recent]:
+    store = Store(Path(root))
+    return store, _Recent(store.blobs)
+
+
+class _Recent(Reader):
+    """Reads blobs, and keeps small ones that it read last: neighbours in a graph read the same."""
+
+    def __init__(self, blobs: Blobs) -> None:
+        super().__init__(blobs)
+        self._known: OrderedDict[str, bytes] = OrderedDict()
+
+    def __call__(self, digest: str) -> bytes:
+        """The bytes of a blob."""
+        data = self._known.get(digest)
+        if data is None:
+            data = super().__call__(digest)
+            if len(data) <= _SMALL:
+                self._known[digest] = data
+                if len(self._known) > _MOST_KNOWN:
+                    self._known.popitem(last=False)
+        return data

@@ -18,6 +18,7 @@ import json
 import types
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 from typing import (
     TYPE_CHECKING,
@@ -269,6 +270,7 @@ def _inside(folder: Path, name: str) -> Path:
     return folder / name
 
 
+@cache
 def array_specs(kind: type[BaseModel]) -> dict[str, Array]:
     """Field -> declared array form, for the array fields of `kind`."""
     return {

@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from dextera_build import __version__
@@ -13,6 +14,10 @@ from dextera_build.cli import locking, options
 from dextera_build.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
+    from dextera_build.cli.session import Session
+    from dextera_build.engine.graph import Address
+    from dextera_build.engine.known import Known
+    from dextera_build.engine.records import RunResult
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
 
@@ -60,6 +65,7 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
     fingerprint = {
         "dxb": __version__,
         "python": sys.version,
+        "path": sys.path,
         "root": str(project.root),
         "recipe": recipe,
         "targets": targets,
@@ -71,14 +77,12 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
     }
     known = None if args.force else fresh.load(project, fingerprint)
     if known is not None:
-        nodes, lines = known
-        _say_nothing_ran(project, recipe, nodes, time.perf_counter() - started)
-        print("".join(line + "\n" for line in lines), end="")
-        return 0
-    return _run(args, project, recipe, targets, fingerprint)
+        return _say_nothing_ran(project, recipe, *known, started)
+    return _run(args, project, recipe, targets, fingerprint, started)
 
 
-def _say_nothing_ran(project: Project, recipe: str, nodes: str, seconds: float) -> None:
+def _say_nothing_ran(project: Project, recipe: str, nodes: str, lines: Sequence[str], started: float) -> int:
+    seconds = time.perf_counter() - started
     kind = project.config["console"].value
     if kind == "jsonl":
         from dextera_build.engine.events import RunFinished
@@ -86,18 +90,36 @@ def _say_nothing_ran(project: Project, recipe: str, nodes: str, seconds: float) 
         print(RunFinished(time.time(), True, seconds, {"cached": int(nodes)}, 0.0).to_line(), file=sys.stderr)
     elif kind != "none":
         print(f"{recipe} is up to date   {nodes} nodes   {seconds:.2f} s", file=sys.stderr)
+    print("".join(line + "\n" for line in lines), end="")
+    return 0
 
 
 def _run(
-    args: argparse.Namespace, project: Project, recipe: str, targets: list[str], fingerprint: dict[str, object]
+    args: argparse.Namespace,
+    project: Project,
+    recipe: str,
+    targets: list[str],
+    fingerprint: dict[str, object],
+    started: float,
+    *,
+    whole: bool = False,
 ) -> int:
+    from dextera_build.cli import fresh
     from dextera_build.cli.session import Session, addresses
-    from dextera_build.store.cas import MissingBlob
+    from dextera_build.engine.graph import Plan
+    from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
 
     session = Session(project, recipe)
-    session.store.leaves.watch = watch = Watch()
-    plan = session.plan(options.request(args, project.profile))
+    seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
+    session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
+    quick = not (whole or args.force or args.check or args.locked or project.config["console"].value == "jsonl")
+    near = fresh.near(project, fingerprint, session.store.leaves) if quick else None
+    if near is not None and near.idle:
+        nodes, *lines = near.stale.head["lines"]
+        fresh.renew(project, fingerprint, seen, near, lines)
+        return _say_nothing_ran(project, recipe, nodes, lines, started)
+    plan = Plan(near.known.graph, ()) if near else session.plan(options.request(args, project.profile))
     wanted = [address for target in targets for address in addresses(plan.graph, target)]
     args.locking.refuse(session, plan, wanted)
     if args.check:
@@ -105,29 +127,45 @@ def _run(
 
         return stale.check(session, plan.graph, wanted)
     _refuse_unknown_force(args.force, plan)
-    from dextera_build.cli import execution, fresh, results
-
-    # Until its results are placed nobody may collect them.
-    with session.store.running.announced():
-        result = execution.execute(session, plan, wanted, args)
-        if result.ok:
-            args.locking.refuse(session, plan, wanted)
-        try:
-            lines = results.place(session, result)
-        except StoreError as error:
-            if error.code != MissingBlob.CODE:
-                raise
-            # A blob was damaged on disk. All such are set aside, so building again makes them anew.
-            for node in result.targets:
-                session.store.actions.verify(result.nodes[node].key or "")
-            result = execution.execute(session, plan, wanted, args)
-            lines = results.place(session, result)
+    made = _make(args, session, plan, wanted, near.known if near else None)
+    if made is None:
+        return _run(args, project, recipe, targets, fingerprint, started, whole=True)
+    result, lines = made
     print("".join(line + "\n" for line in lines), end="")
     if result.ok:
         args.locking.note(session, plan, wanted, result)
         fingerprint["lock"] = args.locking.state(recipe)
-        fresh.save(project, fingerprint, watch, plan, result, lines)
+        if near is not None:
+            fresh.renew(project, fingerprint, seen, near, lines)
+        else:
+            fresh.save(project, fingerprint, seen, plan, result, lines)
     return 0 if result.ok else 1
+
+
+def _make(
+    args: argparse.Namespace, session: Session, plan: Plan, wanted: list[Address], known: Known | None
+) -> tuple[RunResult, list[str]] | None:
+    """Build, and place what was asked for; None where what was known is not there, and all must be looked at."""
+    from dextera_build.cli import execution, results
+    from dextera_build.store.cas import MissingBlob
+
+    # Until its results are placed nobody may collect them.
+    with session.store.running.announced():
+        result = execution.execute(session, plan, wanted, args, known)
+        if result.ok:
+            args.locking.refuse(session, plan, wanted)
+        try:
+            return result, results.place(session, result)
+        except StoreError as error:
+            if error.code != MissingBlob.CODE:
+                raise
+            if known is not None:
+                return None
+            # A blob was damaged on disk. All such are set aside, so building again makes them anew.
+            for node in result.targets:
+                session.store.actions.verify(result.nodes[node].key or "")
+            result = execution.execute(session, plan, wanted, args)
+            return result, results.place(session, result)
 
 
 def _refuse_unknown_force(names: list[str], plan: Plan) -> None:

@@ -17,6 +17,7 @@ from dextera_build.engine.graph import Address
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
+    from dextera_build.engine.known import Known
     from dextera_build.recipe.plan import Plan
     from dextera_build.store.remotes.exchange import Exchange
 
@@ -45,13 +46,15 @@ def exchange(session: Session) -> Exchange | None:
     return Exchange(session.store, [guarded(spec) for spec in used])
 
 
-def execute(session: Session, plan: Plan, wanted: Sequence[Address], args: argparse.Namespace) -> RunResult:
+def execute(
+    session: Session, plan: Plan, wanted: Sequence[Address], args: argparse.Namespace, known: Known | None = None
+) -> RunResult:
     """Build `wanted` as the command line says, and return what became of every node."""
     kind = str(session.project.config["console"].value)
     force = frozenset(name.partition(":")[2] or name for name in args.force)
     with console("live" if kind == "auto" else kind, sys.stderr, verbose=args.verbose) as shown:
         done = carry_out(
-            session, plan, wanted, shown, keep_going=args.keep_going, force=force, argv=tuple(sys.argv[1:])
+            session, plan, wanted, shown, keep_going=args.keep_going, force=force, argv=tuple(sys.argv[1:]), known=known
         )
     if done.lost:
         print(f"the disk is full: {done.lost} events of run {done.run} are not in its log", file=sys.stderr)
@@ -67,6 +70,7 @@ def carry_out(
     keep_going: bool = False,
     force: frozenset[str] = frozenset(),
     argv: tuple[str, ...] = (),
+    known: Known | None = None,
 ) -> Done:
     """Build `wanted` with workers on this machine and an event log; `listen` takes every event, too."""
     from dextera_build.engine.eventlog import EventLog
@@ -76,7 +80,8 @@ def carry_out(
     project, store = session.project, session.store
     # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    wants_gpu = any(call.rule.gpus or call.rule.gpu_gb for _, call in plan.graph.calls())
+    rules = known.rules if known else [call.rule for _, call in plan.graph.calls()]
+    wants_gpu = any(rule.gpus or rule.gpu_gb for rule in rules)
     capacity = project.capacity(gpus=wants_gpu)
     with EventLog(store) as log, LocalExecutor(RUNNER, environment=environment, capacity=capacity) as workers:
         result = build(
@@ -88,6 +93,7 @@ def carry_out(
             info=RunInfo(log.run, str(project.root), project.profile, __version__, argv),
             keep_going=keep_going,
             force=force,
+            known=known,
             only=frozenset() if project.remotes.local == "r" else None,
             exchange=exchange(session),
         )

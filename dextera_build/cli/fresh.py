@@ -2,70 +2,180 @@
 
 from __future__ import annotations
 
-import site
+import os
+import sys
 from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build import digest
-from dextera_build.engine.snapshot import load_if_fresh
-from dextera_build.engine.snapshot import save as save_snapshot
-from dextera_build.store.signature import Watch
-from dextera_build.store.store import Store
+from dextera_build.engine import snapshot
+from dextera_build.errors import DxbError, StoreError
+
+_DEEPEST = 30
+"""After so many builds that went on from one another comes one that looks at everything: its log stands alone."""
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
+    from dextera_build.engine.known import Known
+    from dextera_build.engine.snapshot import Stale
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
+    from dextera_build.store.presence import Presence
+    from dextera_build.store.signature import Watch
+    from dextera_build.store.statcache import StatCache
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a build looks at."""
+
+    watch: Watch
+    presence: Presence
+
+
+@dataclass(frozen=True)
+class Near:
+    """A build to go on from."""
+
+    stale: Stale
+    known: Known
+
+    @property
+    def idle(self) -> bool:
+        """Whether the files that changed hold what they held, and all that was written is there."""
+        return not self.known.cone and snapshot.is_placed(self.stale.head)
 
 
 def load(project: Project, fingerprint: Mapping[str, object]) -> tuple[str, tuple[str, ...]] | None:
     """How many nodes the same request had and the lines that it printed, if nothing it saw has changed since."""
-    found = load_if_fresh(_file(project, fingerprint), dict(fingerprint))
+    found = snapshot.load_if_fresh(_file(project, fingerprint), dict(fingerprint))
     return (found.lines[0], found.lines[1:]) if found else None
 
 
 def save(
-    project: Project,
-    fingerprint: Mapping[str, object],
-    watch: Watch,
-    plan: Plan,
-    result: RunResult,
-    lines: list[str],
+    project: Project, fingerprint: Mapping[str, object], seen: Seen, plan: Plan, result: RunResult, lines: list[str]
 ) -> None:
     """Remember a build that went well.
 
-    A file that was changed after `watch` was made keeps the snapshot from being written, so it may be noted here.
+    A file that was changed after `seen` was made keeps the snapshot from being written, so it may be noted here.
     """
+    from dextera_build.engine import known
+    from dextera_build.recipe.content import content
+
     outputs = [Path(line.partition("\t")[2]).absolute() for line in lines]
-    note(project, watch, plan)
-    store = Store(project.cache)
-    keys = {record.key for record in result.nodes.values() if record.key is not None}
-    watch.blobs([*outputs, *(file for key in sorted(keys) for file in store.actions.files(key))])
-    save_snapshot(_file(project, fingerprint), dict(fingerprint), watch, [str(len(result.nodes)), *lines])
+    watch, path = seen.watch, _file(project, fingerprint)
+    fixed = note(project, watch, plan)
+    watch.blobs(outputs)
+    store = (str(project.cache), seen.presence)
+    snapshot.forget(path)
+    assert result.wiring is not None
+    with suppress(StoreError):
+        if not known.write(path, plan.graph, result.wiring, result.run, result.peak_gb):
+            snapshot.forget(path.with_suffix(".plan"))
+    contents = {str(file): content(file) for file in plan.recipes}
+    contents |= {str(file): said for file, said in project.library.code.contents().items()}
+    more = {"fixed": fixed, "contents": contents, "nodes": str(len(result.nodes))}
+    snapshot.save(path, dict(fingerprint), watch, [str(len(result.nodes)), *lines], store, more)
 
 
-def note(project: Project, watch: Watch, plan: Plan) -> None:
-    """Note what planning read: recipes, code, configuration, and the folders in which a new one would lie."""
+def note(project: Project, watch: Watch, plan: Plan) -> list[str]:
+    """Note what planning read, and return it: recipes, code, configuration, and folders in which a new one would lie.
+
+    Packages that are installed are noted, too.
+    """
     from dextera_build.loader import bundled
 
     configuration = [project.root / name for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml")]
-    for file in (*plan.recipes, *project.library.code.files(), *configuration):
+    noted = [os.fspath(file) for file in (*plan.recipes, *project.library.code.files(), *configuration)]
+    for file in noted:
         watch.file(file)
-    # A new rule, backend or recipe, an installed or upgraded package: all change the names in a folder.
+    # A new rule, backend or recipe: all change the names in a folder.
     stages = [folder for root in project.library.roots for folder in (root.path, *root.path.iterdir())]
     for folder in (*stages, project.root / "recipes", bundled("recipes")):
         if folder.is_dir():
             watch.folder(folder)
+            noted.append(os.fspath(folder))
     note_packages(watch)
+    return noted
 
 
 def note_packages(watch: Watch) -> None:
-    """Note which packages are installed."""
-    for folder in site.getsitepackages():
-        if Path(folder).is_dir():
-            watch.folder(folder)
+    """Note what can be imported, and which packages are installed."""
+    for entry in sys.path:
+        watch.modules(entry or os.getcwd())
+
+
+def near(project: Project, fingerprint: Mapping[str, object], leaves: StatCache) -> Near | None:
+    """What the last build of a request knew, if nothing changed since but files that nodes read, and comments."""
+    path = _file(project, fingerprint)
+    stale = snapshot.load_if_near(path, dict(fingerprint))
+    try:
+        return _known(path, stale, leaves, project.cache / "runs") if stale else None
+    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError):
+        return None  # it was damaged, or another version wrote it
+    except DxbError:
+        return None  # a file cannot be read; planning says it better
+
+
+def _known(path: Path, stale: Stale, leaves: StatCache, logs: Path) -> Near | None:
+    from dextera_build.engine import known
+
+    said = [name for name in stale.changed if name in stale.head["fixed"]]
+    if not all(_says_the_same(name, stale.head, leaves) for name in said):
+        return None
+    found = known.read(path)
+    if found.depth >= _DEEPEST or not (logs / found.run).is_dir():
+        return None
+    files = [name for name in stale.changed if name not in said or name in found.leaves]
+    tops = {_leaf_of(name, found.head["leaves"]) for name in files}
+    if not all(top is not None and _is_whole(top, stale.head) for top in tops):
+        return None
+    changed = [str(top) for top in tops if leaves.digest_leaf(Path(str(top))) != found.leaves[str(top)]]
+    return Near(stale, found) if found.spread(changed) else None
+
+
+def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near: Near, lines: list[str]) -> None:
+    """Remember a build that went on from another."""
+    path = _file(project, fingerprint)
+    seen.watch.blobs(Path(line.partition("\t")[2]).absolute() for line in lines)
+    with suppress(StoreError, OSError, ValueError):
+        near.known.write_state(path)
+        near.stale.head["request"] = dict(fingerprint)
+        snapshot.renew(path, near.stale, seen.watch, [near.stale.head["nodes"], *lines], seen.presence)
+
+
+def _says_the_same(name: str, head: Mapping[str, Mapping[str, str | None]], leaves: StatCache) -> bool:
+    """Whether only comments and layout of a recipe or of a rule's source changed."""
+    if leaves.watch is not None:
+        leaves.watch.file(name)
+    if name.endswith(".yaml"):
+        from dextera_build.recipe.content import content
+    else:
+        from dextera_build.code_digest import content
+    known = head["contents"].get(name)
+    return known is not None and content(Path(name)) == known
+
+
+def _leaf_of(name: str, leaves: Mapping[str, object]) -> str | None:
+    """The declared file or folder that a watched one is or lies in."""
+    while name not in leaves:
+        above = os.path.dirname(name)
+        if above == name:
+            return None
+        name = above
+    return name
+
+
+def _is_whole(leaf: str, head: Mapping[str, Mapping[str, object]]) -> bool:
+    """Whether a declared file is a file still, and a folder a folder: the plan depends on that."""
+    return os.path.isdir(leaf) if leaf in head["folders"] else os.path.isfile(leaf)
 
 
 def _file(project: Project, fingerprint: Mapping[str, object]) -> Path:
-    return project.cache / "local" / "snapshots" / digest.of_value(dict(fingerprint))[:32]
+    # Pins change with what is built; the request is the same.
+    locking = fingerprint.get("lock")
+    asked = {**fingerprint, "lock": locking[:2] if isinstance(locking, list) else None}
+    return project.cache / "local" / "snapshots" / digest.of_value(asked)[:32]

@@ -121,11 +121,11 @@ class Locking:
                 self._new[name] = Pin(record.key, record.output, _size(session.store, record.key))
         from dextera_build.engine.graph import parse_address
 
-        calls = {call for call, _ in plan.graph.calls()}
-        for name in self._old:
-            if self._is_of(name, session.recipe) and name.node not in result.targets:
-                gone = parse_address(name.node).call not in calls or _is_asked(name.node, wanted)
-                self._new |= {name: None} if gone else {}
+        others = [name for name in self._old if self._is_of(name, session.recipe) and name.node not in result.targets]
+        calls = {call for call, _ in plan.graph.calls()} if others else set()
+        for name in others:
+            gone = parse_address(name.node).call not in calls or _is_asked(name.node, wanted)
+            self._new |= {name: None} if gone else {}
 
     def write(self) -> str:
         """Bring the file up to date, once, if anything changed; return a line about what did, or ""."""

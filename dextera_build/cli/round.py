@@ -53,6 +53,7 @@ def main(words: Sequence[str]) -> int:
         "usage": usage,
         "files": watch.files,
         "folders": watch.folders,
+        "paths": watch.paths,
         "started_ns": watch.started_ns,
     }
     Path(words[0]).write_text(json.dumps(report))

@@ -49,7 +49,9 @@ class Session:
                 facts={"recipes": listing(known, most=30)},
                 hint=did_you_mean(self.recipe, known) or "`dxb ls` shows all of them",
             )
-        return plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
+        made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
+        self.project.forget_recipes()
+        return made
 
     @cached_property
     def past_builds(self) -> History:

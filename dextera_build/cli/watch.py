@@ -63,20 +63,24 @@ class Seen:
 
     files: dict[str, signature.Signature | None]
     folders: dict[str, list[str] | None]
+    paths: dict[str, list[str] | None]
+    """Folders of the module search path, with what can be imported from them."""
     started_ns: int
 
     @classmethod
     def of(cls, told: Mapping[str, Any]) -> Seen:
         """What a report says."""
         files = {path: tuple(sign) if sign else None for path, sign in told["files"].items()}
-        return cls(files, told["folders"], told["started_ns"])
+        return cls(files, told["folders"], told["paths"], told["started_ns"])
 
     def changed(self) -> str | None:
         """A file or folder that is not what it was, or None."""
         for path, known in self.files.items():
             if signature.look(path) != known:
                 return path
-        return next((path for path, known in self.folders.items() if signature.names(path) != known), None)
+        folders = (path for path, known in self.folders.items() if signature.names(path) != known)
+        paths = (path for path, known in self.paths.items() if signature.modules(path) != known)
+        return next(folders, None) or next(paths, None)
 
     def racy(self) -> str | None:
         """A file that was written so shortly before it was read that its signature proves nothing, or None."""
@@ -85,7 +89,7 @@ class Seen:
 
     def places(self) -> list[str]:
         """Folders in which something must happen before `changed` can find anything."""
-        wanted = {str(Path(file).parent) for file in self.files} | set(self.folders)
+        wanted = {str(Path(file).parent) for file in self.files} | set(self.folders) | set(self.paths)
         found = set()
         for name in wanted:
             folder = Path(name)

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from dextera_build.engine.events import Event, NodeProgress
+from dextera_build.engine.events import Event, NodeFinished, NodeProgress, NodesKept
 from dextera_build.errors import UsageError, listing
 from dextera_build.store import files, sharing, space
 from dextera_build.store.store import Store
@@ -40,6 +40,7 @@ class EventLog:
         self.lost = 0
         self._told: dict[str, float] = {}
         self._descriptor = -1
+        self._size = 0
         folder = store.root / "runs"
         try:
             sharing.make_folder(str(folder))
@@ -58,13 +59,15 @@ class EventLog:
         """Append one event; of a node's progress no more than what a second brings."""
         if self._descriptor < 0 or self._is_told(event):
             return
-        size = os.fstat(self._descriptor).st_size
+        line = event.to_line().encode() + b"\n"
         try:
-            files.write_all(self._descriptor, event.to_line().encode() + b"\n")
+            files.write_all(self._descriptor, line)
         except OSError:
             self.lost += 1
             with suppress(OSError):
-                os.ftruncate(self._descriptor, size)  # a torn line would spoil the next one
+                os.ftruncate(self._descriptor, self._size)  # a torn line would spoil the next one
+        else:
+            self._size += len(line)
 
     def __enter__(self) -> Self:
         return self
@@ -102,7 +105,12 @@ def read(store: Store, run: str) -> list[dict[str, Any]]:
     Raises:
         UsageError: There is no such run.
     """
-    return list(_events(store, run))
+    found = list(_events(store, run))
+    place = next((place for place, event in enumerate(found) if event["event"] == NodesKept.kind), None)
+    if place is None:
+        return found
+    own = {event["node"] for event in found if event["event"] == NodeFinished.kind}
+    return [*found[:place], *_kept(store, found[place], own), *found[place + 1 :]]
 
 
 def lines(store: Store, run: str) -> Iterator[dict[str, Any]]:
@@ -135,6 +143,25 @@ def _events(store: Store, run: str) -> Iterator[dict[str, Any]]:
                 facts={"runs": listing(runs(store)[-12:])},
                 hint="dxb ls runs",
             ) from None
+
+
+def _kept(store: Store, kept: dict[str, Any], own: set[str]) -> list[dict[str, Any]]:
+    """What older logs say of the nodes that a run did not look at."""
+    said: dict[str, dict[str, Any]] = {}
+    run: str | None = kept["run"]
+    while run:
+        following = None
+        with suppress(UsageError):
+            for event in _events(store, run):
+                if event["event"] == NodeFinished.kind and event["node"] not in own:
+                    said.setdefault(event["node"], {})
+                    said[event["node"]] = event if event["output"] else said[event["node"]]
+                elif event["event"] == NodesKept.kind:
+                    following = event["run"]
+        own |= said.keys()
+        run = following
+    now = {"status": "cached", "time": kept["time"], "remote": "", "usage": {}, "tries": 0}
+    return [{**event, **now} for event in said.values() if event]
 
 
 def _allocate(folder: Path) -> str:

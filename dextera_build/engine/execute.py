@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -13,8 +13,12 @@ from dextera_build.engine import events
 from dextera_build.engine.events import Listener
 from dextera_build.engine.graph import Address, Graph, Leaf, Pack
 from dextera_build.engine.history import Entry, History
+from dextera_build.engine.known import Known, is_stub
 from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.reach import leaves, reach
+from dextera_build.engine.records import Kept
+from dextera_build.engine.records import NodeRecord as NodeRecord
+from dextera_build.engine.records import RunResult as RunResult
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.tasks import Executor
@@ -39,47 +43,6 @@ class RunInfo:
     argv: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class NodeRecord:
-    """What became of one node."""
-
-    status: events.Status
-    key: str | None
-    output: str | None
-    """Digest of the output's header."""
-    seconds: float
-    """How long it ran or was fetched [s], in this run or, for a cached one, when it was made."""
-    line: str
-    error: DxbError | None
-    inputs: Mapping[str, str]
-    """Slot -> digest."""
-    rule: str = ""
-    backend: str | None = None
-    result: str | None = None
-    """Digest of its `result.json`."""
-    log: str | None = None
-    """Digest of what it printed, also when it failed."""
-    blocked_by: tuple[str, ...] = ()
-    """Addresses of the failed nodes that it waits for."""
-    usage: Mapping[str, float] = field(default_factory=dict)
-    tries: int = 0
-    """How often it ran in this run."""
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """What became of a run."""
-
-    ok: bool
-    """Whether every target is up to date."""
-    nodes: Mapping[str, NodeRecord]
-    """Address -> record, in the order in which the run came to them."""
-    targets: tuple[str, ...]
-    """Addresses of the nodes that were asked for, every copy by itself."""
-    errors: Mapping[str, DxbError] = field(default_factory=dict)
-    """Address of a group, collection or target that failed without being a node -> why."""
-
-
 def build(  # noqa: PLR0913 - the whole interface of the engine
     graph: Graph,
     targets: Sequence[Address | tuple[str, ...]],
@@ -91,6 +54,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     keep_going: bool = False,
     force: frozenset[str] = frozenset(),
     only: frozenset[str] | None = None,
+    known: Known | None = None,
     exchange: Exchange | None = None,
 ) -> RunResult:
     """Bring targets up to date.
@@ -105,6 +69,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
         keep_going: After a failure go on with everything that does not depend on it.
         force: Addresses (`body[mug].mesh`, or `body.mesh` for every copy) that run although they are cached.
         only: Addresses that may run; a stale node outside fails with a `StaleError`. None: all may.
+        known: What the last build of the same request found, with what changed since; `graph` is its graph.
         exchange: Remotes to take results from and to give them to; closed here.
 
     Raises:
@@ -114,7 +79,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     """
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
     info = info or RunInfo()
-    policy = Policy(keep_going, force, only, project=info.project, profile=info.profile)
+    policy = Policy(keep_going, force, only, known=known, project=info.project, profile=info.profile)
     if info.project:
         store.workspaces.note(info.project)
     with store.running.announced():
@@ -129,17 +94,20 @@ class _Run:
         self.listen = uplink.listen
         self.history = History(store, graph.name, info.project)
         hooks = Hooks(self._sized, self._opened, self._started, self._said, self._settled, self._broken)
-        policy = replace(policy, peak_gb=self.history.peak_gb)
+        self.known = policy.known
+        self.history.lean = self.known is not None
+        policy = replace(policy, peak_gb=self.known.peak_gb if self.known else self.history.peak_gb)
         self.scheduler = Scheduler(graph, store, executor, policy, hooks, uplink.exchange)
         self.errors: dict[str, DxbError] = {}
         self.members: Counter[tuple[str, ...]] = Counter()
         """Group, or () for the root -> how many of its calls the targets need."""
 
     def run(self, targets: list[Address]) -> RunResult:
-        self.members = Counter(path[:-1] for path in reach(self.graph, targets))
-        # What is missing is said before an hour of work, not after.
-        for leaf in leaves(self.graph, targets):
-            self.scheduler.wiring.leaf(leaf)
+        if self.known is None:
+            self.members = Counter(path[:-1] for path in reach(self.graph, targets))
+            # What is missing is said before an hour of work, not after.
+            for leaf in leaves(self.graph, targets):
+                self.scheduler.wiring.leaf(leaf)
         began = time.monotonic()
         self._announce(targets)
         interrupted = whole = False
@@ -161,7 +129,11 @@ class _Run:
         return result
 
     def _announce(self, targets: list[Address]) -> None:
-        groups = {path[:depth] for path in self.members for depth in range(1, len(path) + 1)}
+        groups = len({path[:depth] for path in self.members for depth in range(1, len(path) + 1)})
+        if self.known is not None:
+            calls, groups = self.known.head["calls"], self.known.head["groups"]
+        else:
+            calls = self.members.total()
         self.listen(
             events.RunStarted(
                 time=time.time(),
@@ -170,11 +142,13 @@ class _Run:
                 targets=[str(target) for target in targets],
                 profile=self.info.profile,
                 dxb=self.info.dxb,
-                calls=self.members.total(),
-                groups=len(groups),
+                calls=calls,
+                groups=groups,
                 argv=list(self.info.argv),
             )
         )
+        if self.known is not None and self.known.kept:
+            self.listen(events.NodesKept(time.time(), self.known.run, self.known.kept))
 
     def _sized(self, nodes: int, unopened: int) -> None:
         self.listen(events.RunSized(time.time(), nodes, unopened))
@@ -184,8 +158,8 @@ class _Run:
         self.listen(events.GroupOpened(time.time(), unit.address, labels, self.members[unit.path] * len(labels)))
 
     def _started(self, node: Node) -> None:
-        rule, last = node.call.rule, self.history.get(node.address)
-        seconds = last.seconds if last else None
+        rule, last = node.call.rule, None if self.known else self.history.get(node.address)
+        seconds = self.known.took(node.address) if self.known else last.seconds if last else None
         self.listen(events.NodeStarted(time.time(), node.address, rule.path, rule.backend, node.key or "", seconds))
 
     def _said(self, node: Node, kind: str, data: Any) -> None:
@@ -199,7 +173,8 @@ class _Run:
 
     def _settled(self, node: Node) -> None:
         record = self._record(node)
-        if record.result is not None and node.result is not None and record.key is not None:
+        new = self.known is None or self.known.key(node.address) != record.key or record.status == "ran"
+        if record.result is not None and node.result is not None and record.key is not None and new:
             # How long a fetch took says nothing of how long the node runs.
             seconds, usage = node.result.seconds, dict(record.usage)
             entry = Entry(record.key, node.result.key_document, self.info.run, seconds, time.time(), usage)
@@ -276,6 +251,8 @@ class _Run:
         blockers = blocked_by(scheduler.failed)
         records = {}
         for node in scheduler.wiring.nodes.values():
+            if is_stub(node):
+                continue
             known = node.state in (State.DONE, State.FAILED)
             if node.state not in (State.DONE, State.FAILED, State.BLOCKED):
                 scheduler.states.set(node, State.CANCELLED)
@@ -284,15 +261,24 @@ class _Run:
                 self._tell(node, record)
         ok = whole and all(wish.state is State.DONE for wish in scheduler.wishes)
         asked = [node.address for wish in scheduler.wishes for node in wish.nodes.values()]
-        return RunResult(ok, records, tuple(dict.fromkeys(asked)), self.errors)
+        nodes = Kept(records, self.known, self.store) if self.known else records
+        peaks = scheduler.policy.peak_gb
+        return RunResult(ok, nodes, tuple(dict.fromkeys(asked)), self.info.run, scheduler.wiring, self.errors, peaks)
 
     def _finish(self, result: RunResult, seconds: float, interrupted: bool) -> None:
+        if self.known is not None and result.ok:
+            self.known.learn(self.scheduler.wiring, self.info.run)
         self.history.save()
         self.store.leaves.save()
-        counts: Counter[str] = Counter(record.status for record in result.nodes.values())
-        spared = [node for node in self.scheduler.wiring.nodes.values() if _status(node) in ("cached", "fetched")]
+        own = result.own
+        counts: Counter[str] = Counter(record.status for record in own.values())
+        nodes = (node for node in self.scheduler.wiring.nodes.values() if not is_stub(node))
+        spared = [node for node in nodes if _status(node) in ("cached", "fetched")]
         saved = sum(node.result.seconds for node in spared if node.result)
         saved -= sum(node.seconds for node in spared if node.status == "fetched")
+        if self.known is not None and len(result.nodes) > len(own):
+            counts["cached"] += len(result.nodes) - len(own)
+            saved += sum(self.known.seconds) - sum(self.known.took(address) or 0.0 for address in own)
         self.listen(events.RunFinished(time.time(), result.ok, seconds, dict(counts), max(saved, 0.0), interrupted))
 
 

@@ -13,7 +13,7 @@ from dextera_build.engine.retries import Retries
 from dextera_build.errors import Place, UsageError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Leaf:
     """A file or folder of the project; becomes a `File` or `Folder` artifact by its content."""
 
@@ -21,7 +21,7 @@ class Leaf:
     where: Place
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Output:
     """What another call returns. `scope` counts the groups between the graph's root and that call.
 
@@ -34,7 +34,7 @@ class Output:
     """Fields of artifact headers to follow: `$capture.rgb`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Item:
     """The item that the enclosing group `group` was opened for."""
 
@@ -42,7 +42,7 @@ class Item:
     fields: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Gather:
     """A `Collection` of what every copy of a call returns, by the copies' labels."""
 
@@ -50,7 +50,7 @@ class Gather:
     fields: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Pack:
     """A `Collection` of inputs that the recipe lists by label."""
 
@@ -103,7 +103,7 @@ class RuleFacts:
         return Needs(self.cpus, self.memory_gb, self.gpus, self.gpu_gb, self.named)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Call:
     """One call of a rule; inside a group it stands for one node per copy."""
 
@@ -149,6 +149,14 @@ class Graph:
                 yield address, member
             else:
                 stack += [((*address, name), inner) for name, inner in reversed(list(member.members.items()))]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The graph, and every file that planning read."""
+
+    graph: Graph
+    recipes: tuple[Path, ...]
 
 
 def node_address(call: tuple[str, ...], labels: tuple[str, ...]) -> str:

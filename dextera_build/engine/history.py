@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
@@ -46,8 +47,12 @@ class History:
         stem = "".join(c if c.isalnum() else "-" for c in recipe)[-40:]
         self._path = store.local / "history" / f"{stem}-{name}.json"
         self._project = project
+        self._more = self._path.with_suffix(".more.json")
+        self._fresh: dict[str, Entry] = {}
         self._entries: dict[str, Entry] | None = None
         self._dirty = False
+        self.lean = False
+        """Write what is new beside what is known, so that a small build need not read all of it."""
 
     def get(self, address: str) -> Entry | None:
         """The entry of a node, or None where it was never made here."""
@@ -59,14 +64,15 @@ class History:
 
     def note(self, address: str, entry: Entry) -> None:
         """Remember a node; one that still has its key stays with the run that gave it that."""
+        if self.lean and self._entries is None:
+            self._fresh[address] = _with_usage(entry, self._fresh.get(address))
+            return
         known = self._load().get(address)
         if known is not None and known.key == entry.key and known.key_document == entry.key_document:
             if not entry.usage:
                 return
             entry = replace(known, usage=entry.usage)
-        elif known is not None and not entry.usage:
-            entry = replace(entry, usage=known.usage)
-        self._load()[address] = entry
+        self._load()[address] = _with_usage(entry, known)
         self._dirty = True
 
     def peak_gb(self, address: str) -> float | None:
@@ -77,21 +83,40 @@ class History:
 
     def save(self) -> None:
         """Write it down, all or nothing; a store that cannot be written keeps the old one."""
-        if self._dirty:
-            rows = {address: list(vars(entry).values()) for address, entry in self._load().items()}
-            with suppress(StoreError):
-                files.write(
-                    str(self._path),
-                    json.dumps({"form": _FORM, "project": self._project, "nodes": rows}).encode(),
-                    0o644,
-                )
-                self._dirty = False
+        if self._fresh:
+            self._write(self._more, _over(self._read(self._more), self._fresh))
+        elif self._dirty and self._write(self._path, self._load()):
+            self._dirty = False
+            self._more.unlink(missing_ok=True)
 
     def _load(self) -> dict[str, Entry]:
         if self._entries is None:
-            self._entries = {}
-            with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-                stored = json.loads(files.read(str(self._path)))
-                if stored["form"] == _FORM:
-                    self._entries = {address: Entry(*row) for address, row in stored["nodes"].items()}
+            more = self._read(self._more)
+            self._entries = _over(_over(self._read(self._path), more), self._fresh)
+            self._dirty = self._dirty or bool(more)
         return self._entries
+
+    def _read(self, path: Path) -> dict[str, Entry]:
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+            stored = json.loads(files.read(str(path)))
+            if stored["form"] == _FORM:
+                return {address: Entry(*row) for address, row in stored["nodes"].items()}
+        return {}
+
+    def _write(self, path: Path, entries: Mapping[str, Entry]) -> bool:
+        rows = {address: list(vars(entry).values()) for address, entry in entries.items()}
+        try:
+            stored = {"form": _FORM, "project": self._project, "nodes": rows}
+            files.write(str(path), json.dumps(stored).encode(), 0o644)
+        except StoreError:
+            return False
+        return True
+
+
+def _over(old: Mapping[str, Entry], new: Mapping[str, Entry]) -> dict[str, Entry]:
+    return {**old, **{address: _with_usage(entry, old.get(address)) for address, entry in new.items()}}
+
+
+def _with_usage(entry: Entry, old: Entry | None) -> Entry:
+    """What a node used when it ran last is known still where it did not run this time."""
+    return entry if entry.usage or old is None or not old.usage else replace(entry, usage=old.usage)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from dextera_build.engine.known import Known
 from dextera_build.engine.units import Node, Opening, Unit
 from dextera_build.errors import DxbError
 
@@ -22,6 +23,8 @@ class Policy:
     """Addresses that may run; a stale node outside fails. None: all may."""
     dry: bool = False
     """Nothing runs; what would is left in `State.STALE`."""
+    known: Known | None = None
+    """What the last build found."""
     project: str = ""
     profile: str = ""
     peak_gb: Callable[[str], float | None] = lambda address: None

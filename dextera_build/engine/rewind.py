@@ -6,6 +6,8 @@ reader then goes back to waiting, and what made its inputs is looked up anew: en
 
 from __future__ import annotations
 
+from collections import Counter
+
 from dextera_build.engine.states import State, States
 from dextera_build.engine.units import Gathering, Node, Opening, Packing, Unit
 from dextera_build.store.store import Store
@@ -21,6 +23,7 @@ def rewind(unit: Unit, digest: str, store: Store, states: States) -> list[Unit] 
         The units that must be connected again, or None where nothing that `unit` reads can be made again. A node itself
         can: what it wrote may have met damaged bytes of the same name.
     """
+    unit.lost = unit.lost or Counter()
     unit.lost[digest] += 1
     if unit.lost[digest] > _MOST:
         return None

@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dextera_build.engine import snapshot
 from dextera_build.store import files
 from dextera_build.store.store import Store
 
@@ -17,10 +18,8 @@ LOCKFILE = "dxb.lock"
 NOBODY = "builds outside a project"
 
 _KEY = re.compile(rb"(?<![0-9a-f])[0-9a-f]{64}(?![0-9a-f])")
-_ENTRY = re.compile(rb"/ac/([0-9a-f]{2})/([0-9a-f]{62})(?![0-9a-f])")
-_ROW, _ANY_SIZE = 40, b"\xff" * 8
 _SNAPSHOT_S = 30 * 86400.0
-"""A snapshot that was not written for so long [s] holds on to nothing; history still does."""
+"""A snapshot that was not used for so long [s] holds on to nothing; history still does."""
 
 
 @dataclass
@@ -72,30 +71,14 @@ def _snapshots(folder: Path) -> Iterator[tuple[list[Path], str, set[str], float]
     parts: dict[str, list[Path]] = {}
     for path in _files(folder):
         parts.setdefault(path.name.partition(".")[0], []).append(path)
-    for paths in parts.values():
+    for name, paths in parts.items():
         keys: set[str] = set()
-        workspace, written = "", 0.0
-        for path in paths:
-            with suppress(OSError):
-                data, stamp = files.read_stamped(str(path))
-                keys |= {(shard + rest).decode() for shard, rest in _ENTRY.findall(data)} | _packed(data)
-                workspace, written = workspace or _workspace(data), max(written, stamp)
-        yield paths, workspace, keys, written
-
-
-def _packed(data: bytes) -> set[str]:
-    """Keys in rows of 32 bytes of digest and 8 bytes that stand for any size, as results have them."""
-    if len(data) % _ROW:
-        return set()
-    rows = (data[place : place + _ROW] for place in range(0, len(data), _ROW))
-    return {row[:32].hex() for row in rows if row[32:] == _ANY_SIZE}
-
-
-def _workspace(snapshot: bytes) -> str:
-    for text in (snapshot, snapshot.partition(b"\n")[2]):
-        with suppress(ValueError, KeyError, TypeError):
-            return str(json.loads(text)["request"]["root"])
-    return ""
+        workspace, used = "", 0.0
+        # One that was damaged, or that another version wrote, serves no build any more: history holds what it held.
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
+            used = (folder / name).stat().st_mtime
+            workspace, keys = snapshot.held(folder / name)
+        yield paths, workspace, keys, used
 
 
 def _files(folder: Path) -> list[Path]:

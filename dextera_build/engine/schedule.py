@@ -66,7 +66,7 @@ class Scheduler:
         self.policy = policy
         self.hooks = hooks or Hooks()
         self.states = States()
-        self.wiring = Wiring(graph, store.leaves.digest_leaf)
+        self.wiring = Wiring(graph, store.leaves.digest_leaf, policy.known)
         self.wishes: list[Gathering] = []
         self.failed: list[Unit] = []
         self.errors: list[DxbError] = []
@@ -131,11 +131,11 @@ class Scheduler:
     def _measure(self) -> None:
         """Say how many nodes there are, where that changed."""
         openings = self.wiring.openings
-        known = (len(self.wiring.nodes), len(openings))
+        known = (self.wiring.count(), len(openings))
         if known != self._measured:
             self._measured = known
             unopened = sum(unit.state is not State.DONE and unit.state not in LOST for unit in openings.values())
-            self.hooks.sized(len(self.wiring.nodes), unopened)
+            self.hooks.sized(known[0], unopened)
 
     def _connect(self, unit: Unit) -> None:
         try:
@@ -219,6 +219,8 @@ class Scheduler:
 
     def _succeed(self, node: Node, status: str, result: ActionResult) -> None:
         node.result, node.status, node.error = result, status, None
+        if not self.policy.dry:
+            node.document = b""  # it is in the store
         followers = self._disown(node)
         self.sharing.offer(node)
         self._done(node)

@@ -1,23 +1,31 @@
 """The build that does nothing: when no file that mattered has changed, the last answer still holds.
 
-A snapshot is a request, a stat signature of every file that was read for it, and the lines that it printed. It is only
-written when each of those files was at rest, so equal signatures mean equal bytes.
+A snapshot is a request, a stat signature of every file that was read for it, the store's folders that hold its results,
+and the lines that it printed. It is only written when each of those files was at rest, so equal signatures mean equal
+bytes.
+
+    <name>         digest of the head, a line break, the head (JSON)
+    <name>.rows    what `presence` needs where a folder of the store moved
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from dextera_build.errors import StoreError
-from dextera_build.store import files, signature
+from dextera_build.store import files, presence, signature
+from dextera_build.store.presence import Presence
 from dextera_build.store.signature import Watch
 
-_FORM = 1
+_FORM = 3
 
 
 @dataclass(frozen=True)
@@ -30,20 +38,37 @@ class Snapshot:
     """The lines of the result."""
 
 
+@dataclass(frozen=True)
+class Stale:
+    """A snapshot of which only files changed that nodes read."""
+
+    head: dict[str, Any]
+    changed: tuple[str, ...]
+    """Files and folders that are not what they were."""
+
+
 def load_if_fresh(path: Path, request: Mapping[str, object]) -> Snapshot | None:
     """The snapshot at `path`, if it answers `request` and no file that it rests on has changed."""
     try:
-        stored = json.loads(files.read(str(path)))
-        if stored["form"] != _FORM or stored["request"] != json.loads(json.dumps(request)):
+        head = read_head(path)
+        if head["request"] != json.loads(json.dumps(request)) or not _is_fresh(head):
             return None
-        if not _is_fresh(stored):
+        _use(path)
+        if not is_present(path, head):
             return None
-        return Snapshot(stored["request"], tuple(stored["lines"]))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return Snapshot(head["request"], tuple(head["lines"]))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
         return None
 
 
-def save(path: Path, request: Mapping[str, object], watch: Watch, lines: Sequence[str]) -> bool:
+def save(
+    path: Path,
+    request: Mapping[str, object],
+    watch: Watch,
+    lines: Sequence[str],
+    store: tuple[str, Presence] | None = None,
+    more: Mapping[str, object] | None = None,
+) -> bool:
     """Write a snapshot, all or nothing.
 
     Args:
@@ -51,35 +76,185 @@ def save(path: Path, request: Mapping[str, object], watch: Watch, lines: Sequenc
         request: Plain data; see `Snapshot.request`.
         watch: What was read, noted before it was read.
         lines: The answer.
+        store: The store's folder, and what of it the answer relies on.
+        more: Further data for the head.
 
     Returns:
         False where it was not written: a file was not at rest, or the store cannot be written. Then there is none.
     """
-    with suppress(OSError):
-        path.unlink()
-    if not watch.settled():
+    forget(path)
+    frozen = store[1].freeze() if store else ({}, b"")
+    if frozen is None or not watch.settled():
         return False
-    stored = {
+    head = {
+        **(more or {}),
         "form": _FORM,
         "request": request,
         "lines": list(lines),
         "files": watch.files,
         "folders": watch.folders,
+        "paths": watch.paths,
         "present": watch.present,
+        "store": store[0] if store else "",
+        "boot": presence.boot(),
+        "shards": frozen[0],
+        "rows": [len(frozen[1]), zlib.crc32(frozen[1])],
     }
     try:
-        files.write(str(path), json.dumps(stored).encode(), 0o644)
+        files.write(f"{path}.rows", frozen[1], 0o644)
+        _write(path, head)
     except StoreError:
         return False
     return True
 
 
-def _is_fresh(stored: Mapping[str, Mapping[str, object]]) -> bool:
-    for path, known in stored["files"].items():
+def forget(path: Path) -> None:
+    """There is no snapshot any more."""
+    with suppress(OSError):
+        path.unlink()
+
+
+def load_if_near(path: Path, request: Mapping[str, object]) -> Stale | None:
+    """The snapshot at `path` with the files that changed, if it answers `request` and its store is whole."""
+    try:
+        head = read_head(path)
+        if head["request"] != json.loads(json.dumps(request)):
+            return None
+        _use(path)
+        if not is_present(path, head):
+            return None
+        if any(signature.modules(name) != known for name, known in head["paths"].items()):
+            return None
+        changed = [name for name, known in head["files"].items() if list(signature.look(name) or ()) != (known or [])]
+        changed += [name for name, known in head["folders"].items() if signature.names(name) != known]
+        return Stale(head, tuple(changed))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
+        return None
+
+
+def renew(path: Path, stale: Stale, watch: Watch, lines: Sequence[str], presence_: Presence) -> bool:
+    """Write a snapshot again after a build that went on from it.
+
+    Args:
+        path: Where to.
+        stale: What was there.
+        watch: What was read this time, noted before it was read.
+        lines: The answer.
+        presence_: What of the store was found or made this time.
+
+    Returns:
+        False where it was not written; then the old one stands, and the next build sees the same changes.
+    """
+    head = stale.head
+    extended = presence_.extend(head["shards"], _rows(path, head))
+    if extended is None or not watch.settled():
+        return False
+    size, check = head["rows"]
+    more = [size + len(extended[1]), zlib.crc32(extended[1], check)]
+    head.update(lines=list(lines), present=watch.present, shards=extended[0], rows=more)
+    for kind, found in (("files", watch.files), ("folders", watch.folders)):
+        head[kind] = {name: known for name, known in head[kind].items() if name not in stale.changed} | found
+    try:
+        if extended[1]:
+            files.append(f"{path}.rows", size, extended[1])
+        _write(path, head)
+    except StoreError:
+        return False
+    return True
+
+
+def _rows(path: Path, head: Mapping[str, Any]) -> memoryview:
+    size, check = head["rows"]
+    rows = memoryview(files.read(f"{path}.rows"))[:size]
+    if len(rows) != size or zlib.crc32(rows) != check:
+        raise ValueError("the rows were damaged")
+    return rows
+
+
+def read_head(path: Path) -> dict[str, Any]:
+    """The head of a snapshot.
+
+    Raises:
+        OSError: There is none.
+        ValueError: It was damaged, or another version wrote it.
+    """
+    data = files.read(str(path))
+    text = data[65:]
+    if hashlib.sha256(text).hexdigest().encode() != data[:64]:
+        raise ValueError("the head was damaged")
+    head: dict[str, Any] = json.loads(text)
+    if head["form"] != _FORM:
+        raise ValueError("another form")
+    return head
+
+
+def held(path: Path) -> tuple[str, set[str]]:
+    """(the project's folder, the keys whose results it relies on) of the snapshot at `path`.
+
+    Raises:
+        OSError: There is none.
+        ValueError: It was damaged, or another version wrote it.
+    """
+    head = read_head(path)
+    rows = _rows(path, head)
+    areas = {shard: row for shard, row in head["shards"].items() if shard.startswith("ac/")}
+    return str(head["request"].get("root", "")), set(presence.digests(rows, areas))
+
+
+def is_present(path: Path, head: dict[str, Any]) -> bool:
+    """Whether all that a snapshot relies on in the store is there; notes what had to be looked at one by one.
+
+    Raises:
+        OSError: The rows cannot be read.
+        ValueError: They were damaged.
+    """
+    now = presence.boot()
+    shards: presence.Shards = head["shards"]
+    late = presence.moved(head["store"], shards) if head["boot"] == now else list(shards)
+    if not late:
+        return True
+    rows = _rows(path, head)
+    renewed = dict(shards)
+    for shard in late:
+        found = presence.look(head["store"], shard)
+        if found is None or not presence.whole(head["store"], rows, shard, shards[shard]):
+            return False
+        renewed[shard] = [*found, *shards[shard][2:]]
+    if renewed != shards or head["boot"] != now:
+        head.update(shards=renewed, boot=now)
+        with suppress(StoreError):
+            _write(path, head)
+    return True
+
+
+def _use(path: Path) -> None:
+    """Say that what the snapshot relies on is of use still: a collection lets go of those that nobody used for long.
+
+    That comes before the look at the store, or a collection could find it unused after we found the store whole.
+    """
+    with suppress(OSError):
+        os.utime(path)
+
+
+def _write(path: Path, head: Mapping[str, object]) -> None:
+    text = json.dumps(head).encode()
+    files.write(str(path), hashlib.sha256(text).hexdigest().encode() + b"\n" + text, 0o644)
+
+
+def is_placed(head: Mapping[str, Mapping[str, object]]) -> bool:
+    """Whether what dxb wrote outside the store is as it wrote it."""
+    return all(list(signature.look(path) or ()) == known for path, known in head["present"].items())
+
+
+def _is_fresh(head: Mapping[str, Mapping[str, object]]) -> bool:
+    for path, known in head["files"].items():
         seen = signature.look(path)
         if (list(seen) if seen is not None else None) != known:
             return False
-    for path, known in stored["folders"].items():
+    for path, known in head["folders"].items():
         if signature.names(path) != known:
             return False
-    return all(os.stat(path).st_size == size for path, size in stored["present"].items())
+    for path, known in head["paths"].items():
+        if signature.modules(path) != known:
+            return False
+    return is_placed(head)

@@ -17,7 +17,7 @@ Labels = tuple[str, ...]
 """One label for each enclosing group, from the outside in."""
 
 
-@dataclass(eq=False, kw_only=True)
+@dataclass(eq=False, kw_only=True, slots=True)
 class Unit:
     """Something that becomes known during a run."""
 
@@ -31,7 +31,7 @@ class Unit:
     """What this one reads from."""
     dependents: list[Unit] = field(default_factory=list, repr=False)
     """What waits for this one; emptied when it becomes known."""
-    lost: Counter[str] = field(default_factory=Counter, repr=False)
+    lost: Counter[str] | None = field(default=None, repr=False)
     """Blobs that it reads and that were found to be gone, with how often."""
 
     def await_(self, source: Unit) -> None:
@@ -49,7 +49,7 @@ class Unit:
         self.sources, self.pending = [], 0
 
 
-@dataclass(eq=False, kw_only=True)
+@dataclass(eq=False, kw_only=True, slots=True)
 class Node(Unit):
     """One copy of a call."""
 
@@ -82,7 +82,7 @@ class Node(Unit):
     """Nodes with the same key that wait for this one."""
 
 
-@dataclass(eq=False, kw_only=True)
+@dataclass(eq=False, kw_only=True, slots=True)
 class Opening(Unit):
     """A group in one scope; known when its collection is."""
 
@@ -92,7 +92,7 @@ class Opening(Unit):
     """Label -> digest of the item."""
 
 
-@dataclass(eq=False, kw_only=True)
+@dataclass(eq=False, kw_only=True, slots=True)
 class Gathering(Unit):
     """All copies of one call within a scope; `labels` are those of the scope.
 
@@ -105,7 +105,7 @@ class Gathering(Unit):
     output: str | None = None
 
 
-@dataclass(eq=False, kw_only=True)
+@dataclass(eq=False, kw_only=True, slots=True)
 class Packing(Unit):
     """A collection that one reader lists by label; `path` and `labels` are the reader's."""
 
@@ -114,7 +114,7 @@ class Packing(Unit):
     output: str | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Link:
     """Where the digest of one input comes from: known at once, or a unit with a path into what it gives."""
 

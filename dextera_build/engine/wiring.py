@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path as FilePath
 
 from dextera_build.engine.graph import (
@@ -19,6 +19,7 @@ from dextera_build.engine.graph import (
     node_address,
     parts_of,
 )
+from dextera_build.engine.known import Known
 from dextera_build.engine.reach import copy_of, group_at
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Labels, Link, Node, Opening, Packing, Path, Unit
@@ -31,16 +32,19 @@ class Wiring:
     Args:
         graph: The plan.
         digest_leaf: Puts a file or folder into the store and returns its artifact's digest.
+        known: What the last build found; units that it knows are done at once.
     """
 
-    def __init__(self, graph: Graph, digest_leaf: Callable[[FilePath], str]) -> None:
+    def __init__(self, graph: Graph, digest_leaf: Callable[[FilePath], str], known: Known | None = None) -> None:
         self.graph = graph
+        self.known = known
         self.nodes: dict[tuple[Path, Labels], Node] = {}
         self.openings: dict[tuple[Path, Labels], Opening] = {}
         self.fresh: deque[Unit] = deque()
         """Units that are not connected yet."""
         self._gatherings: dict[tuple[Path, Labels, tuple[str, ...]], Gathering] = {}
-        self._leaves: dict[FilePath, str] = {}
+        self.leaves: dict[FilePath, str] = {}
+        """Files and folders that were looked at -> digest."""
         self._digest_leaf = digest_leaf
 
     def wish(self, target: Address) -> Gathering:
@@ -56,7 +60,7 @@ class Wiring:
             call = copy_of(self.graph, path, labels)
             unit = Node(address=node_address(path, labels), path=path, labels=labels, call=call)
             self.nodes[path, labels] = unit
-            self.fresh.append(unit)
+            self._welcome(unit)
         return unit
 
     def opening(self, path: Path, labels: Labels) -> Opening:
@@ -66,8 +70,16 @@ class Wiring:
             group = group_at(self.graph, path)
             unit = Opening(address=node_address(path, labels), path=path, labels=labels, group=group)
             self.openings[path, labels] = unit
-            self.fresh.append(unit)
+            self._welcome(unit)
         return unit
+
+    def gatherings(self) -> Iterable[Gathering]:
+        """All collections of copies; what targets ask for is not among them."""
+        return self._gatherings.values()
+
+    def count(self) -> int:
+        """How many nodes there are, as far as is known."""
+        return len(self.nodes) + (self.known.kept - self.known.stubs if self.known else 0)
 
     def leaf(self, leaf: Leaf) -> str:
         """Digest of a file or folder; one look a run.
@@ -75,18 +87,18 @@ class Wiring:
         Raises:
             RecipeError: It is missing or cannot be read.
         """
-        if leaf.path not in self._leaves:
+        if leaf.path not in self.leaves:
             try:
-                self._leaves[leaf.path] = self._digest_leaf(leaf.path)
+                self.leaves[leaf.path] = self._digest_leaf(leaf.path)
             except DxbError as error:
                 error.where = error.where or leaf.where
                 raise
-        return self._leaves[leaf.path]
+        return self.leaves[leaf.path]
 
     def forget_leaves(self, node: Node) -> None:
         """Look anew at the files and folders of `node` when it is connected again."""
         for leaf, _ in node.leaves:
-            self._leaves.pop(leaf.path, None)
+            self.leaves.pop(leaf.path, None)
 
     def connect(self, unit: Unit) -> None:
         """Find what `unit` reads and wait for what is not known.
@@ -166,8 +178,14 @@ class Wiring:
                 address=address, path=source.call, labels=labels[:shared], collect=True, fields=source.fields
             )
             self._gatherings[place] = unit
-            self.fresh.append(unit)
+            self._welcome(unit)
         return unit
+
+    def _welcome(self, unit: Unit) -> None:
+        if self.known is None or not self.known.settle(unit):
+            self.fresh.append(unit)
+        elif not isinstance(unit, Node):
+            self.connect(unit)  # events say which nodes stand behind it
 
 
 def _chosen(unit: Gathering, opened: Opening) -> list[str]:

@@ -29,6 +29,7 @@ from dextera_build.engine.tasks import escaped
 from dextera_build.engine.usage import Meter
 from dextera_build.errors import DxbError, MachineError
 
+_SPELL = json.JSONEncoder(separators=(",", ":"), default=str).encode
 _PR_SET_PDEATHSIG = 1
 _PROGRESS_S = 0.05
 """Progress is passed on at most this often [s]."""
@@ -111,7 +112,7 @@ class Worker:
         self._libc.fflush(None)
 
     def _write(self, answer: Mapping[str, object]) -> None:
-        data = json.dumps(answer, separators=(",", ":"), default=str).encode() + b"\n"
+        data = _SPELL(answer).encode() + b"\n"
         with self._writing:
             done = 0
             while done < len(data):

@@ -20,7 +20,9 @@ def refuse(graph: Graph) -> None:
     groups = dict(_groups(graph))
     done: set[Address] = set()
     for start in calls:
-        trail: list[Address] = []
+        if start in done:
+            continue
+        trail: dict[Address, None] = {}
         stack: list[tuple[Address, Iterator[Address]]] = []
         _push(start, calls, groups, stack, trail)
         while stack:
@@ -28,10 +30,11 @@ def refuse(graph: Graph) -> None:
             following = next((need for need in needs if need not in done), None)
             if following is None:
                 stack.pop()
-                trail.pop()
+                trail.popitem()
                 done.add(address)
             elif following in trail:
-                loop = [*trail[trail.index(following) :], following]
+                way = list(trail)
+                loop = [*way[way.index(following) :], following]
                 names = " -> ".join("`" + ".".join(part) + "`" for part in loop)
                 raise RecipeError(
                     "the recipe feeds into itself",
@@ -48,10 +51,10 @@ def _push(
     calls: dict[Address, Call],
     groups: dict[Address, Group],
     stack: list[tuple[Address, Iterator[Address]]],
-    trail: list[Address],
+    trail: dict[Address, None],
 ) -> None:
-    stack.append((address, iter(list(_needs(address, calls, groups)))))
-    trail.append(address)
+    stack.append((address, _needs(address, calls, groups)))
+    trail[address] = None
 
 
 def _needs(address: Address, calls: dict[Address, Call], groups: dict[Address, Group]) -> Iterator[Address]:

@@ -85,9 +85,9 @@ def filled(arguments: Mapping[str, Node], values: Values) -> dict[str, Node]:
 
 def _filled(node: Node, values: Values) -> Node:
     if isinstance(node.value, dict):
-        return Node({name: _filled(inner, values) for name, inner in node.value.items()}, node.place, node.keys)
+        return node.holding({name: _filled(inner, values) for name, inner in node.value.items()})
     if isinstance(node.value, list):
-        return Node([_filled(inner, values) for inner in node.value], node.place)
+        return node.holding([_filled(inner, values) for inner in node.value])
     if not _speaks(node):
         return node
     name = node.value.removeprefix(PREFIX)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build.engine.graph import Call, Graph, Group, Leaf
+from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.loader import Library
 from dextera_build.recipe import cycles, groups
@@ -31,14 +32,6 @@ class Request:
     """Options over the recipe's own: `--set 'body[mug].mesh.wall_m=0.004'`."""
     backends: Mapping[str, str] = field(default_factory=dict)
     """Rule -> backend, over the profile's."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """The graph, and every file that planning read."""
-
-    graph: Graph
-    recipes: tuple[Path, ...]
 
 
 def plan(address: str, read: Read, library: Library, project: Path, request: Request | None = None) -> Plan:

@@ -25,7 +25,7 @@ class InputDecl:
     place: Place
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class CallDecl:
     """`{rule: factorize.mesh, seen: $object, wall_m: 0.003}`."""
 
@@ -34,8 +34,13 @@ class CallDecl:
     backend: Node | None
     salt: str
     arguments: dict[str, Node]
-    keys: dict[str, Place]
+    node: Node
     place: Place
+
+    @property
+    def keys(self) -> dict[str, Place]:
+        """Where each key stands."""
+        return self.node.keys
 
 
 @dataclass(frozen=True)
@@ -183,16 +188,16 @@ def _input(name: str, node: Node) -> InputDecl:
 
 
 def _nodes(node: Node | None, where: Place) -> dict[str, Decl]:
-    found = {name: _node(name, inner, node) for name, inner in _entries(node, "nodes").items() if node is not None}
+    places = node.keys if node is not None and isinstance(node.value, dict) else {}
+    found = {name: _node(name, inner, places[name]) for name, inner in _entries(node, "nodes").items()}
     if not found:
         raise RecipeError("no nodes are declared", code="DXB-R112", where=node.place if node else where)
     return found
 
 
-def _node(name: str, node: Node, parent: Node) -> Decl:
+def _node(name: str, node: Node, place: Place) -> Decl:
     if not isinstance(node.value, dict):
         raise RecipeError(f"the node `{name}` is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
-    place = parent.keys[name]
     kinds = [kind for kind in ("rule", "recipe", "each", "matrix") if kind in node.value]
     if len(kinds) != 1:
         raise RecipeError(
@@ -212,7 +217,7 @@ def _node(name: str, node: Node, parent: Node) -> Decl:
         return UseDecl(name, node.value["recipe"], rest, place)
     salt = _text(node.value["salt"], "salt") if "salt" in node.value else ""
     rule = _text(node.value["rule"], "rule")
-    return CallDecl(name, rule, node.value.get("backend"), salt, rest, node.keys, node.value["rule"].place)
+    return CallDecl(name, rule, node.value.get("backend"), salt, rest, node, node.value["rule"].place)
 
 
 def _group(name: str, node: Node, place: Place) -> GroupDecl:

@@ -85,7 +85,11 @@ class Scope:
             RecipeError: A part names nothing; the message lists what is known.
         """
         first, *rest = text.removeprefix("$").split(".")
-        return self._step(self.visible(), first, tuple(rest), "$", where)
+        scope: Scope | None = self
+        while scope is not None and first not in scope.names:
+            scope = scope.parent
+        names = scope.names if scope is not None else self.visible()
+        return self._step(names, first, tuple(rest), "$", where)
 
     def _step(self, names: dict[str, Entry], first: str, rest: tuple[str, ...], before: str, where: Place) -> Bound:
         if first not in names:

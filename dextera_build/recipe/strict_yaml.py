@@ -3,77 +3,37 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+import sys
+from collections.abc import Callable
 from typing import Any
 
 import yaml
 
 from dextera_build.errors import Place, RecipeError
+from dextera_build.recipe.yaml_node import Node as Node
+from dextera_build.recipe.yaml_node import mark_of, place_of
+
+PARSER: Any = yaml.SafeLoader
+"""libyaml's, where PyYAML has it."""
+if yaml.__with_libyaml__:
+    from yaml import cyaml
+
+    PARSER = cyaml.CLoader
 
 _SCALARS: tuple[tuple[str, re.Pattern[str], str], ...] = (
-    ("tag:yaml.org,2002:null", re.compile(r"^(?:~|null|Null|NULL|)$"), "~nN"),
-    ("tag:yaml.org,2002:bool", re.compile(r"^(?:true|True|TRUE|false|False|FALSE)$"), "tTfF"),
-    ("tag:yaml.org,2002:int", re.compile(r"^(?:[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)$"), "-+0123456789"),
-    (
-        "tag:yaml.org,2002:float",
-        re.compile(r"^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?$"),
-        "-+.0123456789",
-    ),
+    ("null", re.compile(r"^(?:~|null|Null|NULL|)$"), "~nN"),
+    ("bool", re.compile(r"^(?:true|True|TRUE|false|False|FALSE)$"), "tTfF"),
+    ("int", re.compile(r"^(?:[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)$"), "-+0123456789"),
+    ("float", re.compile(r"^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?$"), "-+.0123456789"),
 )
-
-
-class _CoreLoader(yaml.SafeLoader):
-    """The safe loader with the resolvers of the YAML 1.2 core schema in place of those of YAML 1.1."""
-
-    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012 (PyYAML's own form)
-
-
-for _tag, _pattern, _first in _SCALARS:
-    _CoreLoader.add_implicit_resolver(_tag, _pattern, list(_first))
-# An empty scalar has no first character; PyYAML looks it up under "".
-_CoreLoader.yaml_implicit_resolvers.setdefault("", []).append(_SCALARS[0][:2])
-
-
-@dataclass(frozen=True)
-class Node:
-    """One YAML value with its place; a mapping holds `dict[str, Node]`, a sequence `list[Node]`."""
-
-    value: Any
-    place: Place
-    keys: dict[str, Place] = field(default_factory=dict)
-    """Where each key of a mapping stands."""
-
-    @property
-    def kind(self) -> str:
-        """`mapping`, `list`, `text`, `number`, `true/false` or `nothing`."""
-        names = {dict: "mapping", list: "list", str: "text", bool: "true/false", type(None): "nothing"}
-        return names.get(type(self.value), "number")
-
-    def plain(self) -> Any:
-        """The value without places."""
-        if isinstance(self.value, dict):
-            return {name: inner.plain() for name, inner in self.value.items()}
-        if isinstance(self.value, list):
-            return [inner.plain() for inner in self.value]
-        return self.value
-
-    def placed(self, place: Place) -> Node:
-        """The same value with one place for all of it."""
-        if isinstance(self.value, dict):
-            return Node({name: inner.placed(place) for name, inner in self.value.items()}, place)
-        if isinstance(self.value, list):
-            return Node([inner.placed(place) for inner in self.value], place)
-        return Node(self.value, place)
-
-    def at(self, path: tuple[object, ...]) -> Place:
-        """The place of the value below `path` of keys and indices, or of the deepest part that exists."""
-        node = self
-        for step in path:
-            parts = dict(enumerate(node.value)) if isinstance(node.value, list) else node.value
-            if not isinstance(parts, dict) or step not in parts:
-                break
-            node = parts[step]
-        return node.place
+"""Kind, form, and what such a scalar may begin with."""
+_PLAIN = {
+    first: [(kind, form) for kind, form, starts in _SCALARS if first in starts] for first in "~nNtTfF-+.0123456789"
+}
+_CORE = "tag:yaml.org,2002:"
+_DEEPEST = 100
+_MOST_ALIASED = 100_000
+"""How many values aliases may stand for in one file: a few lines of them can say a billion."""
 
 
 def parse(text: str, file: str) -> Node:
@@ -87,13 +47,12 @@ def parse(text: str, file: str) -> Node:
         RecipeError: A syntax error, a duplicate key, a tag, a merge key, an alias or several documents.
     """
     try:
-        loader = _CoreLoader(text)
-        root = loader.get_single_node()
+        root = _Builder(file).build(PARSER(text))
     except yaml.YAMLError as error:
-        raise _syntax_error(error, file) from None
+        raise _syntax_error(error, text, file) from None
     if root is None:
         raise RecipeError("the file is empty", code="DXB-R101", where=Place(file))
-    return _convert(root, file)
+    return root
 
 
 def scalar(text: str) -> Any:
@@ -101,37 +60,155 @@ def scalar(text: str) -> Any:
     return parse(text, "the command line").plain() if text else ""
 
 
-def _convert(node: yaml.Node, file: str) -> Node:
-    place = Place(file, node.start_mark.line + 1, node.start_mark.column + 1)
-    if isinstance(node, yaml.ScalarNode):
-        return Node(_scalar(node, place), place)
-    if node.tag not in ("tag:yaml.org,2002:seq", "tag:yaml.org,2002:map"):
-        raise RecipeError(f"the tag `{node.tag}` is not known here", code="DXB-R102", where=place)
-    if isinstance(node, yaml.SequenceNode):
-        return Node([_convert(item, file) for item in node.value], place)
-    found: dict[str, Node] = {}
-    keys: dict[str, Place] = {}
-    for key_node, value_node in node.value:
-        key = _convert(key_node, file)
-        if not isinstance(key.value, str) or key.value == "<<":
-            raise RecipeError(f"a key must be text, this one is {key.plain()!r}", code="DXB-R102", where=key.place)
-        if key.value in found:
+class _Builder:
+    """From parser events to nodes, without recursion."""
+
+    def __init__(self, file: str) -> None:
+        self._file = file
+        self._root: Node | None = None
+        self._open: list[tuple[Node, list[int], str | None, int]] = []
+        """Mappings and sequences that are not closed yet: where their keys stand, the anchor, values before them."""
+        self._key: list[str | None] = []
+        """For each of them the key that waits for its value."""
+        self._heights: list[int] = []
+        """For each of them how many levels lie in it so far."""
+        self._anchors: dict[str, tuple[Node, int, int]] = {}
+        """Node, how many values it is, how many levels."""
+        self._values = self._aliased = 0
+
+    def build(self, parser: Any) -> Node | None:
+        """The node of the one document, None where there is none."""
+        take: dict[type, Callable[[Any], None]] = {
+            yaml.ScalarEvent: self._scalar,
+            yaml.MappingStartEvent: self._begin,
+            yaml.SequenceStartEvent: self._begin,
+            yaml.MappingEndEvent: self._end,
+            yaml.SequenceEndEvent: self._end,
+            yaml.AliasEvent: self._alias,
+            yaml.DocumentStartEvent: self._document,
+        }
+        event = parser.get_event()
+        while event is not None:
+            handle = take.get(type(event))
+            if handle is not None:
+                handle(event)
+            event = None if isinstance(event, yaml.StreamEndEvent) else parser.get_event()
+        return self._root
+
+    def _document(self, event: Any) -> None:
+        if self._root is not None:
+            raise yaml.MarkedYAMLError(problem="but found another document", problem_mark=event.start_mark)
+
+    def _scalar(self, event: Any) -> None:
+        mark = mark_of(event.start_mark)
+        text: str = event.value
+        if event.tag is not None and event.tag != "!":
+            value = _tagged(event.tag, text, place_of(self._file, mark))
+        else:
+            value = _plain(text) if event.implicit[0] else text
+        node = Node(value, self._file, mark)
+        if event.anchor is not None:
+            self._anchors[event.anchor] = (node, 1, 0)
+        self._take(node, mark, 0)
+
+    def _take(self, node: Node, mark: int, height: int) -> None:
+        if self._open and self._key[-1] is None and isinstance(self._open[-1][0].value, dict):
+            self._name(node.value, mark)
+        else:
+            self._add(node, height)
+
+    def _begin(self, event: Any) -> None:
+        mark = mark_of(event.start_mark)
+        is_mapping = isinstance(event, yaml.MappingStartEvent)
+        if event.tag not in (None, "!", f"{_CORE}{'map' if is_mapping else 'seq'}"):
+            raise _unknown_tag(event.tag, place_of(self._file, mark))
+        if self._open and self._key[-1] is None and isinstance(self._open[-1][0].value, dict):
+            raise _no_text({} if is_mapping else [], place_of(self._file, mark))
+        self._limit_depth(1, mark)
+        value: Any = {} if is_mapping else []
+        marks: list[int] = []
+        node = Node(value, self._file, mark, marks)
+        self._open.append((node, marks, event.anchor, self._values))
+        self._key.append(None)
+        self._heights.append(1)
+
+    def _end(self, event: Any) -> None:
+        node, _, anchor, before = self._open.pop()
+        self._key.pop()
+        height = self._heights.pop()
+        if anchor is not None:
+            self._anchors[anchor] = (node, self._values - before + 1, height)
+        self._add(node, height)
+
+    def _alias(self, event: Any) -> None:
+        if event.anchor not in self._anchors:
+            raise yaml.MarkedYAMLError(problem=f"found undefined alias {event.anchor!r}", problem_mark=event.start_mark)
+        node, values, height = self._anchors[event.anchor]
+        mark = mark_of(event.start_mark)
+        self._limit_depth(height, mark)
+        self._values += values
+        self._aliased += values
+        if self._aliased > _MOST_ALIASED:
             raise RecipeError(
-                f"`{key.value}` stands twice in one mapping",
-                code="DXB-R103",
-                where=key.place,
-                facts={"first": keys[key.value]},
+                f"aliases stand for more than {_MOST_ALIASED} values",
+                code="DXB-R101",
+                where=place_of(self._file, mark),
+                hint="write the values down, or use a recipe within a recipe",
             )
-        found[key.value] = _convert(value_node, file)
-        keys[key.value] = key.place
-    return Node(found, place, keys)
+        self._take(node, mark, height)
+
+    def _limit_depth(self, more: int, mark: int) -> None:
+        if len(self._open) + more > _DEEPEST:
+            message = f"values are nested more than {_DEEPEST} deep"
+            raise RecipeError(message, code="DXB-R101", where=place_of(self._file, mark))
+
+    def _name(self, key: Any, mark: int) -> None:
+        mapping, marks = self._open[-1][0].value, self._open[-1][1]
+        if not isinstance(key, str) or key == "<<":
+            raise _no_text(key, place_of(self._file, mark))
+        if key in mapping:
+            first = place_of(self._file, marks[list(mapping).index(key)])
+            raise RecipeError(
+                f"`{key}` stands twice in one mapping",
+                code="DXB-R103",
+                where=place_of(self._file, mark),
+                facts={"first": first},
+            )
+        self._key[-1] = sys.intern(key)
+        marks.append(mark)
+
+    def _add(self, node: Node, height: int) -> None:
+        self._values += 1
+        if not self._open:
+            self._root = node
+            return
+        self._heights[-1] = max(self._heights[-1], height + 1)
+        inside = self._open[-1][0].value
+        if isinstance(inside, list):
+            inside.append(node)
+        else:
+            inside[self._key[-1]] = node
+            self._key[-1] = None
 
 
-def _scalar(node: yaml.ScalarNode, place: Place) -> Any:
-    text: str = node.value
-    match node.tag.rpartition(":")[2]:
-        case "str":
-            return text
+def _plain(text: str) -> Any:
+    if not text:
+        return None
+    for kind, form in _PLAIN.get(text[0], ()):
+        if form.match(text):
+            return _value(kind, text)
+    return text
+
+
+def _tagged(tag: str, text: str, place: Place) -> Any:
+    kind = tag.removeprefix(_CORE)
+    if tag == kind or kind not in ("str", "null", "bool", "int", "float"):
+        raise _unknown_tag(tag, place)
+    return _value(kind, text)
+
+
+def _value(kind: str, text: str) -> Any:
+    match kind:
         case "null":
             return None
         case "bool":
@@ -140,10 +217,24 @@ def _scalar(node: yaml.ScalarNode, place: Place) -> Any:
             return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
         case "float":
             return float(text)
-    raise RecipeError(f"the tag `{node.tag}` is not known here", code="DXB-R102", where=place)
+    return text
 
 
-def _syntax_error(error: yaml.YAMLError, file: str) -> RecipeError:
+def _unknown_tag(tag: str, place: Place) -> RecipeError:
+    return RecipeError(f"the tag `{tag}` is not known here", code="DXB-R102", where=place)
+
+
+def _no_text(key: object, place: Place) -> RecipeError:
+    return RecipeError(f"a key must be text, this one is {key!r}", code="DXB-R102", where=place)
+
+
+def _syntax_error(error: yaml.YAMLError, text: str, file: str) -> RecipeError:
+    if PARSER is not yaml.SafeLoader:
+        # libyaml says less well what is wrong than the parser in Python.
+        try:
+            _Builder(file).build(yaml.SafeLoader(text))
+        except yaml.YAMLError as better:
+            error = better
     mark = getattr(error, "problem_mark", None)
     where = Place(file, mark.line + 1, mark.column + 1) if mark else Place(file)
     problem = getattr(error, "problem", None) or str(error)

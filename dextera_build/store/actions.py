@@ -20,9 +20,11 @@ from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.store import files, header
 from dextera_build.store.cas import Blobs, MissingBlob, entries
+from dextera_build.store.presence import Presence
 from dextera_build.store.reapi import OutputFile, decode, encode
 
 _RESULT = "result.json"
+_MOST_DIRECT = 4096
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class ActionResult:
     key_document: str
     """Digest of the key document."""
 
-    @cached_property
+    @property
     def document(self) -> bytes:
         """This result as canonical JSON; the content of `result.json`.
 
@@ -96,6 +98,8 @@ class Actions:
         self._base = f"{root}/"
         self._workshop = f"{root}/{files.TEMPORARY}"
         self._blobs = blobs
+        self.presence: Presence | None = None
+        """When set, every file that a result stands on is noted there."""
         self._direct: dict[str, tuple[list[str], list[str]]] = {}
 
     def get(self, key: str) -> ActionResult | None:
@@ -110,7 +114,12 @@ class Actions:
                 if size is not None:
                     self._blobs.verify(file.digest)
                 return None
-        return self._result(outputs) if self._stays(key, stamp) else None
+        result = self._result(outputs)
+        if result is None or not self._stays(key, stamp):
+            return None
+        if self.presence is not None:
+            self.presence.note(key, outputs)
+        return result
 
     def put(self, key: str, result: ActionResult) -> str:
         """Store the result of `key` after all that it needs, and return the digest of its `result.json`.
@@ -120,9 +129,12 @@ class Actions:
             StoreError: The disk is full, or the store cannot be written.
             ValueError: A number is not finite.
         """
-        self._blobs.put(result.document)
-        outputs = [*self._needs(result), OutputFile(_RESULT, result.digest, len(result.document), result.document)]
+        document = result.document
+        digest = vars(result)["digest"] = self._blobs.put(document)  # so that it need not be spelled again
+        outputs = [*self._needs(result), OutputFile(_RESULT, digest, len(document), document)]
         files.write(self._file(key), encode(outputs), workshop=self._workshop)
+        if self.presence is not None:
+            self.presence.note(key, outputs)
         return result.digest
 
     def verify(self, key: str) -> bool:
@@ -228,6 +240,8 @@ class Actions:
 
     def _directly(self, digest: str) -> tuple[list[str], list[str]]:
         if digest not in self._direct:
+            if len(self._direct) >= _MOST_DIRECT:
+                self._direct.clear()
             self._direct[digest] = header.closure(self._blobs.get(digest))
         return self._direct[digest]
 

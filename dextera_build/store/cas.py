@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -13,7 +14,7 @@ from dextera_build.store import files, sharing
 from dextera_build.store.locks import Locks
 from dextera_build.store.use import Use
 
-_HEX = frozenset("0123456789abcdef")
+_DIGEST = re.compile(r"[0-9a-f]{64}", re.ASCII)
 _SMALL = 1 << 20
 """Files up to this size [bytes] are read once, as a whole; others twice, in pieces."""
 
@@ -224,7 +225,7 @@ class Blobs:
 
 def is_digest(text: str) -> bool:
     """Whether `text` is written as digests are: 64 lower-case hex digits."""
-    return len(text) == 64 and _HEX.issuperset(text)
+    return _DIGEST.fullmatch(text) is not None
 
 
 class _ChangedError(StoreError):

@@ -90,6 +90,24 @@ def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None
         write_all(descriptor, data)
 
 
+def append(path: str, size: int, data: bytes) -> None:
+    """Put `data` behind the first `size` bytes of a file; whoever reads knows by other means how much of it counts.
+
+    Raises:
+        StoreError: The disk is full, or the file cannot be written.
+    """
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CLOEXEC)
+        try:
+            os.ftruncate(descriptor, size)
+            os.lseek(descriptor, size, os.SEEK_SET)
+            write_all(descriptor, data)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        raise store_error(error, path) from None
+
+
 def write_all(descriptor: int, data: bytes) -> None:
     """Write all of `data`, however small the pieces that the system takes."""
     done = os.write(descriptor, data)

@@ -33,9 +33,9 @@ class Keep:
 
     def drop(self, key: str) -> None:
         """Remove the folder of a key. Whoever looks meanwhile, or after a kill, sees all of it or none."""
-        folder = self.path(key)
-        if not folder.is_dir():
+        if not os.path.isdir(f"{self.root}/{key}"):
             return
+        folder = self.path(key)
         aside = self.root / f"{files.TEMPORARY}-{key[:16]}-{os.getpid()}-{time.monotonic_ns()}"
         # A store that cannot be written keeps it: nothing can be published there either.
         with suppress(OSError):

@@ -13,8 +13,11 @@ from dataclasses import dataclass
 from dextera_build.store.cas import is_digest
 from dextera_build.store.wire import field, fields, varint
 
+_ONE_BYTE = 1 << 7
+"""Lengths below it take one byte."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, slots=True)
 class OutputFile:
     """One blob that an entry needs."""
 
@@ -26,14 +29,20 @@ class OutputFile:
 
 def encode(outputs: Iterable[OutputFile]) -> bytes:
     """The bytes of an `ActionResult` message with exit code 0 and these output files."""
-    message = bytearray()
-    for file in outputs:
-        digest = field(1, file.digest.encode()) + b"\x10" + varint(file.size)
-        body = field(1, file.path.encode()) + field(2, digest)
-        if file.contents:
-            body += field(5, file.contents)
-        message += field(2, body)
-    return bytes(message)
+    return b"".join(_spelled(file) for file in outputs)
+
+
+def _spelled(file: OutputFile) -> bytes:
+    path, digest, size = file.path.encode(), file.digest.encode(), varint(file.size)
+    inner = len(digest) + len(size) + 3
+    if len(path) < _ONE_BYTE and inner < _ONE_BYTE:
+        # Nearly all files; field by field takes several times as long.
+        body = b"\n%c%b\x12%c\n%c%b\x10%b" % (len(path), path, inner, len(digest), digest, size)
+    else:
+        body = field(1, path) + field(2, field(1, digest) + b"\x10" + size)
+    if file.contents:
+        body += field(5, file.contents)
+    return field(2, body)
 
 
 def decode(data: bytes) -> list[OutputFile]:

@@ -18,6 +18,8 @@ Signature: TypeAlias = tuple[int, int, int, int]
 IGNORED = frozenset({".git", "__pycache__"})
 """Names that are not content of a folder."""
 
+_MODULE_ENDINGS = frozenset({"py", "so", "zip", "pth", "dist-info", "egg-info", "egg-link"})
+
 _FINE_NS = 20_000_000
 """Two kernel ticks at 100 Hz, the coarsest step of a file system with nanosecond stamps."""
 _COARSE_NS = 2_000_000_000
@@ -45,6 +47,19 @@ def names(folder: str) -> list[str] | None:
         return None
 
 
+def modules(folder: str) -> list[str] | None:
+    """Those names of a folder of the module search path that an import or a look for versions can find, sorted."""
+    try:
+        return sorted(name for name in os.listdir(folder) if _is_module(name))
+    except OSError:
+        return None
+
+
+def _is_module(name: str) -> bool:
+    stem, dot, ending = name.rpartition(".")
+    return name not in IGNORED and (not dot or (stem != "" and ending in _MODULE_ENDINGS))
+
+
 def is_racy(signature: Signature, looked_ns: int) -> bool:
     """Whether a write after `looked_ns` (nanoseconds since the epoch) could leave this very signature."""
     mtime, ctime = signature[0], signature[1]
@@ -58,13 +73,15 @@ class Watch:
     Attributes:
         files: Path -> signature, None for a file that was looked for and is not there.
         folders: Path -> sorted names, for folders whose list of names matters.
-        present: Path -> size [bytes] of files that never change but may be deleted.
+        paths: Path -> sorted names of what can be imported, for folders of the module search path.
+        present: Path -> signature of files that dxb wrote, and that may be deleted or written again.
     """
 
     def __init__(self) -> None:
         self.files: dict[str, Signature | None] = {}
         self.folders: dict[str, list[str] | None] = {}
-        self.present: dict[str, int] = {}
+        self.paths: dict[str, list[str] | None] = {}
+        self.present: dict[str, Signature] = {}
         self.started_ns = time.time_ns()
 
     def file(self, path: str | os.PathLike[str]) -> None:
@@ -79,18 +96,31 @@ class Watch:
         if name not in self.folders:
             self.folders[name] = names(name)
 
+    def modules(self, path: str) -> None:
+        """Note a folder of the module search path."""
+        if path not in self.paths:
+            self.paths[path] = modules(path)
+
     def blobs(self, paths: Iterable[str | os.PathLike[str]]) -> None:
-        """Note files of the store that a later build relies on."""
+        """Note files that dxb wrote and that a later build relies on."""
         for path in paths:
             name = os.fspath(path)
-            self.present[name] = os.stat(name).st_size
+            self.present[name] = of(os.stat(name))
 
     def settled(self) -> bool:
         """Whether every file is what it was at the first look, and none may change without a trace."""
-        return all(
-            look(path) == known and (known is None or not is_racy(known, self.started_ns))
-            for path, known in self.files.items()
-        ) and all(names(path) == known for path, known in self.folders.items())
+        return (
+            all(
+                look(path) == known and (known is None or not is_racy(known, self.started_ns))
+                for path, known in self.files.items()
+            )
+            and self._listed()
+        )
+
+    def _listed(self) -> bool:
+        return all(names(path) == known for path, known in self.folders.items()) and all(
+            modules(path) == known for path, known in self.paths.items()
+        )
 
 
 def kind(mode: int) -> str:

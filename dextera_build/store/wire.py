@@ -82,6 +82,8 @@ def varint(value: int) -> bytes:
     """A number; a negative one takes ten bytes."""
     if 0 <= value < 0x80:
         return bytes((value,))
+    if 0x80 <= value < 0x4000:
+        return bytes((value & 0x7F | 0x80, value >> 7))
     value %= _WORD
     out = bytearray()
     while value > 0x7F:

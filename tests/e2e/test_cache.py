@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from dextera_build.engine import snapshot
 from tests.e2e.space import Space
 
 
@@ -30,8 +32,8 @@ def built(space: Space) -> Space:
     """Two variants, of which the first is nobody's any more."""
     assert space.dxb("build", "say/words", "--set", "start.text=old").code == 0
     assert space.dxb("build", "say/words").code == 0
-    for snapshot in (space.root / "cache" / "local" / "snapshots").iterdir():
-        snapshot.unlink()
+    for written in (space.root / "cache" / "local" / "snapshots").iterdir():
+        written.unlink()
     assert space.dxb("build", "say/words").code == 0
     grow_old(space)
     return space
@@ -90,7 +92,11 @@ def test_a_workspace_that_vanished_holds_nothing_and_that_is_said(built: Space, 
     for name in (store / "local" / "history").iterdir():
         name.write_text(name.read_text().replace(json.dumps(str(built.root)), json.dumps(str(moved))))
     for name in (store / "local" / "snapshots").iterdir():
-        name.write_text(name.read_text().replace(json.dumps(str(built.root)), json.dumps(str(moved))))
+        if not name.suffix:
+            head = snapshot.read_head(name)
+            head["request"]["root"] = str(moved)
+            text = json.dumps(head)
+            name.write_text(f"{hashlib.sha256(text.encode()).hexdigest()}\n{text}")
     said = other.dxb("cache", "gc", "--max-size", "1B", "--yes")
     assert f"`{moved}` is not there any more: what it built last is not held" in said.err
     assert other.dxb("cache", "size").out.splitlines()[1] == "actions\t0\t0"

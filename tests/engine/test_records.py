@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from dextera_build import digest
 from dextera_build.engine import eventlog
 from dextera_build.engine.dryrun import Planned, plan
 from dextera_build.engine.eventlog import EventLog
@@ -17,7 +18,7 @@ from dextera_build.engine.events import Event, NodeFinished, RunStarted, fan_out
 from dextera_build.engine.execute import RunInfo, build
 from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.history import Entry, History
-from dextera_build.engine.snapshot import load_if_fresh, save
+from dextera_build.engine.snapshot import load_if_fresh, read_head, save
 from dextera_build.errors import RecipeError, UsageError
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
@@ -253,11 +254,16 @@ def test_what_is_not_at_rest_is_not_trusted(files: Path, tmp_path: Path) -> None
     assert not save(path, REQUEST, seen, [])
 
 
+def sealed(head: dict[str, object]) -> str:
+    text = json.dumps(head)
+    return f"{digest.of_bytes(text.encode())}\n{text}"
+
+
 def test_a_broken_snapshot_is_none(files: Path, tmp_path: Path) -> None:
     path = tmp_path / "snapshot.json"
     save(path, REQUEST, watch(files), [])
-    whole = json.loads(path.read_text())
-    for junk in ("", "{", "[]", json.dumps({**whole, "form": 0}), json.dumps({**whole, "files": 3})):
+    whole = read_head(path)
+    for junk in ("", "{", "[]", sealed({**whole, "form": 0}), sealed({**whole, "files": 3}), f"{'0' * 64}\n{{}}"):
         path.chmod(0o644)
         path.write_text(junk)
         assert load_if_fresh(path, REQUEST) is None

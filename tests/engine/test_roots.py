@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from dextera_build.engine import roots
+from dextera_build.engine import roots, snapshot
 from dextera_build.engine.collection import collect
 from dextera_build.engine.execute import RunInfo, build
 from dextera_build.engine.history import History
+from dextera_build.store.presence import Presence
+from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, graph, inline, out
 
@@ -62,22 +66,41 @@ def test_a_lock_file_of_any_form_holds_its_keys(store: Store, tmp_path: Path, te
     assert roots.find(store).keys == {str(tmp_path): keys | {KEY}}
 
 
-@pytest.mark.parametrize("packed", [False, True])
-def test_a_snapshot_holds_its_results_for_a_month(store: Store, tmp_path: Path, packed: bool) -> None:
-    folder = store.local / "snapshots"
-    folder.mkdir(parents=True)
-    head = {"request": {"root": str(tmp_path)}, "present": {} if packed else {f"{store.root}/ac/ab/{KEY[2:]}": 12}}
-    (folder / "one").write_text(("digest\n" if packed else "") + json.dumps(head))
-    if packed:
-        (folder / "one.rows").write_bytes(bytes.fromhex(KEY) + b"\xff" * 8 + bytes(32) + (12).to_bytes(8, "big"))
-    assert roots.find(store).keys == {str(tmp_path): {KEY}}
+def snapshot_of(store: Store, project: Path) -> tuple[Path, dict[str, object], set[str]]:
+    """A real snapshot that alone remembers what it rests on."""
+    store.actions.presence = Presence(str(store.root))
+    keys = run(store, project)
+    shutil.rmtree(store.local / "history")
+    path, request = store.local / "snapshots" / "one", {"root": str(project)}
+    assert snapshot.save(path, request, Watch(), ["line"], (str(store.root), store.actions.presence))
+    (path.parent / "one.plan").write_bytes(b"\xff" * 80)
+    return path, request, keys
+
+
+def test_a_snapshot_holds_its_results_for_a_month(store: Store, tmp_path: Path) -> None:
+    path, _, keys = snapshot_of(store, tmp_path)
+    assert roots.find(store).keys == {str(tmp_path): keys}
+    collect(store, size=0, dry=False)
+    assert set(store.actions.keys()) == keys
     then = time.time() - 31 * 86400
-    for path in folder.iterdir():
-        os.utime(path, (then, then))
+    os.utime(path, (then, then))
     found = roots.find(store)
-    assert (found.keys, set(found.snapshots)) == ({}, set(folder.iterdir()))
+    assert (found.keys, set(found.snapshots)) == ({str(tmp_path): set()}, set(path.parent.iterdir()))
     collect(store, dry=False)
-    assert list(folder.iterdir()) == []
+    assert list(path.parent.iterdir()) == []
+
+
+@pytest.mark.parametrize("load", [snapshot.load_if_fresh, snapshot.load_if_near])
+def test_a_snapshot_that_is_used_holds_on_for_another_month(
+    store: Store, tmp_path: Path, load: Callable[[Path, dict[str, object]], object]
+) -> None:
+    path, request, keys = snapshot_of(store, tmp_path)
+    then = time.time() - 31 * 86400
+    os.utime(path, (then, then))
+    assert load(path, {"root": "another"}) is None
+    assert roots.find(store).keys == {str(tmp_path): set()}
+    assert load(path, request) is not None
+    assert roots.find(store).keys == {str(tmp_path): keys}
 
 
 def test_torn_files_hold_nothing_and_stop_nothing(store: Store, tmp_path: Path) -> None:

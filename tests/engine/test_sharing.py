@@ -6,6 +6,7 @@ import random
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -100,7 +101,7 @@ class Counting(Directory):
 def test_two_nodes_with_one_key_fetch_once(store: Store, other: Store, share: Path) -> None:
     # Equal options give equal keys: the tiny rule has its name among them.
     twins = [call("left", "const", 1), call("right", "const", 1)]
-    twins = [type(twin)(**{**twin.__dict__, "options": {**twin.options, "name": "same"}}) for twin in twins]
+    twins = [replace(twin, options={**twin.options, "name": "same"}) for twin in twins]
     plan = graph(*twins, call("both", l=out("left"), r=out("right")))
     build(plan, store, guarded(Directory(share)))
     remote = Counting(share)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dextera_build.errors import RecipeError
+from dextera_build.recipe import strict_yaml
 from dextera_build.recipe.strict_yaml import parse, scalar
 
 
@@ -85,3 +87,48 @@ def test_a_command_line_value_is_yaml():
     assert scalar("[box, cylinder]") == ["box", "cylinder"]
     assert scalar("0.001") == 0.001
     assert scalar("") == ""
+
+
+def test_an_alias_stands_for_its_anchor():
+    assert parse("a: &x {b: [1, 2]}\nc: *x\nd: [*x, 3]\n", "f").plain() == {
+        "a": {"b": [1, 2]},
+        "c": {"b": [1, 2]},
+        "d": [{"b": [1, 2]}, 3],
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "place"),
+    [
+        ("a: *gone", "not valid YAML: found undefined alias 'gone'", "f:1:4"),
+        ("a: &x [*x]", "not valid YAML: found undefined alias 'x'", "f:1:8"),
+        ("[" * 5000 + "]" * 5000, "values are nested more than 100 deep", "f:1:101"),
+        (
+            "a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}]\n" for n in range(1, 500)),
+            "values are nested more than 100 deep",
+            "f:100:12",
+        ),
+        ("? [1]\n: 2", "a key must be text, this one is []", "f:1:3"),
+        (
+            "a0: &a0 [x, x]\n" + "".join(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 12)),
+            "aliases stand for more than 100000 values",
+            "f:6:20",
+        ),
+    ],
+)
+def test_what_would_fill_memory_or_stack_is_refused(text, message, place):
+    with pytest.raises(RecipeError) as caught:
+        parse(text, "f")
+    assert caught.value.message == message
+    assert str(caught.value.where) == place
+
+
+@given(plain_data)
+def test_both_parsers_read_the_same(value):
+    text = yaml.safe_dump({"x": value}, allow_unicode=True)
+    fast = strict_yaml.parse(text, "f")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(strict_yaml, "PARSER", yaml.SafeLoader)
+        slow = strict_yaml.parse(text, "f")
+    assert fast.plain() == slow.plain()
+    assert fast.at(("x",)) == slow.at(("x",))

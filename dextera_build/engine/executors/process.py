@@ -17,6 +17,7 @@ from typing import Any
 from dextera_build.engine.tasks import Task
 from dextera_build.errors import RuleError
 
+_SPELL = json.JSONEncoder(separators=(",", ":")).encode
 _MODULE = "dextera_build.engine.worker"
 _ROOT = Path(__file__).resolve().parents[3]
 _LOG_MOST = 1 << 20
@@ -50,6 +51,7 @@ class Process:
         self._log = tempfile.TemporaryFile(mode="a+b", buffering=0)  # noqa: SIM115
         reading, self._sending = os.pipe()
         self._hearing, writing = os.pipe()
+        os.set_blocking(self._hearing, False)
         command = [sys.executable, "-m", _MODULE, runner, str(reading), str(writing), str(os.getpid())]
         try:
             self._child = subprocess.Popen(
@@ -85,7 +87,6 @@ class Process:
     def hear(self) -> tuple[list[dict[str, Any]], bool]:
         """(what it said, whether it is dead)."""
         ended = not self.is_running()
-        os.set_blocking(self._hearing, False)
         while True:
             try:
                 part = os.read(self._hearing, 1 << 16)
@@ -153,7 +154,7 @@ class Process:
         )
 
     def _write(self, message: Mapping[str, object]) -> None:
-        data = json.dumps(message, separators=(",", ":")).encode() + b"\n"
+        data = _SPELL(message).encode() + b"\n"
         with contextlib.suppress(BrokenPipeError):
             done = 0
             while done < len(data):

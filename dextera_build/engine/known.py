@@ -1,0 +1,294 @@
+"""What the last build of a request found, so that the next one looks only at what stands above changed files.
+
+    <name>.plan     the graph (see `compact`), who reads whom, which nodes read which file or folder
+    <name>.known    key, output and seconds of every node; items of groups; outputs of collections
+
+The full build remains the reference: whatever is known here it would find again.
+"""
+
+from __future__ import annotations
+
+import json
+from array import array
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dextera_build.engine import compact
+from dextera_build.engine.compact import Members, Names
+from dextera_build.engine.graph import Graph, RuleFacts
+from dextera_build.engine.states import State
+from dextera_build.engine.units import Gathering, Node, Opening, Packing, Unit
+from dextera_build.store import frames
+from dextera_build.store.actions import ActionResult
+
+if TYPE_CHECKING:
+    from dextera_build.engine.wiring import Wiring
+
+
+@dataclass
+class Known:
+    """A graph, and what each of its units came to."""
+
+    head: dict[str, Any]
+    graph: Graph
+    rules: list[RuleFacts]
+    """All that its calls name."""
+    names: Names
+    """Of nodes."""
+    readers: array[int]
+    """Node -> first of its readers in `read_by`; one more at the end."""
+    read_by: array[int]
+    keys: bytearray
+    outputs: bytearray
+    seconds: array[float]
+    peaks: array[float]
+    """Memory that each took the last time that it ran [GiB], 0 where that is not known."""
+    items: dict[str, dict[str, str]]
+    """Group -> label -> digest."""
+    collections: dict[str, str]
+    """Collection -> digest."""
+    text: Callable[[], str]
+    """Addresses of nodes, a line each."""
+    leaves: dict[str, str]
+    """File or folder that nodes read -> digest."""
+    run: str
+    """The run whose events say what there is to say of each node."""
+    cone: set[int] = field(default_factory=set)
+    """Nodes that stand above something that changed."""
+    late: set[str] = field(default_factory=set)
+    """Collections that do."""
+    stubs: int = 0
+    depth: int = 0
+    """How many builds have gone on from the one that looked at everything."""
+
+    @property
+    def kept(self) -> int:
+        """How many nodes are known without a look."""
+        return len(self.seconds) - len(self.cone)
+
+    def spread(self, changed: Iterable[str]) -> bool:
+        """Note all that stands above these files and folders; False where a group does, which may open anew."""
+        units: list[int] = []
+        for path in changed:
+            units += self.head["leaves"][path]
+        nodes = len(self.seconds)
+        seen: set[int] = set()
+        while units:
+            unit = units.pop()
+            if unit not in seen:
+                seen.add(unit)
+                units += self.read_by[self.readers[unit] : self.readers[unit + 1]]
+        others = [self.head["others"][unit - nodes] for unit in seen if unit >= nodes]
+        if any(kind == "opening" for kind, _ in others):
+            return False
+        self.cone = {unit for unit in seen if unit < nodes}
+        self.late = {name for _, name in others}
+        return True
+
+    def settle(self, unit: Unit) -> bool:
+        """Make a new unit what it is known to be; False where that is not known."""
+        if isinstance(unit, Node):
+            return self._settle_node(unit)
+        if isinstance(unit, Opening) and unit.address in self.items:
+            unit.items = self.items[unit.address]
+        elif isinstance(unit, Gathering) and _name(unit) in self.collections and _name(unit) not in self.late:
+            unit.output = self.collections[_name(unit)]
+        else:
+            return False
+        unit.state = State.DONE
+        return True
+
+    def key(self, address: str) -> str | None:
+        """The key that a node had."""
+        number = self.names.find(address)
+        return self.keys[number * 32 : number * 32 + 32].hex() if number is not None else None
+
+    def output(self, address: str) -> str | None:
+        """The output that a node had."""
+        number = self.names.find(address)
+        return self.outputs[number * 32 : number * 32 + 32].hex() if number is not None else None
+
+    def took(self, address: str) -> float | None:
+        """How long a node ran [s]."""
+        number = self.names.find(address)
+        return self.seconds[number] if number is not None else None
+
+    def peak_gb(self, address: str) -> float | None:
+        """Memory that a node took [GiB]."""
+        number = self.names.find(address)
+        return (self.peaks[number] or None) if number is not None else None
+
+    def addresses(self) -> list[str]:
+        """Of all nodes, in the order of the run that was written down."""
+        return self.text().split("\n")
+
+    def learn(self, wiring: Wiring, run: str) -> None:
+        """Take over what a build found."""
+        self.run, self.depth = run, self.depth + 1
+        self.leaves |= {str(path.absolute()): digest for path, digest in wiring.leaves.items()}
+        for node in wiring.nodes.values():
+            number = self.names.find(node.address)
+            if number is not None and node.key and node.result is not None and not is_stub(node):
+                self.keys[number * 32 : number * 32 + 32] = bytes.fromhex(node.key)
+                self.outputs[number * 32 : number * 32 + 32] = bytes.fromhex(node.result.output)
+                self.seconds[number] = node.result.seconds
+                self.peaks[number] = node.usage.get("memory_bytes", 0.0) / 2**30 or self.peaks[number]
+        for unit in wiring.gatherings():
+            if unit.output is not None:
+                self.collections[_name(unit)] = unit.output
+
+    def write_state(self, path: Path) -> None:
+        """Write down what units came to.
+
+        Raises:
+            StoreError: The store cannot take it.
+        """
+        head = {
+            "items": self.items,
+            "collections": self.collections,
+            "leaves": self.leaves,
+            "run": self.run,
+            "depth": self.depth,
+        }
+        frames.write(
+            f"{path}.known", head, [bytes(self.keys), bytes(self.outputs), self.seconds.tobytes(), self.peaks.tobytes()]
+        )
+
+    def _settle_node(self, unit: Node) -> bool:
+        number = self.names.find(unit.address)
+        if number is None or number in self.cone:
+            return False
+        place = slice(number * 32, number * 32 + 32)
+        unit.key, unit.status, unit.state = self.keys[place].hex(), "cached", State.DONE
+        unit.result = ActionResult(self.outputs[place].hex(), "", (), {}, self.seconds[number], None, "")
+        self.stubs += 1
+        return True
+
+
+def is_stub(node: Node) -> bool:
+    """Whether a node was known and has not been looked at."""
+    return node.result is not None and not node.result.key_document
+
+
+def write(
+    path: Path, graph: Graph, wiring: Wiring, run: str, peak_gb: Callable[[str], float | None] = lambda address: None
+) -> bool:
+    """Write down a build in which every unit is done; `peak_gb` says what memory a node took.
+
+    Returns:
+        False where it cannot be told from hashes which node is which.
+
+    Raises:
+        StoreError: The store cannot take it.
+    """
+    nodes = list(wiring.nodes.values())
+    others: list[Unit] = [*wiring.openings.values(), *wiring.gatherings()]
+    numbers = {id(unit): number for number, unit in enumerate([*nodes, *others])}
+    names, members = Names.of([node.address for node in nodes]), Names.of(list(graph.members))
+    if names is None or members is None or any(unit.state is not State.DONE for unit in [*nodes, *others]):
+        return False
+    starts, read_by = _readers([*nodes, *others], numbers)
+    head, texts = compact.Writer().write(graph)
+    ends = array("Q", [0])
+    for text in texts:
+        ends.append(ends[-1] + len(text))
+    head |= {
+        "calls": len({node.path for node in nodes}),
+        "groups": len({node.path[:depth] for node in nodes for depth in range(1, len(node.path))}),
+        "others": [["opening", u.address] if isinstance(u, Opening) else ["gathering", _name(u)] for u in others],
+        "leaves": _leaves(nodes),
+    }
+    parts = [names.hashes, names.numbers, starts, read_by, members.hashes, members.numbers, ends]
+    lines = "\n".join(node.address for node in nodes)
+    framed = [*(part.tobytes() for part in parts), lines.encode()]
+    frames.write(f"{path}.plan", head, [*framed, *texts], len(framed))
+    known = Known(
+        head=head,
+        graph=graph,
+        rules=[],
+        names=names,
+        readers=starts,
+        read_by=read_by,
+        keys=bytearray(b"".join(bytes.fromhex(node.key or "") for node in nodes)),
+        outputs=bytearray(b"".join(bytes.fromhex(node.result.output) for node in nodes if node.result)),
+        seconds=array("d", [node.result.seconds if node.result else 0.0 for node in nodes]),
+        peaks=array("d", [peak_gb(node.address) or 0.0 for node in nodes]),
+        items={unit.address: unit.items for unit in wiring.openings.values()},
+        collections={_name(unit): unit.output or "" for unit in wiring.gatherings()},
+        leaves={str(path.absolute()): digest for path, digest in wiring.leaves.items()},
+        text=lambda: lines,
+        run=run,
+    )
+    known.write_state(path)
+    return True
+
+
+def read(path: Path) -> Known:
+    """What `write` wrote.
+
+    Raises:
+        OSError: There is nothing.
+        ValueError: It was damaged, or another version wrote it.
+    """
+    head, parts, heap = frames.read(f"{path}.plan")
+    state, columns, _ = frames.read(f"{path}.known")
+    hashes, numbers, starts, read_by, member_hashes, member_numbers, ends = (
+        frames.numbers(kind, part) for kind, part in zip("QIIIQIQ", parts[:7], strict=True)
+    )
+    rules = [compact.facts_of(rule) for rule in head["rules"]]
+
+    def text(number: int) -> bytes:
+        return bytes(heap[ends[number] : ends[number + 1]])
+
+    members = Members(Names(member_hashes, member_numbers), text, rules)
+    targets = {name: tuple(tuple(call) for call in calls) for name, calls in head["targets"].items()}
+    return Known(
+        head=head,
+        graph=Graph(head["name"], members, targets),
+        rules=rules,
+        names=Names(hashes, numbers),
+        readers=starts,
+        read_by=read_by,
+        keys=bytearray(columns[0]),
+        outputs=bytearray(columns[1]),
+        seconds=frames.numbers("d", columns[2]),
+        peaks=frames.numbers("d", columns[3]),
+        items=state["items"],
+        collections=state["collections"],
+        text=lambda: bytes(parts[7]).decode(),
+        leaves=state["leaves"],
+        run=state["run"],
+        depth=state["depth"],
+    )
+
+
+def _readers(units: Sequence[Unit], numbers: Mapping[int, int]) -> tuple[array[int], array[int]]:
+    found: list[list[int]] = [[] for _ in units]
+    for unit in units:
+        sources = list(unit.sources)
+        while sources:
+            source = sources.pop()
+            if isinstance(source, Packing):
+                sources += source.sources
+            else:
+                found[numbers[id(source)]].append(numbers[id(unit)])
+    starts, read_by = array("I", [0]), array("I")
+    for readers in found:
+        read_by.extend(readers)
+        starts.append(len(read_by))
+    return starts, read_by
+
+
+def _leaves(nodes: Sequence[Node]) -> dict[str, list[int]]:
+    found: dict[str, list[int]] = {}
+    for number, node in enumerate(nodes):
+        for leaf, _ in node.leaves:
+            found.setdefault(str(leaf.path.absolute()), []).append(number)
+    return found
+
+
+def _name(unit: Unit) -> str:
+    assert isinstance(unit, Gathering)
+    return json.dumps([unit.path, unit.labels, unit.fields])

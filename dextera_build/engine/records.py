@@ -1,0 +1,138 @@
+"""What became of the nodes of a run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import chain
+
+from dextera_build.engine import events
+from dextera_build.engine.graph import RuleFacts, parse_address
+from dextera_build.engine.known import Known
+from dextera_build.engine.reach import copy_of
+from dextera_build.engine.wiring import Wiring
+from dextera_build.errors import DxbError
+from dextera_build.store.actions import Actions
+from dextera_build.store.cas import MissingBlob
+from dextera_build.store.store import Store
+
+
+@dataclass(frozen=True, slots=True)
+class NodeRecord:
+    """What became of one node."""
+
+    status: events.Status
+    key: str | None
+    output: str | None
+    """Digest of the output's header."""
+    seconds: float
+    """How long it ran or was fetched [s], in this run or, for a cached one, when it was made."""
+    line: str
+    error: DxbError | None
+    inputs: Mapping[str, str]
+    """Slot -> digest."""
+    rule: str = ""
+    backend: str | None = None
+    result: str | None = None
+    """Digest of its `result.json`."""
+    log: str | None = None
+    """Digest of what it printed, also when it failed."""
+    blocked_by: tuple[str, ...] = ()
+    """Addresses of the failed nodes that it waits for."""
+    usage: Mapping[str, float] = field(default_factory=dict)
+    tries: int = 0
+    """How often it ran in this run."""
+
+
+class Kept(Mapping[str, NodeRecord]):
+    """Records of the nodes that a run looked at, and of those that it knew from before, read when asked for.
+
+    Args:
+        own: Those that it looked at.
+        known: What was known.
+        store: Has the rest.
+    """
+
+    def __init__(self, own: Mapping[str, NodeRecord], known: Known, store: Store) -> None:
+        self.own = own
+        self._known = known
+        self._blobs = store.blobs
+        # One of its own: what is only told of must not be noted as what the build found.
+        self._actions = Actions(store.actions.root, store.blobs)
+
+    def made(self, address: str) -> tuple[str, str | None]:
+        """The rule and the output of a node."""
+        if address in self.own:
+            return self.own[address].rule, self.own[address].output
+        return self._rule(address).path, self._known.output(address)
+
+    def _rule(self, address: str) -> RuleFacts:
+        where = parse_address(address)
+        return copy_of(self._known.graph, where.call, where.labels or ()).rule
+
+    def __getitem__(self, address: str) -> NodeRecord:
+        if address in self.own:
+            return self.own[address]
+        key, output = self._known.key(address), self._known.output(address)
+        if key is None or output is None:
+            raise KeyError(address)
+        rule = self._rule(address)
+        result = self._actions.get(key)
+        return NodeRecord(
+            status="cached",
+            key=key,
+            output=output,
+            seconds=self._known.took(address) or 0.0,
+            line=result.line if result else "",
+            error=None,
+            inputs=self._inputs(result.key_document) if result else {},
+            rule=rule.path,
+            backend=rule.backend,
+            result=result.digest if result else None,
+            log=result.log if result else None,
+        )
+
+    def __iter__(self) -> Iterator[str]:
+        fresh = (address for address in self.own if self._known.names.find(address) is None)
+        return chain(self._known.addresses(), fresh)
+
+    def __len__(self) -> int:
+        return len(self._known.seconds) + sum(self._known.names.find(address) is None for address in self.own)
+
+    def _inputs(self, document: str) -> dict[str, str]:
+        try:
+            return dict(json.loads(self._blobs.get(document))["inputs"])
+        except MissingBlob:
+            return {}
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What became of a run."""
+
+    ok: bool
+    """Whether every target is up to date."""
+    nodes: Mapping[str, NodeRecord]
+    """Address -> record, in the order in which the run came to them."""
+    targets: tuple[str, ...]
+    """Addresses of the nodes that were asked for, every copy by itself."""
+    run: str = ""
+    """Id of the run."""
+    wiring: Wiring | None = field(default=None, repr=False, compare=False)
+    """What the run was made of."""
+    errors: Mapping[str, DxbError] = field(default_factory=dict)
+    """Address of a group, collection or target that failed without being a node -> why."""
+    peak_gb: Callable[[str], float | None] = field(default=lambda address: None, repr=False, compare=False)
+    """Memory that a node took the last time that it ran [GiB], where that is known."""
+
+    @property
+    def own(self) -> Mapping[str, NodeRecord]:
+        """Records of the nodes that the run looked at."""
+        return self.nodes.own if isinstance(self.nodes, Kept) else self.nodes
+
+    def made(self, address: str) -> tuple[str, str | None]:
+        """The rule and the output of a node; quicker than its whole record."""
+        if isinstance(self.nodes, Kept):
+            return self.nodes.made(address)
+        return self.nodes[address].rule, self.nodes[address].output

@@ -1,0 +1,144 @@
+"""Which files of a store a build relies on, and whether they are still there, without a look at each.
+
+A folder's time stamp moves when a name in it comes or goes, so as long as the folder `cas/ab` is as it was, nothing in
+it was deleted. Only where it moved, or where the machine was started anew since (a power cut leaves short files), each
+file is looked at.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from typing import TYPE_CHECKING, TypeAlias
+
+from dextera_build.store import signature
+
+if TYPE_CHECKING:
+    from dextera_build.store.reapi import OutputFile
+
+_ROW = 40
+"""32 bytes of digest, 8 of size."""
+_ANY = b"\xff" * 8
+"""Stands for any size."""
+Shards: TypeAlias = dict[str, list[int]]
+"""Folder below the root, `cas/ab` -> [time stamp (0: too young to trust), inode, first row, end of rows, ...]."""
+
+
+class Presence:
+    """Collects files of one store.
+
+    Args:
+        root: The store's folder.
+    """
+
+    def __init__(self, root: str) -> None:
+        self._root = root
+        self._rows: dict[str, bytearray] = defaultdict(bytearray)
+
+    def note(self, key: str, needs: Iterable[OutputFile]) -> None:
+        """Rely on the result of a key and on all that it needs."""
+        self._rows[f"ac/{key[:2]}"] += bytes.fromhex(key) + _ANY
+        for file in needs:
+            digest = file.digest
+            self._rows[f"cas/{digest[:2]}"] += bytes.fromhex(digest) + file.size.to_bytes(8, "big")
+
+    def _noted(self, shard: str) -> list[bytes]:
+        rows = bytes(self._rows[shard])
+        return sorted({rows[place : place + _ROW] for place in range(0, len(rows), _ROW)})
+
+    def freeze(self) -> tuple[Shards, bytes] | None:
+        """The folders as they are now and the files in them, or None where a file is gone already."""
+        shards: Shards = {}
+        parts: list[bytes] = []
+        place = 0
+        for shard in sorted(self._rows):
+            rows = self._noted(shard)
+            found = look(self._root, shard)
+            names = frozenset(_names(f"{self._root}/{shard}"))
+            if found is None or not all(row.hex()[2:64] in names for row in rows):
+                return None
+            shards[shard] = [*found, place, place + len(rows)]
+            place += len(rows)
+            parts += rows
+        return shards, b"".join(parts)
+
+    def extend(self, shards: Shards, rows: bytes | memoryview) -> tuple[Shards, bytes] | None:
+        """The folders of what `freeze` gave once and of what was noted since, and the rows to add, or None."""
+        found = dict(shards)
+        added = bytearray()
+        for shard in sorted(self._rows):
+            known, place = shards.get(shard, [])[2:], len(added) // _ROW
+            added += b"".join(self._noted(shard))
+            fresh = [place, len(added) // _ROW]
+            seen = look(self._root, shard)
+            if seen is None or not (
+                whole(self._root, rows, shard, [0, 0, *known]) and whole(self._root, added, shard, [0, 0, *fresh])
+            ):
+                return None
+            found[shard] = [*seen, *known, *(len(rows) // _ROW + place for place in fresh)]
+        return found, bytes(added)
+
+
+def look(root: str, shard: str) -> tuple[int, int] | None:
+    """(time stamp, or 0 where it is too young to be trusted; inode) of a folder of the store, None where it is gone."""
+    now = time.time_ns()
+    try:
+        state = os.stat(f"{root}/{shard}")
+    except OSError:
+        return None
+    seen = signature.of(state)
+    return (0 if signature.is_racy(seen, now) else seen[0], seen[3])
+
+
+def moved(root: str, shards: Shards) -> list[str]:
+    """The folders that are not what they were, or that were too young to be trusted."""
+    found = []
+    for shard, row in shards.items():
+        if row[0]:
+            with suppress(OSError):
+                state = os.stat(f"{root}/{shard}")
+                if state.st_mtime_ns == row[0] and state.st_ino == row[1]:
+                    continue
+        found.append(shard)
+    return found
+
+
+def whole(root: str, rows: bytes | bytearray | memoryview, shard: str, row: list[int]) -> bool:
+    """Whether every file that is relied on in a folder is there with its size."""
+    stat, folder = os.stat, f"{root}/{shard}/"
+    try:
+        for first, end in zip(row[2::2], row[3::2], strict=True):
+            for place in range(first * _ROW, end * _ROW, _ROW):
+                name = folder + rows[place + 1 : place + 32].hex()
+                size, known = stat(name).st_size, rows[place + 32 : place + 40]
+                if known not in (_ANY, size.to_bytes(8, "big")):
+                    return False
+    except OSError:
+        return False
+    return True
+
+
+def digests(rows: memoryview, shards: Shards) -> Iterator[str]:
+    """What is relied on in some folders."""
+    for row in shards.values():
+        for first, end in zip(row[2::2], row[3::2], strict=True):
+            yield from (rows[place * _ROW : place * _ROW + 32].hex() for place in range(first, end))
+
+
+def boot() -> str:
+    """Names the time since the machine was started; "" where the system does not say."""
+    try:
+        with open("/proc/sys/kernel/random/boot_id") as file:
+            return file.read().strip()
+    except OSError:
+        return ""
+
+
+def _names(folder: str) -> list[str]:
+    try:
+        return os.listdir(folder)
+    except OSError:
+        return []

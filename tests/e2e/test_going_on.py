@@ -1,0 +1,322 @@
+"""Builds that go on from the last one, through the real `dxb`: same answers and records, and when they cannot."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.space import Answer, Space
+
+RECIPE = """
+inputs:
+  one: one.txt
+  two: two.txt
+  box: box
+nodes:
+  a: {rule: toy.slow, text: $one}
+  b: {rule: toy.slow, text: $two}
+  c: {rule: toy.join, one: $a, two: $b}
+  d: {rule: toy.first, box: $box}
+targets:
+  default: [c, d]
+"""
+JOIN = '''
+"""toy.join: two texts."""
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Context, rule
+
+@rule(version=1)
+def join(ctx: Context, one: File, two: File) -> File:
+    """Return one text after the other."""
+    return File(data=one.data + two.data)
+'''
+FIRST = '''
+"""toy.first: a folder's names."""
+from dextera_build.artifacts.base import File, Folder
+from dextera_build.rule import Context, rule
+
+@rule(version=1)
+def first(ctx: Context, box: Folder) -> File:
+    """Return the names."""
+    return File(data=" ".join(sorted(box.files)).encode())
+'''
+
+
+@pytest.fixture
+def built(space: Space) -> Space:
+    space.write("recipes/two.yaml", RECIPE)
+    space.write("rules/toy/join.py", JOIN.lstrip())
+    space.write("rules/toy/first.py", FIRST.lstrip())
+    for name in ("one.txt", "two.txt", "box/x"):
+        space.write(name, name)
+    time.sleep(0.05)
+    assert space.dxb("build", "two").code == 0
+    return space
+
+
+def build(space: Space, *words: str, **env: str) -> tuple[Answer, dict[str, str] | None, bool]:
+    """The answer, how each node ended if there was a run, and whether that went on from another."""
+    before = runs(space)
+    answer = space.dxb("build", "two", "--console", "none", *words, env=env)
+    assert answer.code == 0, answer.err
+    if runs(space) == before:
+        return answer, None, False
+    log = space.dxb("log", "--json")
+    assert log.code == 0, log.err
+    events = (space.root / "cache" / "runs" / runs(space)[-1] / "events.jsonl").read_text().splitlines()
+    kept = any(json.loads(line)["event"] == "nodes_kept" for line in events)
+    return answer, statuses(space), kept
+
+
+def runs(space: Space) -> list[str]:
+    return sorted(path.name for path in (space.root / "cache" / "runs").iterdir())
+
+
+def statuses(space: Space) -> dict[str, str]:
+    from dextera_build.engine import eventlog
+    from dextera_build.store.store import Store
+
+    store = Store(space.root / "cache")
+    events = eventlog.read(store, eventlog.runs(store)[-1])
+    return {event["node"]: event["status"] for event in events if event["event"] == "node_finished"}
+
+
+def output(space: Space, node: str) -> str:
+    return (space.root / "cache" / "out" / "two" / node / node).read_text()
+
+
+def test_a_changed_file_runs_what_stands_above_it(built: Space) -> None:
+    built.write("two.txt", "new")
+    time.sleep(0.05)
+    _, ended, kept = build(built)
+    assert kept
+    assert ended == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
+    assert output(built, "c") == "one.txtnew"
+    assert build(built)[1] is None
+    built.write("one.txt", "also ")
+    time.sleep(0.05)
+    _, ended, kept = build(built)
+    assert kept
+    assert ended == {"a": "ran", "b": "cached", "c": "ran", "d": "cached"}
+    assert output(built, "c") == "also new"
+    # A build that looks at everything finds nothing to do.
+    assert set(built.build("two", "--force", "d").nodes("ran")) == {"d"}
+
+
+def test_a_touched_file_runs_nothing(built: Space) -> None:
+    (built.root / "two.txt").touch()
+    time.sleep(0.05)
+    looked = built.dxb("build", "two")
+    assert "two is up to date   4 nodes" in looked.err
+    assert looked.out.split() == ["c", "cache/out/two/c/c", "d", "cache/out/two/d/d"]
+    assert build(built)[1] is None
+
+
+def test_a_file_that_comes_into_a_folder_counts(built: Space) -> None:
+    built.write("box/y", "y")
+    time.sleep(0.05)
+    _, ended, kept = build(built)
+    assert kept
+    assert ended == {"a": "cached", "b": "cached", "c": "cached", "d": "ran"}
+    assert output(built, "d") == "x y"
+    (built.root / "box" / "x").unlink()
+    time.sleep(0.05)
+    assert build(built)[2]
+    assert output(built, "d") == "y"
+    assert build(built)[1] is None
+
+
+def test_a_deleted_output_is_written_again(built: Space) -> None:
+    (built.root / "cache/out/two/c/c").unlink()
+    _, ended, kept = build(built)
+    assert kept
+    assert ended == dict.fromkeys("abcd", "cached")
+    assert output(built, "c") == "one.txttwo.txt"
+
+
+@pytest.mark.parametrize("change", ["recipe", "rule", "configuration", "package", "new rule", "blob", "log"])
+def test_any_other_change_is_planned_anew(built: Space, change: str, tmp_path: Path) -> None:
+    env = {}
+    if change == "package":
+        built.write("lib/thing/__init__.py", "")
+        env = {
+            "PYTHONPATH": os.pathsep.join([str(tmp_path / "lib"), *os.environ.get("PYTHONPATH", "").split(os.pathsep)])
+        }
+        build(built, **env)
+        assert build(built, **env)[1] is None
+        (tmp_path / "lib/thing/__init__.py").unlink()
+        (tmp_path / "lib/thing").rmdir()
+    elif change == "recipe":
+        built.edit("recipes/two.yaml", "targets:", "  e: {rule: toy.slow, text: $one}\ntargets:")
+    elif change == "rule":
+        built.edit("rules/toy/join.py", "one.data + two.data", "two.data + one.data")
+    elif change == "configuration":
+        built.write("dxb.toml", '# a comment\ncache = "cache"\n')
+    elif change == "new rule":
+        built.write("rules/toy/other.py", "")
+    elif change == "blob":
+        for path in (built.root / "cache" / "cas").glob("*/*"):
+            path.unlink()
+    else:
+        built.write("one.txt", "new")
+        (built.root / "cache/runs/0001").rename(built.root / "cache/runs/gone")
+    time.sleep(0.05)
+    _, ended, kept = build(built, **env)
+    assert ended is not None
+    assert not kept
+    assert output(built, "c") == {"rule": "two.txtone.txt", "log": "newtwo.txt"}.get(change, "one.txttwo.txt")
+
+
+def test_a_file_that_vanished_is_said(built: Space) -> None:
+    (built.root / "two.txt").unlink()
+    answer = built.dxb("build", "two")
+    assert answer.code == 2
+    assert "`two.txt` is neither a file nor a recipe" in answer.err
+
+
+def test_a_failure_can_be_mended(built: Space) -> None:
+    built.edit("recipes/two.yaml", "{rule: toy.slow, text: $two}", "{rule: toy.slow, text: $two, do: fail}")
+    time.sleep(0.05)
+    assert built.dxb("build", "two").code == 1
+    built.edit("recipes/two.yaml", ", do: fail", "")
+    time.sleep(0.05)
+    assert build(built)[1] is None  # it says again what was built already
+    assert output(built, "c") == "one.txttwo.txt"
+
+
+def test_what_another_request_placed_is_placed_anew(built: Space) -> None:
+    built.write("other.txt", "TWO.TXT")
+    time.sleep(0.05)
+    build(built, "--input", "two=other.txt")
+    assert output(built, "c") == "one.txtTWO.TXT"
+    assert build(built)[1] == dict.fromkeys("abcd", "cached")
+    assert output(built, "c") == "one.txttwo.txt"
+    assert build(built)[1] is None
+
+
+def test_past_runs_tell_of_nodes_that_were_kept(built: Space) -> None:
+    for text in ("v1", "v2", "v3"):
+        built.write("two.txt", text)
+        time.sleep(0.05)
+        assert build(built)[2]
+    shown = built.dxb("show", "two:a")
+    assert shown.code == 0, shown.err
+    why = built.dxb("why", "two:c")
+    assert why.code == 0, why.err
+    assert statuses(built) == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
+    assert built.dxb("log", "--json").code == 0
+
+
+HEAVY = ("numpy", "pydantic", "yaml", "rich", "dextera_build.recipe", "dextera_build.rule", "dextera_build.loader")
+LOADED = """
+import sys
+from dextera_build.cli.main import main
+assert main(sys.argv[1:]) == 0
+print("loaded", *[name for name in {names} if name in sys.modules])
+"""
+
+
+@pytest.mark.parametrize("change", ["nothing", "a stamp", "a file"])
+def test_a_small_build_loads_little(built: Space, change: str) -> None:
+    words = [sys.executable, "-c", LOADED.format(names=HEAVY), "build", "two", "--console", "none"]
+    for turn in range(2):  # the module search path differs from that of the fixture's build
+        if turn and change != "nothing":
+            built.write("one.txt", "one.txt" if change == "a stamp" else "new")
+            time.sleep(0.05)
+        done = subprocess.run(words, cwd=built.root, env=built.environment(), text=True, capture_output=True)
+        assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "loaded"
+
+
+@pytest.mark.parametrize("file", ["recipes/two.yaml", "rules/toy/join.py", "rules/toy/slow.py"])
+def test_a_comment_changes_nothing(built: Space, file: str) -> None:
+    path = built.root / file
+    path.write_text(path.read_text() + "\n\n# a comment\n")
+    time.sleep(0.05)
+    for _ in range(2):
+        looked = built.dxb("build", "two")
+        assert "two is up to date   4 nodes" in looked.err
+    assert runs(built) == ["0001"]
+    built.write("two.txt", "new")
+    path.write_text(path.read_text() + "# another\n")
+    time.sleep(0.05)
+    _, ended, kept = build(built)
+    assert kept
+    assert ended == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new"),
+    [
+        ("recipes/two.yaml", "one: $a, two: $b", "one: $b, two: $a"),
+        ("recipes/two.yaml", "text: $two", "text: $two, seconds: 0.5"),
+        ("recipes/two.yaml", "default: [c, d]", "default: [c]"),
+        ("rules/toy/join.py", "version=1", "version=2"),
+        ("rules/toy/join.py", "import Context, rule", "import Context, rule\nimport json"),
+    ],
+)
+def test_what_says_something_else_is_planned_anew(built: Space, file: str, old: str, new: str) -> None:
+    built.edit(file, old, new)
+    time.sleep(0.05)
+    assert not build(built)[2]
+    assert len(runs(built)) == 2
+
+
+@pytest.mark.parametrize("ending", ["", ".plan", ".known", ".rows"])
+def test_broken_snapshots_are_passed_over(built: Space, ending: str) -> None:
+    folder = built.root / "cache/local/snapshots"
+    (head,) = [file for file in folder.iterdir() if "." not in file.name]
+    file = Path(f"{head}{ending}")
+    built.write("two.txt", "new")
+    time.sleep(0.05)
+    for text in (b"", b"{}", file.read_bytes()[:-3], None):
+        file.unlink()
+        if text is not None:
+            file.write_bytes(text)
+        answer = built.dxb("build", "two")
+        assert answer.code == 0, answer.err
+        assert output(built, "c") == "one.txtnew"
+        built.write("two.txt", "again")
+        time.sleep(0.05)
+        assert built.dxb("build", "two").code == 0
+        assert output(built, "c") == "one.txtagain"
+        built.write("two.txt", "new")
+        time.sleep(0.05)
+
+
+def test_a_build_that_goes_on_keeps_the_pins_and_a_locked_one_looks_at_everything(built: Space) -> None:
+    assert build(built, "--lock")[1] is not None
+    pinned = (built.root / "dxb.lock").read_bytes()
+    assert build(built)[1] is not None  # another request than the first: there is a lock file now
+    built.write("two.txt", "new")
+    time.sleep(0.05)
+    _, ended, kept = build(built)
+    assert kept
+    assert ended == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
+    renewed = (built.root / "dxb.lock").read_bytes()
+    assert renewed != pinned
+    assert build(built)[1] is None
+    assert built.dxb("build", "two", "--locked").code == 0
+    built.write("two.txt", "more")
+    time.sleep(0.05)
+    refused = built.dxb("build", "two", "--locked")
+    assert (refused.code, "DXB-C103" in refused.err) == (3, True)
+    assert (built.root / "dxb.lock").read_bytes() == renewed
+    built.edit("recipes/two.yaml", "nodes:", "# a comment\nnodes:")
+    assert (built.dxb("build", "two", "--locked")).code == 3
+
+
+def test_a_rule_edited_twice_in_a_second_to_the_same_size_runs_as_it_is(built: Space) -> None:
+    rule, moment = built.root / "rules/toy/first.py", int(time.time())
+    for joint in ('"."', '"+"', '"-"'):
+        built.write("rules/toy/first.py", FIRST.lstrip().replace('" "', joint))
+        built.write("box/y", "y")
+        os.utime(rule, (moment, moment))
+        assert built.dxb("build", "two", env={"PYTHONDONTWRITEBYTECODE": ""}).code == 0
+        assert output(built, "d") == f"x{joint[1]}y"

@@ -1,0 +1,125 @@
+"""A deleted file of the store shows, at whatever time it is deleted, and nothing else costs a look at each file."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from dextera_build.engine import snapshot
+from dextera_build.store import presence
+from dextera_build.store.actions import ActionResult
+from dextera_build.store.presence import Presence
+from dextera_build.store.signature import Watch
+from dextera_build.store.store import Store
+
+REQUEST = {"targets": ["all"]}
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> tuple[Store, Path]:
+    """A store with two hundred results and a snapshot that relies on them, all at rest."""
+    store = Store(tmp_path / "cache")
+    store.actions.presence = found = Presence(str(store.root))
+    for number in range(200):
+        publish(store, number)
+    time.sleep(0.05)
+    file = tmp_path / "snapshot"
+    assert snapshot.save(file, REQUEST, Watch(), [], (str(store.root), found))
+    return store, file
+
+
+def publish(store: Store, number: int) -> str:
+    output = store.blobs.put(b'{"artifact":"T","fields":{"n":%d}}' % number)
+    document = store.blobs.put(b"%d" % number)
+    store.actions.put(document, ActionResult(output, "", (), {}, 0.0, None, document))
+    return document
+
+
+def is_fresh(file: Path) -> bool:
+    return snapshot.load_if_fresh(file, REQUEST) is not None
+
+
+def test_a_quiet_store_is_not_looked_through(made: tuple[Store, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    _, file = made
+    looks: list[str] = []
+    monkeypatch.setattr(presence, "whole", lambda root, rows, shard, row: looks.append(shard) or True)
+    assert is_fresh(file)
+    assert looks == []
+
+
+@pytest.mark.parametrize("area", ["cas", "ac"])
+def test_any_deleted_file_shows(made: tuple[Store, Path], area: str) -> None:
+    store, file = made
+    for path in sorted((store.root / area).glob("??/*"))[::7]:
+        data, times = path.read_bytes(), path.parent.stat()
+        path.unlink()
+        assert not is_fresh(file), path
+        path.write_bytes(data)
+        os.utime(path.parent, ns=(times.st_atime_ns, times.st_mtime_ns))
+    assert is_fresh(file)
+
+
+def test_what_others_add_is_looked_at_once(made: tuple[Store, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    store, file = made
+    for number in range(200, 300):
+        publish(store, number)
+    time.sleep(0.05)
+    assert is_fresh(file)
+    monkeypatch.setattr(presence, "whole", lambda root, rows, shard, row: pytest.fail(shard))
+    assert is_fresh(file)
+
+
+def test_a_folder_that_just_moved_is_not_trusted(tmp_path: Path) -> None:
+    store = Store(tmp_path / "cache")
+    store.actions.presence = found = Presence(str(store.root))
+    key = publish(store, 0)
+    file = tmp_path / "snapshot"
+    assert snapshot.save(file, REQUEST, Watch(), [], (str(store.root), found))
+    state = store.blobs.path(key).parent.stat()
+    store.blobs.path(key).unlink()
+    # As if it had been deleted within the same tick of the clock.
+    os.utime(store.blobs.path(key).parent, ns=(state.st_atime_ns, state.st_mtime_ns))
+    assert not is_fresh(file)
+
+
+@pytest.mark.parametrize("what", ["short", "gone"])
+def test_after_a_power_cut_sizes_are_looked_at(
+    made: tuple[Store, Path], monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    store, file = made
+    path = next((store.root / "cas").glob("??/*"))
+    state = path.parent.stat()
+    path.chmod(0o644)
+    if what == "short":
+        path.write_bytes(b"")
+    else:
+        path.unlink()
+    os.utime(path.parent, ns=(state.st_atime_ns, state.st_mtime_ns))
+    monkeypatch.setattr(presence, "boot", lambda: "another")
+    assert not is_fresh(file)
+
+
+def test_what_is_gone_already_is_not_written_down(made: tuple[Store, Path]) -> None:
+    store, file = made
+    store.actions.presence = found = Presence(str(store.root))
+    key = publish(store, 1)
+    store.blobs.path(key).unlink()
+    assert not snapshot.save(file, REQUEST, Watch(), [], (str(store.root), found))
+    assert not file.exists()
+
+
+def test_a_snapshot_says_what_it_holds_on_to(made: tuple[Store, Path]) -> None:
+    store, file = made
+    assert snapshot.held(file) == ("", set(store.actions.keys()))
+
+
+@pytest.mark.parametrize("junk", [b"", b"x" * 400])
+def test_broken_rows_are_not_trusted(made: tuple[Store, Path], monkeypatch: pytest.MonkeyPatch, junk: bytes) -> None:
+    _, file = made
+    Path(f"{file}.rows").chmod(0o644)
+    Path(f"{file}.rows").write_bytes(junk)
+    monkeypatch.setattr(presence, "boot", lambda: "another")
+    assert not is_fresh(file)
