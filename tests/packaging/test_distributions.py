@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+pytestmark = pytest.mark.slow  # `make package` runs it, and CI that
+
 REPO = Path(__file__).parent.parent.parent
 LOCK = REPO / ".ci" / "requirements.lock"
 RECIPE = """summary: One light rule on a photograph.
