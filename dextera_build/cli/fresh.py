@@ -65,7 +65,7 @@ def save(
     from dextera_build.engine import known
     from dextera_build.recipe.content import content
 
-    outputs = [Path(line.partition("\t")[2]).absolute() for line in lines]
+    outputs = _placed(lines)
     watch, path = seen.watch, _file(project, fingerprint)
     fixed = note(project, watch, plan)
     watch.blobs(outputs)
@@ -140,11 +140,16 @@ def _known(path: Path, stale: Stale, leaves: StatCache, logs: Path) -> Near | No
 def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near: Near, lines: list[str]) -> None:
     """Remember a build that went on from another."""
     path = _file(project, fingerprint)
-    seen.watch.blobs(Path(line.partition("\t")[2]).absolute() for line in lines)
+    seen.watch.blobs(_placed(lines))
     with suppress(StoreError, OSError, ValueError):
         near.known.write_state(path)
         near.stale.head["request"] = dict(fingerprint)
         snapshot.renew(path, near.stale, seen.watch, [near.stale.head["nodes"], *lines], seen.presence)
+
+
+def _placed(lines: list[str]) -> list[str]:
+    here = os.getcwd()
+    return [os.path.join(here, line.partition("\t")[2]) for line in lines]
 
 
 def _says_the_same(name: str, head: Mapping[str, Mapping[str, str | None]], leaves: StatCache) -> bool:

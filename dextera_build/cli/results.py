@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
 
 _STAMP = ".digest"
+_SMALL = 1 << 20
+"""Files up to this size [bytes] are written at once; larger ones never lie whole in memory."""
 
 
 def place(session: Session, result: RunResult) -> list[str]:
@@ -26,27 +28,38 @@ def place(session: Session, result: RunResult) -> list[str]:
         StoreError: The disk is full, or the folder cannot be written.
     """
     lines = []
-    stamps: dict[Path, str] = {}
+    stamps: dict[str, str] = {}
+    # Texts, because a thousand outputs are placed in the time that some ten thousand `Path` objects take.
+    base, here = str(_folder(session)), f"{os.getcwd()}/"
     for node in result.targets:
         rule, output = result.made(node)
         if output is not None:
+            folder = f"{base}/{_name(node)}"
             try:
-                main = _export(session, node, rule, output, stamps)
+                main = _export(session, folder, node, rule, output, stamps)
             except OSError as error:
-                raise files.store_error(error, error.filename or str(folder_of(session, node))) from None
-            lines.append(f"{node}\t{session.project.shown(main)}")
+                raise files.store_error(error, error.filename or folder) from None
+            lines.append(f"{node}\t{main.removeprefix(here)}")
     # A stamp says that the files beside it are whole, so it comes when they are on the disk.
     if session.project.durable and (stamps or any(record.status == "ran" for record in result.own.values())):
         durable.settle(session.store.root)
     for folder, text in stamps.items():
-        files.write(str(folder / _STAMP), text.encode(), 0o644)
-        sharing.share_tree(str(folder))
+        files.write(f"{folder}/{_STAMP}", text.encode(), 0o644)
+        sharing.share_tree(folder)
     return lines
 
 
 def folder_of(session: Session, node: str) -> Path:
     """Where a node's files lie."""
-    return session.project.cache / "out" / session.recipe / node.replace("/", ".").replace(":", ".")
+    return _folder(session) / _name(node)
+
+
+def _folder(session: Session) -> Path:
+    return session.project.cache / "out" / session.recipe
+
+
+def _name(node: str) -> str:
+    return node.replace("/", ".").replace(":", ".")
 
 
 def stem_of(node: str) -> str:
@@ -54,32 +67,37 @@ def stem_of(node: str) -> str:
     return re.split("[./:]", node)[-1]
 
 
-def _export(session: Session, node: str, rule: str, output: str, stamps: dict[Path, str]) -> Path:
-    folder = folder_of(session, node)
-    stamp = f"{folder}/{_STAMP}"
+def _export(session: Session, folder: str, node: str, rule: str, output: str, stamps: dict[str, str]) -> str:
     with suppress(OSError):
-        digest, _, name = files.read(stamp).decode().partition("\n")
+        digest, _, name = files.read(f"{folder}/{_STAMP}").decode().partition("\n")
         if digest == output and os.path.exists(f"{folder}/{name}"):
-            return folder / name
+            return _joined(folder, name)
     if os.path.exists(folder):
         shutil.rmtree(folder, ignore_errors=True)
-    sharing.make_folder(str(folder))
+    sharing.make_folder(folder)
     main = _export_file(session, folder, stem_of(node), output)
     if main is None:
-        kind = session.project.library.find(rule).rule.returns
-        written = kind.restore(output, session.store.reader, folder, stem_of(node))
-        main = written[0] if written else folder
-    stamps[folder] = f"{output}\n{main.relative_to(folder).as_posix()}"
-    return main
+        kind, where = session.project.library.find(rule).rule.returns, Path(folder)
+        written = kind.restore(output, session.store.reader, where, stem_of(node))
+        main = written[0].relative_to(where).as_posix() if written else "."
+    stamps[folder] = f"{output}\n{main}"
+    return _joined(folder, main)
 
 
-def _export_file(session: Session, folder: Path, stem: str, output: str) -> Path | None:
-    """What `File.export` does, without what takes longer to import than a thousand files to write."""
+def _joined(folder: str, name: str) -> str:
+    return folder if name == "." else f"{folder}/{name}"
+
+
+def _export_file(session: Session, folder: str, stem: str, output: str) -> str | None:
+    """What `File.restore` does, without what takes longer to import than a thousand files to write; the file's name."""
     header = json.loads(session.store.blobs.get(output))
     if header["artifact"] != "File":
         return None
-    data = session.store.blobs.get(header["fields"]["data"]["$bytes"][0])
-    os.makedirs(folder, exist_ok=True)
+    digest, size = header["fields"]["data"]["$bytes"]
+    if size > _SMALL:
+        session.store.reader.place(digest, Path(folder) / stem)
+        return stem
+    data = session.store.blobs.get(digest)
     with open(f"{folder}/{stem}", "wb", buffering=0) as file:
         file.write(data)
-    return folder / stem
+    return stem
