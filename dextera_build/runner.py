@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tempfile
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -14,6 +15,9 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.errors import DxbError, RuleError
 from dextera_build.loader import Library, RuleFile
 from dextera_build.store import space
+from dextera_build.store.actions import ActionResult
+from dextera_build.store.calls.recorder import Fetch, Recorder
+from dextera_build.store.calls.recorder import mode as recorder_mode
 from dextera_build.store.store import Store
 
 if TYPE_CHECKING:
@@ -51,11 +55,35 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     options = rule.options.model_validate_json(json.dumps(task["options"]))
     keep = store.keep.path(task["key"]) if task.get("key") else None
     with _full_disk_said(store), tempfile.TemporaryDirectory(prefix="dxb-") as scratch, _full_disk_said(store):
-        ctx = Context(backend, scratch=Path(scratch), emit=emit, keep=keep)
+        calls = _recorder(task, store, emit)
+        ctx = Context(backend, scratch=Path(scratch), emit=emit, keep=keep, calls=calls)
         keyword = {"options": options} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)
         # Before the scratch folder goes: what is returned may lie there.
-        return _stored(store, found, result, ctx)
+        return _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
+
+
+def _recorder(task: Mapping[str, Any], store: Store, emit: Emit) -> Recorder:
+    """What answers the calls of one node; `DXB_CALLS` says how, and profile `stub` never calls."""
+    mode = recorder_mode(os.environ.get("DXB_CALLS") or "record")
+    stub = task.get("profile") == "stub"
+    return Recorder(store, "off" if stub else mode, _fetcher(task, store), lambda text: emit("log", {"text": text}))
+
+
+def _fetcher(task: Mapping[str, Any], store: Store) -> Fetch:
+    """Looks for a recorded answer on the remotes of the project."""
+
+    def fetch(key: str, size: int) -> ActionResult | None:
+        from dextera_build.project import Project
+        from dextera_build.store.remotes.connect import guarded
+        from dextera_build.store.remotes.exchange import Exchange
+        from dextera_build.store.remotes.remote import Digest
+
+        project = Project(Path(task["project"]))
+        used = project.remotes.used if project.config else []
+        return Exchange(store, [guarded(spec) for spec in used]).fetch(Digest(key, size)).result if used else None
+
+    return fetch
 
 
 def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[str, Any]:

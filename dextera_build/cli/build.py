@@ -30,6 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-v", "--verbose", action="store_true", help="show what nodes log, too")
     locking.arguments(parser)
     options.resources_argument(parser)
+    options.calls_argument(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)
 
@@ -69,7 +70,7 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
         "backends": args.backends,
         "lock": args.locking.state(recipe),
     }
-    known = None if args.force else fresh.load(project, fingerprint)
+    known = None if args.force or project.calls in ("refresh", "replace") else fresh.load(project, fingerprint)
     if known is not None:
         nodes, lines = known
         _say_nothing_ran(project, recipe, nodes, time.perf_counter() - started)

@@ -76,6 +76,10 @@ def carry_out(
     project, store = session.project, session.store
     # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment |= {
+        "DXB_CALLS": project.calls,
+        **({"DXB_REMOTES": listed} if (listed := project.remotes.listed) else {}),
+    }
     wants_gpu = any(call.rule.gpus or call.rule.gpu_gb for _, call in plan.graph.calls())
     capacity = project.capacity(gpus=wants_gpu)
     with EventLog(store) as log, LocalExecutor(RUNNER, environment=environment, capacity=capacity) as workers:
@@ -90,5 +94,6 @@ def carry_out(
             force=force,
             only=frozenset() if project.remotes.local == "r" else None,
             exchange=exchange(session),
+            recall=project.calls in ("refresh", "replace"),
         )
     return Done(log.run, result, log.lost)

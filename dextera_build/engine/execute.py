@@ -64,6 +64,8 @@ class NodeRecord:
     usage: Mapping[str, float] = field(default_factory=dict)
     tries: int = 0
     """How often it ran in this run."""
+    calls: tuple[Mapping[str, Any], ...] = ()
+    """Recorded calls that its result came of; of those made in this run also service, amounts, and how."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     force: frozenset[str] = frozenset(),
     only: frozenset[str] | None = None,
     exchange: Exchange | None = None,
+    recall: bool = False,
 ) -> RunResult:
     """Bring targets up to date.
 
@@ -106,6 +109,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
         force: Addresses (`body[mug].mesh`, or `body.mesh` for every copy) that run although they are cached.
         only: Addresses that may run; a stale node outside fails with a `StaleError`. None: all may.
         exchange: Remotes to take results from and to give them to; closed here.
+        recall: Nodes whose results came of recorded calls run although they are cached.
 
     Raises:
         UsageError: A target names nothing.
@@ -114,7 +118,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     """
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
     info = info or RunInfo()
-    policy = Policy(keep_going, force, only, project=info.project, profile=info.profile)
+    policy = Policy(keep_going, force, only, recall, project=info.project, profile=info.profile)
     if info.project:
         store.workspaces.note(info.project)
     with store.running.announced():
@@ -233,6 +237,7 @@ class _Run:
                 remote=unit.remote if isinstance(unit, Node) and record.status == "fetched" else "",
                 usage=dict(record.usage),
                 tries=record.tries,
+                calls=list(record.calls),
             )
         )
 
@@ -267,6 +272,7 @@ class _Run:
             blocked_by=tuple(blockers),
             usage=node.usage,
             tries=node.tries,
+            calls=node.calls or tuple({"call": key} for key, _ in (result.calls if result and done else ())),
         )
 
     def _close(self, whole: bool) -> RunResult:

@@ -125,6 +125,9 @@ class Transfer:
         if found is None:
             raise MissingBlob(key, "the store has no result under this key")
         message, named = found
+        for file in named:
+            if file.path.startswith("calls/"):  # first, so that whoever has another key for its node finds the answer
+                self.send(remote, file.digest)
         blobs = list(dict.fromkeys(Digest(file.digest, file.size) for file in named))
         document = next(blob for blob, file in zip(blobs, named, strict=False) if file.path == "key.json")
         with self._guard:
