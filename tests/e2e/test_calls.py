@@ -111,9 +111,7 @@ def test_a_miss_offline_is_one_clear_error(asking: Space) -> None:
     failed = build(asking, None, "--calls", "replay").events
     (error,) = [event["error"] for event in failed if event["event"] == "node_finished" and event["error"]]
     assert error["code"] == "DXB-B340"
-    assert error["message"] == (
-        "no answer of `toy-chat tiny-1` to this request is recorded, and nothing may be asked"
-    )
+    assert error["message"] == ("no answer of `toy-chat tiny-1` to this request is recorded, and nothing may be asked")
     assert error["facts"]["request"].endswith(" bytes, 1 attached blobs")
     assert "--calls record" in error["hint"]
 
@@ -168,9 +166,7 @@ def test_no_secret_lies_in_the_store(asking: Space, service: Service) -> None:
         (["nonsense"] * 4, "DXB-B345", 4),
     ],
 )
-def test_faults_of_a_service(
-    asking: Space, service: Service, faults: list[str], code: str | None, asked: int
-) -> None:
+def test_faults_of_a_service(asking: Space, service: Service, faults: list[str], code: str | None, asked: int) -> None:
     service.faults = list(faults)
     answer = build(asking, service)
     assert (answer.code == 0) == (code is None), answer.err
@@ -228,7 +224,9 @@ def test_two_builds_with_one_request_ask_once(asking: Space, service: Service) -
     asking.write("recipes/say/told.yaml", RECIPE.replace("describe", "retell"))
     env = asking.environment(TOY_URL=service.url, TOY_API_KEY=KEY)
     builds = [
-        subprocess.Popen([sys.executable, "-m", "dextera_build", "build", "--console", "none", name], cwd=asking.root, env=env)
+        subprocess.Popen(
+            [sys.executable, "-m", "dextera_build", "build", "--console", "none", name], cwd=asking.root, env=env
+        )
         for name in ("say/seen", "say/told")
     ]
     assert [build.wait(120) for build in builds] == [0, 0]
@@ -265,7 +263,7 @@ def test_ls_and_show_name_calls(asking: Space, service: Service) -> None:
     (listed,) = json.loads(asking.dxb("ls", "calls", "--json").out)
     assert listed["call"] == made["call"]
     shown = asking.dxb("show", made["call"][:12]).out
-    assert "request.question\t\"what is this?\"" in shown
+    assert 'request.question\t"what is this?"' in shown
     assert "a red mug" in shown
     lineage = asking.dxb("show", "say/seen:seen", "--lineage").out
     assert f"call {made['call'][:12]}\ttoy-chat tiny-1" in lineage
