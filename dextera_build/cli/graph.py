@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.cli import options
+from dextera_build.cli.text_file import give
 from dextera_build.errors import UsageError, listing
 
 if TYPE_CHECKING:
@@ -51,17 +51,7 @@ def run(args: argparse.Namespace) -> int:
     wanted = options.wish(args.target)
     session = Session(project, wanted.recipe)
     nodes = collapse(_nodes(session, wanted.target, args), args.by)
-    text = _written(args, wanted.recipe, wanted.target, nodes)
-    if args.out is None:
-        print(text)
-        return 0
-    path = Path(args.out)
-    try:
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"`{path}` cannot be written: {error.strerror}", code="DXB-U177") from None
-    print(project.shown(path.absolute()))
-    return 0
+    return give(project, _written(args, wanted.recipe, wanted.target, nodes), args.out)
 
 
 def _nodes(session: Session, target: str, args: argparse.Namespace) -> list[Node]:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
 
 from dextera_build.cli import options
-from dextera_build.errors import UsageError
+from dextera_build.cli.text_file import give
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,14 +25,4 @@ def run(args: argparse.Namespace) -> int:
 
     project = options.project(args)
     _, events = runs.find(project, args.run)
-    text = json.dumps(trace(past.read(events, Store(project.cache))))
-    if args.out is None:
-        print(text)
-        return 0
-    path = Path(args.out)
-    try:
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"`{path}` cannot be written: {error.strerror}", code="DXB-U177") from None
-    print(project.shown(path.absolute()))
-    return 0
+    return give(project, json.dumps(trace(past.read(events, Store(project.cache)))), args.out)

@@ -151,6 +151,7 @@ def test_a_program_that_is_ended_leaves_nothing_and_says_what_it_has(tmp_path):
     out, _ = program.communicate(timeout=60)
     assert program.returncode == 143
     assert "### wide, 20 nodes" in out
+    assert "; broken off: " in out
     assert list(tmp_path.iterdir()) == []
 
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.e2e.machines import EVERY, machine, results, uploads
 from tests.e2e.space import Space
-from tests.e2e.test_remotes import EVERY, machine, results, uploads
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ from dextera_build.store.bundle.registry_http import Connection, RegistryError
 if TYPE_CHECKING:
     import httpx
 
-PIECE = 32 << 20
+PIECE = 16 << 20
 """A blob beyond this goes up in pieces [bytes]."""
 _REFERENCE = re.compile(
     r"oci://(?P<host>(?:[A-Za-z0-9.-]+|\[[0-9a-fA-F:]+\])(?::\d+)?)/"

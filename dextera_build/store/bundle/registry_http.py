@@ -115,8 +115,11 @@ class Connection:
 
     def _send(self, verb: str, url: str, headers: Mapping[str, str], data: bytes | None) -> httpx.Response:
         own = {"Authorization": self._header} if self._header and self._ours(url) else {}
+        # An iterator: a request and its answer hold each other, and would hold the bytes until they are collected.
+        size = {"Content-Length": str(len(data))} if data is not None else {}
+        content = _slices(data) if data is not None else None
         request = self._http.build_request(
-            verb, url, content=data, headers={"Accept-Encoding": "identity", **headers, **own}
+            verb, url, content=content, headers={"Accept-Encoding": "identity", **size, **headers, **own}
         )
         # A registry may send readers elsewhere (to object storage); httpx leaves the login out of such requests.
         answer: httpx.Response = self._http.send(request, stream=True, follow_redirects=verb in ("GET", "HEAD"))
@@ -126,6 +129,11 @@ class Connection:
         """Whether a URL is the registry's own; nobody else gets its login."""
         mine, other = urlsplit(self._base), urlsplit(url)
         return (mine.scheme, mine.netloc) == (other.scheme, other.netloc)
+
+
+def _slices(data: bytes) -> Iterator[bytes]:
+    for start in range(0, len(data), 1 << 20):
+        yield data[start : start + (1 << 20)]
 
 
 def _reason(answer: httpx.Response) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import shlex
 import signal
 import sys
@@ -37,10 +38,12 @@ def main() -> int:
         for name in tools.keys() - present.keys():
             say(f"{name} is absent")
         bench = Bench(present, work, Limits(args.limit, args.repeats, args.budget), cells)
+        ended = "broken off"
         try:
             _measure(args, bench, rows)
+            ended = "ended"
         finally:  # what was measured before a fault or Ctrl-C is worth keeping
-            facts |= {"ended": time.strftime("%Y-%m-%d %H:%M"), "load when ended": machine.load()}
+            facts |= {ended: time.strftime("%Y-%m-%d %H:%M"), f"load when {ended}": machine.load()}
             _write(args, facts, versions, cells, rows)
     return 1 if any(cell.state == "wrong" or (cell.state == "failed" and cell.tool == "dxb") for cell in cells) else 0
 
@@ -54,14 +57,15 @@ def _measure(args: argparse.Namespace, bench: Bench, rows: list[Row]) -> None:
     for extra in EXTRAS if args.extra else ():
         for row in extra(bench):
             rows.append(row)
-            value = "-" if row.value is None else f"{table.number(row.value)} {row.unit}"
-            say(f"{row.what} {row.tool}: {value} {row.note}")
+            shown = "-" if row.value is None else f"{table.number(row.value)} {row.unit}"
+            say(f"{row.what} {row.tool}: {shown} {row.note}")
 
 
 def _write(
     args: argparse.Namespace, facts: dict[str, str], versions: dict[str, str], cells: list[Cell], rows: list[Row]
 ) -> None:
-    command = shlex.join(["python", "-m", "tests.benchmarks.engine", *sys.argv[1:]])
+    words = shlex.join(["python", "-m", "tests.benchmarks.engine", *sys.argv[1:]])
+    command = re.sub(r" --(out|page|work)[ =]\S+", "", words)  # where results go says nothing of them
     if args.out:
         results = {"machine": facts, "versions": versions, "command": command}
         results |= {"cells": [cell.to_json() for cell in cells], "rows": [row.to_json() for row in rows]}

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from dextera_build.digest import of_bytes
+from dextera_build.digest import canonical, of_bytes
 from dextera_build.engine.graph import Address, Graph
+from dextera_build.engine.key import manifest as key_document
 from dextera_build.engine.survey import as_build, survey
+from dextera_build.store.actions import ActionResult
 from dextera_build.store.bundle import layout
 from dextera_build.store.bundle.contents import Closure, Contents
 from dextera_build.store.bundle.made import Made
@@ -37,6 +40,18 @@ def bundle(store: Store, plan: Graph, closure: Closure = "targets", **more: obje
     build = as_build(found, "tiny/graph", "cpu", closure, lambda path: path.name)
     contents = Contents(closure, "1.0", (build,), {"tiny/graph": of_bytes(RECIPE)})
     return Made(store, contents, {"tiny/graph": RECIPE}, **more)  # type: ignore[arg-type]
+
+
+def large(store: Store, file: Path, size: int) -> Made:
+    """The bundle of one result with one blob of this size, which is written to `file` first."""
+    file.write_bytes(b"")
+    os.truncate(file, size)
+    digest, _ = store.blobs.put_file(file)
+    one = call("large", "const", "x")
+    document = store.blobs.put(canonical(key_document(one, {})))
+    output = store.blobs.put(canonical({"artifact": "Film", "fields": {"data": {"$bytes": [digest, size]}}}))
+    store.actions.put(document, ActionResult(output, "", (), {}, 1.0, None, document))
+    return bundle(store, graph(one))
 
 
 @pytest.fixture

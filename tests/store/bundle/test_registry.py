@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+import tracemalloc
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -22,7 +23,7 @@ import yaml
 from dextera_build.errors import MachineError, UsageError
 from dextera_build.store.bundle import layout, oci, provenance, receive, registry, registry_login, signing, trust
 from dextera_build.store.bundle.refusal import BundleRefused
-from tests.store.bundle.conftest import bundle
+from tests.store.bundle.conftest import bundle, large
 
 REPO = Path(__file__).parents[3]
 HASH = "$2b$05$CCCCCCCCCCCCCCCCCCCCC.E5YPO9kmyuRGyh0XouQYb4YMJKvyOeW"  # "U*U", from bcrypt's own test vectors
@@ -132,6 +133,17 @@ def test_a_large_blob_goes_up_in_pieces(serve, store, other, plan, monkeypatch):
     host = serve()
     registry.push(bundle(store, plan, "full"), registry.parse(f"oci://{host}/tiny:v1"))
     assert receive.take(receive.open_bundle(at(f"oci://{host}/tiny:v1")), other).new > 0
+
+
+def test_a_large_blob_is_never_in_memory(serve, tmp_path, store):
+    """200 MiB go up while Python holds a few pieces."""
+    made = large(store, tmp_path / "large", 200 << 20)
+    place = registry.parse(f"oci://{serve()}/tiny:v1")
+    tracemalloc.start()
+    registry.push(made, place)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 5 * registry.PIECE
 
 
 def test_a_damaged_layer_in_the_registry_is_refused(serve, tmp_path, store, other, plan):
