@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict
 
 from dextera_build.artifacts.base import Artifact
 from dextera_build.errors import RuleError
-from dextera_build.response import Response
+from dextera_build.response import Response as Response
 
 if TYPE_CHECKING:
     import numpy as np
