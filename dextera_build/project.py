@@ -130,12 +130,12 @@ class Project:
 
     @property
     def calls(self) -> str:
-        """How calls of services are treated; see `store.calls.recorder.Mode`.
+        """How calls of services are treated; see `store.calls.modes.Mode`.
 
         Raises:
             UsageError: There is no such mode.
         """
-        from dextera_build.store.calls.recorder import mode
+        from dextera_build.store.calls.modes import mode
 
         setting = self.config["calls"]
         return mode(str(setting.value), setting.origin)

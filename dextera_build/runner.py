@@ -16,8 +16,6 @@ from dextera_build.errors import DxbError, RuleError
 from dextera_build.loader import Library, RuleFile
 from dextera_build.store import space
 from dextera_build.store.actions import ActionResult
-from dextera_build.store.calls.recorder import Fetch, Recorder
-from dextera_build.store.calls.recorder import mode as recorder_mode
 from dextera_build.store.store import Store
 
 if TYPE_CHECKING:
@@ -55,7 +53,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     options = rule.options.model_validate_json(json.dumps(task["options"]))
     keep = store.keep.path(task["key"]) if task.get("key") else None
     with _full_disk_said(store), tempfile.TemporaryDirectory(prefix="dxb-") as scratch, _full_disk_said(store):
-        calls = _recorder(task, store, emit)
+        calls = _Calls(task, store, emit)
         ctx = Context(backend, scratch=Path(scratch), emit=emit, keep=keep, calls=calls)
         keyword = {"options": options} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)
@@ -63,14 +61,28 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         return _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
 
 
-def _recorder(task: Mapping[str, Any], store: Store, emit: Emit) -> Recorder:
-    """What answers the calls of one node; `DXB_CALLS` says how, and profile `stub` never calls."""
-    mode = recorder_mode(os.environ.get("DXB_CALLS") or "record")
-    stub = task.get("profile") == "stub"
-    return Recorder(store, "off" if stub else mode, _fetcher(task, store), lambda text: emit("log", {"text": text}))
+class _Calls:
+    """What answers the calls of one node; few nodes make one, so what it takes is loaded with the first."""
+
+    def __init__(self, task: Mapping[str, Any], store: Store, emit: Emit) -> None:
+        self._task, self._store, self._emit = task, store, emit
+        self._recorder: Callable[..., bytes] | None = None
+        self.made: list[dict[str, Any]] = []
+
+    def __call__(self, *words: Any, **manner: Any) -> bytes:
+        """The answer of a service; `DXB_CALLS` says where from, and profile `stub` never calls."""
+        if self._recorder is None:
+            from dextera_build.store.calls.modes import mode
+            from dextera_build.store.calls.recorder import Recorder
+
+            wanted = "off" if self._task.get("profile") == "stub" else os.environ.get("DXB_CALLS") or "record"
+            fetch = _fetcher(self._task, self._store)
+            recorder = Recorder(self._store, mode(wanted), fetch, lambda text: self._emit("log", {"text": text}))
+            self._recorder, self.made = recorder, recorder.made
+        return self._recorder(*words, **manner)
 
 
-def _fetcher(task: Mapping[str, Any], store: Store) -> Fetch:
+def _fetcher(task: Mapping[str, Any], store: Store) -> Callable[[str, int], ActionResult | None]:
     """Looks for a recorded answer on the remotes of the project."""
 
     def fetch(key: str, size: int) -> ActionResult | None:

@@ -11,7 +11,6 @@ from typing import Any
 from dextera_build.errors import UsageError
 from dextera_build.project import Project
 from dextera_build.store.actions import ActionResult
-from dextera_build.store.calls import recorder
 from dextera_build.store.cas import entries
 from dextera_build.store.store import Store
 
@@ -54,6 +53,8 @@ def show(project: Project, text: str) -> dict[str, Any]:
     Raises:
         UsageError: There is none, or more than one.
     """
+    from dextera_build.store.calls import recorder
+
     store = Store(project.cache)
     keys = [key for key, _ in entries(store.actions.root) if key.startswith(text)]
     found = [(key, known) for key in keys if (known := recorder.of(store, key))]
@@ -72,6 +73,8 @@ def show(project: Project, text: str) -> dict[str, Any]:
 
 def of_result(store: Store, result: ActionResult) -> list[dict[str, Any]]:
     """The calls that a node's result came of."""
+    from dextera_build.store.calls import recorder
+
     found = []
     for key, _ in result.calls:
         known = recorder.of(store, key)
@@ -81,6 +84,8 @@ def of_result(store: Store, result: ActionResult) -> list[dict[str, Any]]:
 
 
 def _all(store: Store) -> Iterator[tuple[str, tuple[Any, ActionResult]]]:
+    from dextera_build.store.calls import recorder
+
     for key, _ in entries(store.actions.root):
         message = store.actions.message(key)
         # Other entries are not looked into further: a store holds many more nodes than calls.

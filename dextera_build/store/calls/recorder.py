@@ -9,39 +9,21 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias
 
-from dextera_build.errors import RuleError, StoreError, UsageError, listing
+from dextera_build.errors import RuleError, StoreError
 from dextera_build.response import Response
 from dextera_build.store import header
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.calls.asking import Manner, Send, amounts, ask
+from dextera_build.store.calls.modes import Mode
 from dextera_build.store.calls.question import Question, question
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.store import Store
 
-Mode: TypeAlias = Literal["record", "replay", "refresh", "replace", "off"]
-"""`record`: what is recorded is replayed, the rest is asked. `replay`: nothing is asked. `refresh`: all is asked again
-and compared; the first answer stays. `replace`: all is asked again; the new answer stays. `off`: no call is made."""
 How: TypeAlias = Literal["replayed", "fetched", "asked", "confirmed", "diverged", "replaced"]
 Fetch: TypeAlias = Callable[[str, int], ActionResult | None]
 """Key, size of its document -> the result that a remote has."""
-
-
-def mode(text: str, origin: str = "") -> Mode:
-    """The mode that a setting names.
-
-    Raises:
-        UsageError: There is none of that name.
-    """
-    for known in get_args(Mode):
-        if text == known:
-            return known  # type: ignore[no-any-return]
-    raise UsageError(
-        f"`{text}` is not a way to treat calls",
-        code="DXB-U180",
-        facts={"modes": listing(get_args(Mode))} | ({"from": origin} if origin else {}),
-    )
 
 
 class Recorder:
