@@ -72,7 +72,7 @@ class Transfer:
         try:
             document = entry.inline or self._store.blobs.get(entry.document.hash)
             result = entries.result(entry, document)
-            if result is None:
+            if result is None or not all(entries.is_record(self._store.blobs.get(name)) for _, name in result.calls):
                 return None
             self._store.actions.put(key.hash, result)
         except (MissingBlob, ValueError, KeyError, TypeError, AttributeError, RecursionError):

@@ -76,6 +76,15 @@ def result(entry: Entry, document: bytes) -> ActionResult | None:
     return ActionResult.from_document(document)
 
 
+def is_record(document: bytes) -> bool:
+    """Whether this is the `result.json` of a recorded call."""
+    try:
+        raw = json.loads(document)
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(raw, dict) and raw.keys() == _FIELDS and _is_typed(raw) and not raw["previews"] and not raw["log"]
+
+
 def _has_role(file: OutputFile) -> bool:
     kind, _, name = file.path.partition("/")
     if kind in ("closure", "calls", "answers"):

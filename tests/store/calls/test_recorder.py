@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 import time
+from dataclasses import replace
 from email.utils import formatdate
 from itertools import pairwise
 
@@ -167,3 +168,43 @@ def test_a_record_is_a_result_that_a_remote_would_take(store):
     assert result.metrics["prompt_tokens"] == (3.0, "tokens")
     assert store.actions.verify(made["call"])
     assert b'"calls"' not in result.document
+
+
+def test_a_result_brings_its_calls_and_no_others(store, tmp_path):
+    recorder = Recorder(store, "record")
+    recorder("s", {"q": 1}, lambda seconds: b"yes")
+    (made,) = recorder.made
+    called = store.actions.get(made["call"])
+    document = store.blobs.put(b"{}")
+    result = replace(called, key_document=document, calls=((made["call"], made["result"]),))
+    (store.actions.root / made["call"][:2] / made["call"][2:]).unlink()
+    store.actions.put(document, result)
+    assert store.actions.get(made["call"]) == called
+    assert store.actions.calls(document)
+    assert not store.actions.calls(made["call"])
+    assert {f"calls/{made['call']}", f"answers/{made['result']}"} <= {
+        f.path for f in store.actions.message(document)[1]
+    }
+    other = "ab" * 32
+    with pytest.raises(ValueError, match="digest that is its key"):
+        store.actions.put(document, replace(result, calls=((other, made["result"]),)))
+    assert store.actions.get(other) is None
+
+
+def test_a_record_from_elsewhere_has_the_right_form(store):
+    recorder = Recorder(store, "record")
+    recorder("s", {"q": 1}, lambda seconds: b"yes")
+    right = json.loads(store.blobs.get(recorder.made[0]["result"]))
+    assert entries.is_record(json.dumps(right).encode())
+    wrong = [
+        {"line": 3},
+        {"metrics": []},
+        {"metrics": {"cost": ["1", "USD"]}},
+        {"calls": []},
+        {"output": "../x"},
+        {"log": "a" * 64},
+    ]
+    for change in wrong:
+        assert not entries.is_record(json.dumps(right | change).encode())
+    assert not entries.is_record(b"[]")
+    assert not entries.is_record(b"<html>")
