@@ -65,6 +65,7 @@ def test_an_example_runs_as_its_page_says(page, tmp_path):
     environment = {name: value for name, value in os.environ.items() if not name.startswith("DXB_")}
     environment |= {
         "DXB_PROFILE": "stub",
+        "DXB_DURABLE": "0",
         "DXB_CACHE": str(tmp_path / "store"),
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
     }

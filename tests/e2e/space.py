@@ -57,6 +57,8 @@ class Space:
             "NO_COLOR": "1",
             "XDG_CONFIG_HOME": str(self.root / ".config"),
             "XDG_CACHE_HOME": str(self.root / ".cache"),
+            # Waiting for the disk is tested by itself; elsewhere it would wait for what other tests write.
+            "DXB_DURABLE": "0",
             **more,
         }
 

@@ -30,10 +30,10 @@ sys.exit(main(sys.argv[1:]))
 def test_a_stamp_is_written_when_its_files_are_on_the_disk(space: Space) -> None:
     """In one process, to see the moment."""
     space.write("probe.py", PROBE)
-    probed = space.python("probe.py", "build", "say/words", "--console", "none")
+    probed = space.python("probe.py", "build", "say/words", "--console", "none", env={"DXB_DURABLE": "1"})
     assert probed.code == 0, probed.err
     assert "settled: 1 files, 0 stamps, 0 snapshots" in probed.err
-    again = space.python("probe.py", "build", "say/words", "--console", "none")
+    again = space.python("probe.py", "build", "say/words", "--console", "none", env={"DXB_DURABLE": "1"})
     assert "settled" not in again.err  # nothing was written
 
 
