@@ -28,6 +28,7 @@ _DEFAULTS: dict[str, Any] = {
     "jobs": 0,
     "resources": {},
     "console": "auto",
+    "calls": "record",
     "durable": True,
     "trusted_keys": "",
     "require_signed": False,
@@ -127,6 +128,18 @@ class Project:
     def durable(self) -> bool:
         """Whether a build waits until what it made is on the disk."""
         return str(self.config["durable"].value).lower() not in ("false", "0", "no", "off")
+
+    @property
+    def calls(self) -> str:
+        """How calls of services are treated; see `store.calls.modes.Mode`.
+
+        Raises:
+            UsageError: There is no such mode.
+        """
+        from dextera_build.store.calls.modes import mode
+
+        setting = self.config["calls"]
+        return mode(str(setting.value), setting.origin)
 
     @property
     def trusted_keys(self) -> list[Path]:

@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict
 
 from dextera_build.artifacts.base import Artifact
 from dextera_build.errors import RuleError
+from dextera_build.response import Response as Response
 
 if TYPE_CHECKING:
     import numpy as np
@@ -76,6 +77,7 @@ class Context:
         scratch: A folder of this call alone, removed afterwards; or what makes it when it is asked for.
         emit: Takes (kind, data) as it happens: `progress`, `log`.
         keep: See the property `keep`; None is a folder below `scratch`.
+        calls: Carries out `call`; None where there is nothing to record answers.
     """
 
     def __init__(
@@ -85,12 +87,14 @@ class Context:
         scratch: Path | Callable[[], Path],
         emit: Callable[[str, Mapping[str, object]], None] | None = None,
         keep: Path | None = None,
+        calls: Callable[..., bytes] | None = None,
     ) -> None:
         self.backend = backend
         self._scratch = scratch
         self.outcome = Outcome()
         self._emit = emit or (lambda kind, data: None)
         self._keep = keep
+        self._calls = calls
 
     @cached_property
     def scratch(self) -> Path:
@@ -108,6 +112,52 @@ class Context:
         folder = self._keep or self.scratch / "keep"
         folder.mkdir(parents=True, exist_ok=True)
         return folder
+
+    def call(
+        self,
+        service: str,
+        request: Mapping[str, Any],
+        send: Callable[[float], bytes | Response],
+        *,
+        valid: Callable[[bytes], object] | None = None,
+        timeout_s: float = 60.0,
+        tries: int = 4,
+        wait_s: float = 1.0,
+        secrets: tuple[str, ...] = (),
+    ) -> bytes:
+        """The answer of a service that is not part of the build: a model in a cloud, a generator behind an API.
+
+        The answer is recorded under the digest of `service` and `request`. Where one is recorded nothing is sent, so a
+        build can be repeated without a network and for nothing.
+
+        Args:
+            service: What the service is called, never where it is.
+            request: All that the answer depends on, as plain data; bytes count by their digest. No key, host or time.
+            send: Called with the seconds it may take where no answer is recorded; adds host and key, and returns the
+                body or a `Response` with the status. What it raises of `OSError` or httpx's transport errors is tried
+                again, and so are 429 and 5xx.
+            valid: Raises `ValueError` or a `RuleError` for a body that is no answer; it is not recorded.
+            timeout_s: What `send` is given [s].
+            tries: How often it is asked at most.
+            wait_s: Rest before the second try [s], twice as long before each further one; `Retry-After` goes before.
+            secrets: What must stand neither in the request nor in the answer, beside the values of variables such as
+                `SERVICE_API_KEY`.
+
+        Raises:
+            DxbError: No answer is recorded and none may be asked for; or the service gives none.
+        """
+        if self._calls is None:
+            raise RuleError("nothing records calls here", code="DXB-B348", facts={"service": service})
+        return self._calls(
+            service,
+            request,
+            send,
+            valid=valid,
+            timeout_s=timeout_s,
+            tries=tries,
+            wait_s=wait_s,
+            secrets=secrets,
+        )
 
     def check(self, holds: bool, message: str, *, hint: str | None = None, **facts: object) -> None:
         """A post-condition: nothing is published where it does not hold.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tempfile
 import traceback
 from collections import OrderedDict
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.errors import DxbError, RuleError
 from dextera_build.loader import Library, RuleFile
 from dextera_build.store import space
+from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import Blobs
 from dextera_build.store.store import Store
 from dextera_build.store.streams import Reader
@@ -56,6 +58,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     # JSON mode takes a list for a tuple, and the engine speaks JSON.
     options = rule.options.model_validate_json(json.dumps(task["options"]))
     keep = store.keep.path(task["key"]) if task.get("key") else None
+    calls = _Calls(task, store, emit)
     with _full_disk_said(store), ExitStack() as folders, _full_disk_said(store):
         # Most calls need no folder, and making one takes longer than a small call.
         ctx = Context(
@@ -63,11 +66,49 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
             scratch=lambda: Path(folders.enter_context(tempfile.TemporaryDirectory(prefix="dxb-"))),
             emit=emit,
             keep=keep,
+            calls=calls,
         )
         keyword = {"options": options} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)
         # Before the scratch folder goes: what is returned may lie there.
-        return _stored(store, found, result, ctx)
+        return _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
+
+
+class _Calls:
+    """What answers the calls of one node; few nodes make one, so what it takes is loaded with the first."""
+
+    def __init__(self, task: Mapping[str, Any], store: Store, emit: Emit) -> None:
+        self._task, self._store, self._emit = task, store, emit
+        self._recorder: Callable[..., bytes] | None = None
+        self.made: list[dict[str, Any]] = []
+
+    def __call__(self, *words: Any, **manner: Any) -> bytes:
+        """The answer of a service; `DXB_CALLS` says where from, and profile `stub` never calls."""
+        if self._recorder is None:
+            from dextera_build.store.calls.modes import mode
+            from dextera_build.store.calls.recorder import Recorder
+
+            wanted = "off" if self._task.get("profile") == "stub" else os.environ.get("DXB_CALLS") or "record"
+            fetch = _fetcher(self._task, self._store)
+            recorder = Recorder(self._store, mode(wanted), fetch, lambda text: self._emit("log", {"text": text}))
+            self._recorder, self.made = recorder, recorder.made
+        return self._recorder(*words, **manner)
+
+
+def _fetcher(task: Mapping[str, Any], store: Store) -> Callable[[str, int], ActionResult | None]:
+    """Looks for a recorded answer on the remotes of the project."""
+
+    def fetch(key: str, size: int) -> ActionResult | None:
+        from dextera_build.project import Project
+        from dextera_build.store.remotes.connect import guarded
+        from dextera_build.store.remotes.exchange import Exchange
+        from dextera_build.store.remotes.remote import Digest
+
+        project = Project(Path(task["project"]))
+        used = project.remotes.used if project.config else []
+        return Exchange(store, [guarded(spec) for spec in used]).fetch(Digest(key, size)).result if used else None
+
+    return fetch
 
 
 def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,19 @@ class RuleRunner:
         scratch: A folder for the rule's temporary files (`tmp_path` in pytest).
         project: A project whose own rules count too.
         keep: The folder for `ctx.keep`, removed when a call succeeded, as in a build; None is one below `scratch`.
+        calls: Answers `ctx.call`: a `Recorder` on a store, or a function that returns what a service would.
     """
 
-    def __init__(self, scratch: Path, project: Path | None = None, keep: Path | None = None) -> None:
+    def __init__(
+        self,
+        scratch: Path,
+        project: Path | None = None,
+        keep: Path | None = None,
+        calls: Callable[..., bytes] | None = None,
+    ) -> None:
         self._scratch = scratch
         self._keep = keep or scratch / "keep"
+        self._calls = calls
         self._library = Library(project)
         self._blobs: dict[str, bytes] = {}
         self.outcome = Outcome()
@@ -51,7 +59,7 @@ class RuleRunner:
         found = self.find(path)
         chosen = choose_backend(found, backend, profile)
         rule = found.rule
-        ctx = Context(chosen.load() if chosen else None, scratch=self._scratch, keep=self._keep)
+        ctx = Context(chosen.load() if chosen else None, scratch=self._scratch, keep=self._keep, calls=self._calls)
         keyword = {"options": rule.options.model_validate(dict(options or {}))} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)
         self.outcome = ctx.outcome

@@ -80,6 +80,10 @@ def carry_out(
     project, store = session.project, session.store
     # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment |= {
+        "DXB_CALLS": project.calls,
+        **({"DXB_REMOTES": listed} if (listed := project.remotes.listed) else {}),
+    }
     rules = known.rules if known else [call.rule for _, call in plan.graph.calls()]
     wants_gpu = any(rule.gpus or rule.gpu_gb for rule in rules)
     capacity = project.capacity(gpus=wants_gpu)
@@ -96,5 +100,6 @@ def carry_out(
             known=known,
             only=frozenset() if project.remotes.local == "r" else None,
             exchange=exchange(session),
+            recall=project.calls in ("refresh", "replace"),
         )
     return Done(log.run, result, log.lost)

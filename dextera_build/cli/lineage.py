@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from dextera_build import digest as digests
+from dextera_build.cli import calls
 from dextera_build.cli.origins import Origin, Origins
 from dextera_build.cli.session import Session
 from dextera_build.errors import DxbError
@@ -107,6 +108,7 @@ def _node(session: Session, key: str, node: str, document: Row | None) -> Row:
     else:
         result = session.store.actions.get(key)
         row["line"] = result.line if result else ""
+        row["calls"] = calls.of_result(session.store, result) if result else []
     options = _flat(document["options"])
     return row | {
         "rule": document["rule"],
@@ -180,6 +182,8 @@ def _details(row: Row) -> Iterator[str]:
     yield f"code {row['code']['digest'][:_SHORT]}\t{len(row['code']['files'])} files"
     yield from (f"package {name}\t{version}" for name, version in row["packages"].items())
     yield from (f"weights {name}" for name in row["weights"])
+    for call in row.get("calls", ()):
+        yield f"call {call['call'][:_SHORT]}\t{call.get('service', '?')} {call.get('model', '')}".rstrip()
 
 
 def _brief(value: object) -> str:

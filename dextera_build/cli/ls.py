@@ -19,8 +19,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         default="recipes",
         metavar="WHAT",
-        help="recipes (default), rules, backends, runs, divergent, a recipe's address for its nodes, or nodes by a "
-        "glob: 'twin/*:body[*].mesh'",
+        help="recipes (default), rules, backends, runs, divergent, calls, a recipe's address for its nodes, or nodes "
+        "by a glob: 'twin/*:body[*].mesh'",
     )
     query.arguments(parser)
     options.project_arguments(parser)
@@ -32,6 +32,8 @@ def run(args: argparse.Namespace) -> int:
     """Print one row a line."""
     project = options.project(args)
     listings = {"recipes": _recipes, "rules": _rules, "backends": _backends, "runs": _runs, "divergent": _divergent}
+    if args.what == "calls":
+        return _calls(project, as_json=args.json)
     listing = listings.get(args.what)
     if query.wants(args) and listing is None:
         rows = list(query.rows(project, args))
@@ -41,6 +43,15 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(rows, indent=1))
     elif rows:
         print("\n".join("\t".join(row.values()) for row in rows))
+    return 0
+
+
+def _calls(project: Project, *, as_json: bool) -> int:
+    from dextera_build.cli import calls
+
+    found = list(calls.rows(project))
+    text = "".join("\t".join(calls.cells(row).values()) + "\n" for row in found)
+    print(json.dumps(found, indent=1) + "\n" if as_json else text, end="")
     return 0
 
 

@@ -70,6 +70,12 @@ def resources_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resources", metavar="NAME=AMOUNT,...", help=text)
 
 
+def calls_argument(parser: argparse.ArgumentParser) -> None:
+    """What becomes of calls of services."""
+    text = "calls of services: record (default), replay (nothing is asked), refresh, replace or off (DXB_CALLS)"
+    parser.add_argument("--calls", metavar="MODE", help=text)
+
+
 def json_argument(parser: argparse.ArgumentParser) -> None:
     """For verbs that read."""
     parser.add_argument("--json", action="store_true", help="print JSON")
@@ -79,7 +85,7 @@ def project(args: argparse.Namespace) -> Project:
     """The project that the arguments name."""
     from dextera_build import project as module
 
-    flags = {name: getattr(args, name, None) for name in ("cache", "profile", "jobs", "console", "resources")}
+    flags = {name: getattr(args, name, None) for name in ("cache", "profile", "jobs", "console", "resources", "calls")}
     return module.find(flags=flags)
 
 

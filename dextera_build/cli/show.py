@@ -8,13 +8,16 @@ import time
 from typing import Any
 
 from dextera_build.cli import options
+from dextera_build.cli.calls import is_call, show
 from dextera_build.errors import UsageError
 from dextera_build.report.wording import used
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("target", nargs="?", metavar="RECIPE[:NODE]", help="what to show")
+    parser.add_argument(
+        "target", nargs="?", metavar="RECIPE[:NODE]|CALL", help="a recipe, a node, or a call by its digest"
+    )
     parser.add_argument(
         "--lineage",
         action="store_true",
@@ -34,6 +37,8 @@ def run(args: argparse.Namespace) -> int:
         rows: dict[str, Any] = {name: f"{_plain(s.value)}\t{s.origin}" for name, s in project.config.items()}
     elif args.target is None:
         raise UsageError("name a recipe or a node, or give `--config`", code="DXB-U111", hint="`dxb ls` lists recipes")
+    elif is_call(args.target):
+        rows = show(project, args.target)
     else:
         wanted = options.wish(args.target)
         session = Session(project, wanted.recipe)
@@ -103,6 +108,7 @@ def _node(session: Any, node: str) -> dict[str, Any]:
         rows["used"] = used(entry.usage)
     if found is not None:
         rows["output"] = found.output
+        rows |= {f"call {number}": key for number, (key, _) in enumerate(found.calls)}
         rows |= {f"metric {name}": f"{value:g} {unit}".strip() for name, (value, unit) in found.metrics.items()}
         rows |= _header(session, found.output)
     rows |= {f"option {name}": json.dumps(value) for name, value in document["options"].items()}

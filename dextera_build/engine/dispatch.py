@@ -160,6 +160,7 @@ class Dispatch:
 
     def _end(self, node: Node, report: Ended) -> None:
         node.seconds, node.usage = report.seconds, report.usage
+        node.calls = tuple((report.reply or {}).get("calls") or ())
         retries = node.call.rule.retries
         if report.error is not None and retries.again(node.tries, report.error, report.raised):
             self._rest(node, report, report.error)

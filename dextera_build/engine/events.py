@@ -136,6 +136,8 @@ class NodeFinished(Event):
     usage: Mapping[str, float] = field(default_factory=dict)
     tries: int = 0
     """How often it ran; 0 for one that did not."""
+    calls: list[Mapping[str, Any]] = field(default_factory=list)
+    """Recorded calls that the result came of: `call`, and for those made in this run `service`, `model`, `how`, ..."""
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     only: frozenset[str] | None = None,
     known: Known | None = None,
     exchange: Exchange | None = None,
+    recall: bool = False,
 ) -> RunResult:
     """Bring targets up to date.
 
@@ -71,6 +72,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
         only: Addresses that may run; a stale node outside fails with a `StaleError`. None: all may.
         known: What the last build of the same request found, with what changed since; `graph` is its graph.
         exchange: Remotes to take results from and to give them to; closed here.
+        recall: Nodes whose results came of recorded calls run although they are cached.
 
     Raises:
         UsageError: A target names nothing.
@@ -79,7 +81,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     """
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
     info = info or RunInfo()
-    policy = Policy(keep_going, force, only, known=known, project=info.project, profile=info.profile)
+    policy = Policy(keep_going, force, only, recall, known=known, project=info.project, profile=info.profile)
     if info.project:
         store.workspaces.note(info.project)
     with store.running.announced():
@@ -208,6 +210,7 @@ class _Run:
                 remote=unit.remote if isinstance(unit, Node) and record.status == "fetched" else "",
                 usage=dict(record.usage),
                 tries=record.tries,
+                calls=list(record.calls),
             )
         )
 
@@ -242,6 +245,7 @@ class _Run:
             blocked_by=tuple(blockers),
             usage=node.usage,
             tries=node.tries,
+            calls=node.calls or tuple({"call": key} for key, _ in (result.calls if result and done else ())),
         )
 
     def _close(self, whole: bool) -> RunResult:

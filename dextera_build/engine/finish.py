@@ -34,7 +34,8 @@ def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
     result = _parse(report.reply, report.seconds, log, store.blobs.put(node.document))
     known = store.actions.outline(node.key)
     first = store.actions.get(node.key) if known is not None and known[0] != result.output else None
-    if first is not None:
+    replaced = any(call["how"] == "replaced" for call in report.reply.get("calls") or ())
+    if first is not None and not replaced:
         # It was forced. Others build on the first output, which stays.
         store.divergent.note(node.key, node.address, first.output, result.output, time.time())
         result = first
@@ -72,4 +73,5 @@ def _parse(reply: Mapping[str, Any], seconds: float, log: str | None, document: 
         seconds=round(seconds, 6),
         log=log,
         key_document=document,
+        calls=tuple(dict.fromkeys((call["call"], call["result"]) for call in reply.get("calls") or ())),
     )

@@ -21,6 +21,8 @@ class Policy:
     """Addresses, with labels or without, that run although they are cached."""
     only: frozenset[str] | None = None
     """Addresses that may run; a stale node outside fails. None: all may."""
+    recall: bool = False
+    """Nodes whose results came of recorded calls run although they are cached."""
     dry: bool = False
     """Nothing runs; what would is left in `State.STALE`."""
     known: Known | None = None

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain
+from typing import Any
 
 from dextera_build.engine import events
 from dextera_build.engine.graph import RuleFacts, parse_address
@@ -43,6 +44,8 @@ class NodeRecord:
     usage: Mapping[str, float] = field(default_factory=dict)
     tries: int = 0
     """How often it ran in this run."""
+    calls: tuple[Mapping[str, Any], ...] = ()
+    """Recorded calls that its result came of; of those made in this run also service, amounts, and how."""
 
 
 class Kept(Mapping[str, NodeRecord]):
@@ -91,6 +94,7 @@ class Kept(Mapping[str, NodeRecord]):
             backend=rule.backend,
             result=result.digest if result else None,
             log=result.log if result else None,
+            calls=tuple({"call": key} for key, _ in (result.calls if result else ())),
         )
 
     def __iter__(self) -> Iterator[str]:

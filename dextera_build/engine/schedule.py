@@ -316,7 +316,9 @@ class Scheduler:
         return header.project(self.store.blobs.get, start, link.fields) if link.fields else start
 
     def _is_forced(self, node: Node) -> bool:
-        return bool(self.policy.force) and node.status == "" and _named(node, self.policy.force)
+        if node.status or not (self.policy.force or self.policy.recall):
+            return False
+        return _named(node, self.policy.force) or (self.policy.recall and self.store.actions.calls(node.key or ""))
 
     def _forbid_circles(self) -> None:
         if self.failed or self.policy.dry:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from dextera_build.engine.graph import Call, Group, Input, Leaf
 from dextera_build.engine.states import State
@@ -76,6 +77,8 @@ class Node(Unit):
     """What its last run here used; see `usage.Usage`."""
     tries: int = 0
     """How often it ran here."""
+    calls: tuple[Mapping[str, Any], ...] = ()
+    """What it called when it ran here, as `store.calls` notes it."""
     rests_until: float = 0.0
     """Not before this is it tried again, by `time.monotonic`."""
     followers: list[Node] = field(default_factory=list, repr=False)

@@ -78,6 +78,13 @@ def _short(node: Node) -> Html:
     return tag("div", {"class": "body"}, tag("dl", {"class": "facts"}, rows))
 
 
+def _call(call: Mapping[str, Any]) -> str:
+    """`openai gpt-x, asked, cost 0.002, 3f2a...`: what of this the run knows."""
+    service = f"{call.get('service', '')} {call.get('model', '')}".strip()
+    cost = f"cost {call['cost']:g}" if "cost" in call else ""
+    return " ".join(part for part in (service, call.get("how", ""), cost, str(call["call"])[:12]) if part)
+
+
 def _body(node: Node, known: _Known, pictures: Pictures) -> Html:
     facts: list[tuple[str, Child]] = [
         ("rule", f"{node.rule}{_version(node)}"),
@@ -91,6 +98,7 @@ def _body(node: Node, known: _Known, pictures: Pictures) -> Html:
         ("waits for", _links(node.blocked_by, known.by_address)),
         ("depends on", _links(node.depends_on, known.by_address)),
         ("packages", ", ".join(f"{n} {v}" for n, v in _mapping(node, "packages").items())),
+        ("calls", ", ".join(_call(call) for call in node.calls)),
         ("weights", ", ".join(str(w) for w in node.document.get("weights") or ())),
     ]
     rows = [tag("div", None, tag("dt", None, name), tag("dd", None, value)) for name, value in facts if _any(value)]

@@ -49,6 +49,8 @@ class Node:
     usage: Mapping[str, float] = field(default_factory=dict)
     """What it used in this run; see `engine.usage`."""
     tries: int = 0
+    calls: list[Mapping[str, Any]] = field(default_factory=list)
+    """Recorded calls that its result came of."""
 
     @property
     def seconds(self) -> float:
@@ -191,6 +193,7 @@ def _node(run: Run, data: Mapping[str, Any], begun: Mapping[str, Any] | None) ->
         depends_on=list(data.get("depends_on", ())),
         usage=dict(data.get("usage", {})),
         tries=int(data.get("tries", 0)),
+        calls=list(data.get("calls", ())),
     )
 
 

@@ -45,6 +45,8 @@ class ActionResult:
     """Digest of what it printed, None where it printed nothing."""
     key_document: str
     """Digest of the key document."""
+    calls: tuple[tuple[str, str], ...] = ()
+    """(key, digest of the `result.json`) of recorded calls that the run made."""
 
     @property
     def document(self) -> bytes:
@@ -53,8 +55,10 @@ class ActionResult:
         Raises:
             ValueError: A number is not finite.
         """
+        calls = {"calls": [list(pair) for pair in self.calls]} if self.calls else {}
         return digests.canonical(
             {
+                **calls,
                 "output": self.output,
                 "line": self.line,
                 "previews": [list(pair) for pair in self.previews],
@@ -82,6 +86,7 @@ class ActionResult:
             seconds=raw["seconds"],
             log=raw["log"],
             key_document=raw["key_document"],
+            calls=tuple((key, result) for key, result in raw.get("calls", ())),
         )
 
 
@@ -129,6 +134,7 @@ class Actions:
             StoreError: The disk is full, or the store cannot be written.
             ValueError: A number is not finite.
         """
+        self._keep_calls(result)
         document = result.document
         digest = vars(result)["digest"] = self._blobs.put(document)  # so that it need not be spelled again
         outputs = [*self._needs(result), OutputFile(_RESULT, digest, len(document), document)]
@@ -160,6 +166,10 @@ class Actions:
         """The entry of `key` as it would travel, and what it names, or None."""
         outputs = self._entry(key)
         return (encode(outputs), outputs) if outputs is not None else None
+
+    def calls(self, key: str) -> bool:
+        """Whether the result of `key` came of recorded calls."""
+        return any(file.path.startswith("calls/") for file in self._entry(key) or ())
 
     def outline(self, key: str) -> tuple[str, frozenset[str]] | None:
         """(output, all that it refers to) of `key` by digest, whether the blobs are there or not, or None."""
@@ -207,6 +217,15 @@ class Actions:
         except (MissingBlob, ValueError, KeyError, TypeError):
             return None
 
+    def _keep_calls(self, result: ActionResult) -> None:
+        """Have an entry for every call that a result from elsewhere brings."""
+        for key, digest in result.calls:
+            if self._entry(key) is None:
+                called = ActionResult.from_document(self._blobs.get(digest))
+                if called.key_document != key or called.calls:
+                    raise ValueError("a call does not have the digest that is its key")
+                self.put(key, called)
+
     def _needs(self, result: ActionResult) -> Iterator[OutputFile]:
         yield self._sized("output", result.output)
         for digest in self._closure(result.output):
@@ -216,6 +235,11 @@ class Actions:
         if result.log is not None:
             yield self._sized("log", result.log)
         yield self._sized("key.json", result.key_document)
+        for key, digest in result.calls:
+            yield self._sized(f"calls/{key}", key)
+            called = ActionResult.from_document(self._blobs.get(digest))
+            for part in dict.fromkeys((digest, called.output, *self._closure(called.output))):
+                yield self._sized(f"answers/{part}", part)
 
     def _sized(self, path: str, digest: str) -> OutputFile:
         size = self._blobs.size(digest)

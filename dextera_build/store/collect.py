@@ -96,6 +96,9 @@ class _Collector:
         self._horizon = Horizon(results=math.inf if alone else horizon, blobs=horizon)
         self._held = inventory.read(store)
         everyone = frozenset().union(*roots.values())
+        # A result names the key documents of the calls that it came of, and their digests are the keys of these.
+        results = self._held.results
+        everyone |= {name for key in everyone if key in results for name in results[key].needs if name in results}
         self._choice = choose(self._held, everyone, limits, self._horizon)
         self._said = Collection(before=self._held.bytes(), after=self._choice.left, running=len(starts))
 

@@ -20,6 +20,8 @@ class ParseOptions(Options):
 
     match_iou: float = 0.3
     """Smallest overlap between a box of `scene.yaml` and what it names."""
+    model: str = ""
+    """Model that a backend asks which asks a service (`vlm`)."""
 
 
 @rule(version=1)
@@ -28,10 +30,10 @@ def parse(
 ) -> Elements:
     """Return the elements of the photograph: proposed from what stands on the support, or named by a `scene.yaml`.
 
-    The backend offers `propose(capture, support) -> tuple[Element, ...]`: what rises above the support, each with
-    its box [px]; `interactive` tells handled objects from the static scene.
+    The backend offers `propose(ctx, capture, support, model) -> tuple[Element, ...]`: what rises above the
+    support, each with its box [px]; `interactive` tells handled objects from the static scene.
     """
-    proposals: tuple[Element, ...] = ctx.backend.propose(capture, support)
+    proposals: tuple[Element, ...] = ctx.backend.propose(ctx, capture, support, options.model)
     table = Element(name="support", category="support", phrase="support", interactive=False, material="wood")
     if scene is None:
         found, source = proposals, "proposed"

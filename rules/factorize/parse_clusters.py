@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.object import Element, Support
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context
 
 from . import naming
 from .proposals import colour_lab, scenery
@@ -17,7 +17,7 @@ BACKEND = Backend(
 )
 
 
-def propose(capture: Capture, support: Support) -> tuple[Element, ...]:
+def propose(ctx: Context, capture: Capture, support: Support, model: str) -> tuple[Element, ...]:
     """Every thing above the support with its box [px], largest first."""
     seen = scenery(capture, support)
     return naming.elements(seen.objects, seen.relief, colour_lab(capture.rgb.pixels))

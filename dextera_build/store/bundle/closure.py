@@ -51,7 +51,18 @@ class Closure:
         self.blobs |= {node.result, result.key_document, *(digest for _, digest in result.previews)}
         if result.log is not None:
             self.blobs.add(result.log)
+        for key, digest in result.calls:
+            self._call(address, key, digest)
         self._refs([node.output], whole=True)
+
+    def _call(self, address: str, key: str, digest: str) -> None:
+        """Take in a recorded call: request, answer, and when and how it was asked."""
+        documents.parse(self._read(key), f"a call of `{address}`")
+        called = read_result(self._read(digest), address)
+        if called.key_document != key or called.digest != digest or called.calls or called.previews or called.log:
+            raise wrong_result(address, "a call that it names is not one")
+        self.blobs |= {key, digest}
+        self._refs([called.output], whole=True)
 
     def _document(self, address: str, node: Node) -> dict[str, Any]:
         what = f"the key document of `{address}`"
@@ -153,8 +164,15 @@ def read_result(data: bytes, address: str) -> ActionResult:
             seconds=reader.raw["seconds"] if reader.seconds("seconds") >= 0 else 0.0,
             log=reader.maybe_digest("log"),
             key_document=reader.digest("key_document"),
+            calls=_calls(reader),
         )
     except BundleRefused:
         raise
     except (ValueError, TypeError, OverflowError):
         raise ill_formed(what, "`previews` or `metrics` are not what they must be") from None
+
+
+def _calls(reader: documents.Reader) -> tuple[tuple[str, str], ...]:
+    pairs = reader.items("calls") if "calls" in reader.raw else []
+    named = [documents.Reader({"call": call, "result": result}, reader.what) for call, result in pairs]
+    return tuple((name.digest("call"), name.digest("result")) for name in named)

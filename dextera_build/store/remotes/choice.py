@@ -64,6 +64,11 @@ class Choice:
         """
         return self._chosen()[1]
 
+    @property
+    def listed(self) -> str:
+        """The list in force, with its secrets; "" where there is none."""
+        return self._list[0] if self._list else ""
+
     def rows(self) -> dict[str, tuple[str, str]]:
         """Setting -> (value without secrets, origin)."""
         rows = {f"remotes.{name}": (str(spec), self._origins[name]) for name, spec in self.known.items()}

@@ -65,19 +65,29 @@ def result(entry: Entry, document: bytes) -> ActionResult | None:
         raw = json.loads(document)
     except (ValueError, RecursionError):
         return None
-    if not isinstance(raw, dict) or raw.keys() != _FIELDS or not _is_typed(raw):
+    if not isinstance(raw, dict) or raw.keys() - {"calls"} != _FIELDS or not _is_typed(raw):
         return None
     roles = {f"previews/{place}.png": blob for place, (_, blob) in enumerate(raw["previews"])}
     roles |= {"output": raw["output"], "key.json": raw["key_document"], RESULT: entry.document.hash}
     roles |= {"log": raw["log"]} if raw["log"] is not None else {}
-    if roles != {path: blob for path, blob in entry.roles.items() if not path.startswith("closure/")}:
+    roles |= {f"calls/{call}": call for call, _ in raw.get("calls", ())}
+    if roles != {path: blob for path, blob in entry.roles.items() if not path.startswith(("closure/", "answers/"))}:
         return None
     return ActionResult.from_document(document)
 
 
+def is_record(document: bytes) -> bool:
+    """Whether this is the `result.json` of a recorded call."""
+    try:
+        raw = json.loads(document)
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(raw, dict) and raw.keys() == _FIELDS and _is_typed(raw) and not raw["previews"] and not raw["log"]
+
+
 def _has_role(file: OutputFile) -> bool:
     kind, _, name = file.path.partition("/")
-    if kind == "closure":
+    if kind in ("closure", "calls", "answers"):
         return name == file.digest
     if kind == "previews":
         return name.removesuffix(".png").isdecimal()
@@ -94,6 +104,8 @@ def _is_typed(raw: Mapping[str, Any]) -> bool:
         and _is_number(raw["seconds"])
         and isinstance(previews, list)
         and all(_is_pair(pair) and isinstance(pair[0], str) and _is_blob(pair[1]) for pair in previews)
+        and isinstance(raw.get("calls", []), list)
+        and all(_is_pair(pair) and all(map(_is_blob, pair)) for pair in raw.get("calls", []))
         and isinstance(metrics, dict)
         and all(_is_pair(pair) and _is_number(pair[0]) and isinstance(pair[1], str) for pair in metrics.values())
     )

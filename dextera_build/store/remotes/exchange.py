@@ -139,11 +139,12 @@ class Exchange:
     def _answer(self, key: Digest) -> None:
         answer = Arrival(key.hash, None)
         try:
-            answer = self._fetch(key)
+            answer = self.fetch(key)
         finally:
             self._answers.put(answer)
 
-    def _fetch(self, key: Digest) -> Arrival:
+    def fetch(self, key: Digest) -> Arrival:
+        """Look for a result in this thread."""
         began = time.monotonic()
         for remote in self.remotes:
             if not remote.may("read"):

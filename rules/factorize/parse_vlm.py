@@ -1,0 +1,161 @@
+"""Elements by a vision-language model behind an OpenAI-compatible endpoint; what it answers is recorded."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import os
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.object import Element, Support
+from dextera_build.errors import MachineError, RuleError
+from dextera_build.rule import Backend, Context, Response
+
+BACKEND = Backend(
+    summary="a vision-language model names things and boxes; DXB_VLM_URL and DXB_VLM_API_KEY say which service",
+    profiles=("cloud",),
+    packages=("httpx", "pillow"),
+    extra="share",
+    licence="that of the service",
+)
+LONGEST = 1024
+"""Longer side of the picture that is sent [px]."""
+PROMPT = """The photograph shows a workspace: a support (a table, a desk) and what stands on it.
+Name everything that stands on the support or behind it. The picture is {width} px wide and {height} px high.
+- name: unique, lower case, words joined by _: red_mug
+- phrase: a short noun phrase: red mug
+- category: box, cylinder, bowl, mug, laptop, robot, room or object
+- body_type: articulated if it has joints (a laptop, a box with a lid), else rigid
+- interactive: true if a hand could pick it up or move a part of it, false for walls, furniture and robots
+- material: wood, plastic, ceramic, metal, glass, cardboard, rubber or fabric
+- box: left, top, right, bottom in pixels of this picture, tight around what is seen of it
+Do not name the support itself."""
+_TEXT = {"type": "string"}
+_FIELDS: dict[str, Any] = {
+    "name": _TEXT,
+    "phrase": _TEXT,
+    "category": {"enum": ["box", "cylinder", "bowl", "mug", "laptop", "robot", "room", "object"]},
+    "body_type": {"enum": ["rigid", "articulated"]},
+    "interactive": {"type": "boolean"},
+    "material": {"enum": ["wood", "plastic", "ceramic", "metal", "glass", "cardboard", "rubber", "fabric"]},
+    "box": {"type": "array", "items": {"type": "integer"}, "minItems": 4, "maxItems": 4},
+}
+_ITEM = {"type": "object", "properties": _FIELDS, "required": [*_FIELDS], "additionalProperties": False}
+SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "properties": {"elements": {"type": "array", "items": _ITEM}},
+    "required": ["elements"],
+    "additionalProperties": False,
+}
+"""What the service is told to answer; `Answer` checks it."""
+
+
+class Thing(BaseModel):
+    """One element, in pixels of the picture that was sent."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    name: str = Field(pattern=r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$", max_length=60)
+    phrase: str = Field(min_length=1, max_length=200)
+    category: Literal["box", "cylinder", "bowl", "mug", "laptop", "robot", "room", "object"]
+    body_type: Literal["rigid", "articulated"]
+    interactive: bool
+    material: Literal["wood", "plastic", "ceramic", "metal", "glass", "cardboard", "rubber", "fabric"]
+    box: list[int] = Field(min_length=4, max_length=4)
+
+
+class Answer(BaseModel):
+    """What a model must answer."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    elements: list[Thing] = Field(min_length=1, max_length=64)
+
+
+def propose(ctx: Context, capture: Capture, support: Support, model: str) -> tuple[Element, ...]:
+    """What the model names in the photograph, each thing with its box [px] there."""
+    if not model:
+        ctx.fail("no model is named for the backend `vlm`", hint="set `model` of this node, or `--set NODE.model=NAME`")
+    picture, (width, height) = _picture(capture)
+    request = {
+        "model": model,
+        "prompt": PROMPT.format(width=width, height=height),
+        "picture": picture,
+        "schema": SCHEMA,
+        "temperature": 0,
+        "seed": 0,
+    }
+    body = ctx.call(
+        "openai-chat", request, lambda seconds: _send(request, seconds), valid=lambda body: read(body, width, height)
+    )
+    scale = capture.rgb.pixels.shape[1] / width, capture.rgb.pixels.shape[0] / height
+    return tuple(_element(thing, scale) for thing in read(body, width, height).elements)
+
+
+def read(body: bytes, width: int, height: int) -> Answer:
+    """The answer in the body of a chat completion, for a picture of this size [px].
+
+    Raises:
+        RuleError: It names what cannot be.
+        ValueError: It is not of the form that was asked for.
+    """
+    answer = Answer.model_validate_json(json.loads(body)["choices"][0]["message"]["content"])
+    names = [thing.name for thing in answer.elements]
+    for thing in answer.elements:
+        left, top, right, bottom = thing.box
+        if not (0 <= left < right <= width and 0 <= top < bottom <= height):
+            raise RuleError(
+                f"the box of `{thing.name}` is {thing.box}, outside of the picture of {width} × {height} px",
+                code="DXB-B347",
+            )
+        if names.count(thing.name) > 1 or thing.name == "support":
+            raise RuleError(f"the name `{thing.name}` is taken", code="DXB-B347")
+    return answer
+
+
+def _element(thing: Thing, scale: tuple[float, float]) -> Element:
+    left, top, right, bottom = thing.box
+    x, y = scale
+    box = (int(left * x), int(top * y), round(right * x), round(bottom * y))
+    return Element(**{**thing.model_dump(), "box": box})
+
+
+def _picture(capture: Capture) -> tuple[bytes, tuple[int, int]]:
+    """The photograph as JPEG, no side longer than `LONGEST`, with its size [px]."""
+    from PIL import Image
+
+    picture = Image.fromarray(capture.rgb.pixels)
+    picture.thumbnail((LONGEST, LONGEST), Image.Resampling.LANCZOS)
+    data = io.BytesIO()
+    picture.save(data, "JPEG", quality=90)
+    return data.getvalue(), picture.size
+
+
+def _send(request: dict[str, Any], timeout_s: float) -> Response:
+    """Ask an OpenAI-compatible service; where it is and who asks enters no record."""
+    import httpx
+
+    url, key = os.environ.get("DXB_VLM_URL", ""), os.environ.get("DXB_VLM_API_KEY", "")
+    if not url:
+        raise MachineError(
+            "no vision-language model can be asked: `DXB_VLM_URL` is not set",
+            code="DXB-E362",
+            hint="export DXB_VLM_URL=https://api.openai.com/v1 DXB_VLM_API_KEY=...",
+        )
+    picture = "data:image/jpeg;base64," + base64.b64encode(request["picture"]).decode()
+    content = [{"type": "text", "text": request["prompt"]}, {"type": "image_url", "image_url": {"url": picture}}]
+    schema = {"name": "elements", "strict": True, "schema": request["schema"]}
+    asked = {
+        "model": request["model"],
+        "temperature": request["temperature"],
+        "seed": request["seed"],
+        "messages": [{"role": "user", "content": content}],
+        "response_format": {"type": "json_schema", "json_schema": schema},
+    }
+    headers = {"Authorization": f"Bearer {key}"} if key else {}
+    answer = httpx.post(f"{url.rstrip('/')}/chat/completions", json=asked, headers=headers, timeout=timeout_s)
+    return Response(answer.content, answer.status_code, dict(answer.headers))

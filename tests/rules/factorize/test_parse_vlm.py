@@ -1,0 +1,110 @@
+"""The backend `vlm` against a chat endpoint on this machine, and offline against what it answered."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from dextera_build.errors import DxbError
+from dextera_build.store.calls.recorder import Recorder
+from dextera_build.store.store import Store
+from dextera_build.testing import RuleRunner
+from tests import factories, tabletops
+from tests.store.calls.services import KEY, serving
+
+MUG = {
+    "name": "red_mug",
+    "phrase": "red mug",
+    "category": "mug",
+    "body_type": "rigid",
+    "interactive": True,
+    "material": "ceramic",
+    "box": [10, 20, 60, 90],
+}
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return tabletops.tabletop((tabletops.box(0.1, 0.06, 0.14, (0.75, 0.1, 0.1)), factories.pose(0, 0)))
+
+
+@pytest.fixture
+def service(monkeypatch):
+    with serving() as made:
+        monkeypatch.setenv("DXB_VLM_URL", made.url)
+        monkeypatch.setenv("DXB_VLM_API_KEY", KEY)
+        made.content = json.dumps({"elements": [MUG]})
+        yield made
+
+
+@pytest.fixture
+def parse(tmp_path, scene):
+    def run(mode="record", **options):
+        runner = RuleRunner(tmp_path, calls=Recorder(Store(tmp_path / "store"), mode))
+        support = runner.run("align.support", capture=scene.capture)
+        return runner.run(
+            "factorize.parse",
+            backend="vlm",
+            options={"model": "seer-1", **options},
+            capture=scene.capture,
+            support=support,
+        )
+
+    return run
+
+
+def test_things_come_from_the_service_and_then_from_the_record(parse, service, scene, monkeypatch):
+    found = {element.name: element for element in parse().elements}
+    assert set(found) == {"red_mug", "support"}
+    assert found["red_mug"].box == (10, 20, 60, 90)
+    monkeypatch.delenv("DXB_VLM_URL")
+    again = parse("replay")
+    assert again.elements[0] == found["red_mug"]
+    (asked,) = service.asked
+    assert asked["path"] == "/v1/chat/completions"
+    assert asked["key"] == f"Bearer {KEY}"
+    assert asked["model"] == "seer-1"
+    picture = asked["messages"][0]["content"][1]["image_url"]["url"].partition(",")[2]
+    sent = np.asarray(Image.open(io.BytesIO(base64.b64decode(picture))))
+    assert sent.shape == scene.capture.rgb.pixels.shape
+    assert np.abs(sent.astype(int) - scene.capture.rgb.pixels).mean() < 3
+
+
+@pytest.mark.parametrize(
+    "things",
+    [
+        [{**MUG, "box": [10, 20, 60, 100_000]}],
+        [{**MUG, "box": [60, 20, 10, 90]}],
+        [{**MUG, "box": [-1, 20, 60, 90]}],
+        [{**MUG, "box": [10, 20, 60]}],
+        [MUG, MUG],
+        [{**MUG, "name": "support"}],
+        [{**MUG, "name": "../red"}],
+        [{**MUG, "category": "weapon"}],
+        [{**MUG, "colour": "red"}],
+        [],
+    ],
+)
+def test_an_answer_that_cannot_be_is_refused_and_not_recorded(parse, service, things, monkeypatch):
+    monkeypatch.setattr("time.sleep", lambda seconds: None)
+    service.content = json.dumps({"elements": things})
+    with pytest.raises(DxbError, match="gives no usable answer") as caught:
+        parse()
+    assert caught.value.code == "DXB-B345"
+    with pytest.raises(DxbError, match="no answer of") as caught:
+        parse("replay")
+    assert caught.value.code == "DXB-B340"
+
+
+def test_without_an_address_or_a_model(parse, monkeypatch):
+    monkeypatch.delenv("DXB_VLM_URL", raising=False)
+    with pytest.raises(DxbError) as caught:
+        parse()
+    assert caught.value.code == "DXB-E362"
+    with pytest.raises(DxbError, match="no model is named"):
+        parse(model="")

@@ -1,0 +1,68 @@
+"""A chat endpoint on this machine, with the faults that real ones have."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+KEY = "sk-geheim-0123456789"
+
+
+class Service:
+    """Answers `POST /v1/chat/completions`; `faults` are used up first, one a request."""
+
+    def __init__(self) -> None:
+        self.asked: list[dict[str, Any]] = []
+        self.faults: list[str] = []
+        self.content = "a red mug"
+        self.url = ""
+
+    def answer(self) -> bytes:
+        usage = {"prompt_tokens": 900, "completion_tokens": 100, "total_tokens": 1000, "cost": 0.002}
+        said = {"role": "assistant", "content": self.content}
+        return json.dumps({"choices": [{"message": said}], "usage": usage}).encode()
+
+
+@contextmanager
+def serving() -> Iterator[Service]:
+    service = Service()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            body = self.rfile.read(int(self.headers["Content-Length"]))
+            service.asked.append({"path": self.path, "key": self.headers["Authorization"], **json.loads(body)})
+            fault = service.faults.pop(0) if service.faults else ""
+            self.misbehave(fault, service.answer())
+
+        def misbehave(self, fault: str, body: bytes) -> None:
+            if fault == "slow":
+                time.sleep(1.5)
+            if fault == "nonsense":
+                body = b"<html>"
+            status = int(fault) if fault.isdecimal() else 200
+            if fault == "echo":
+                body = json.dumps({"you sent": KEY}).encode()
+            self.send_response(status)
+            if status == 429:
+                self.send_header("Retry-After", "1")
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body[: len(body) // 2] if fault == "torn" else body)
+
+        def log_message(self, *words: object) -> None:
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    service.url = f"http://127.0.0.1:{server.server_address[1]}/v1"
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    try:
+        yield service
+    finally:
+        server.shutdown()
+        server.server_close()
