@@ -63,7 +63,7 @@ class Result:
                 hint=did_you_mean(node, known),
             )
         kind: Any = self._session.project.library.find(record.rule).rule.returns
-        decoded: Artifact = kind.decode(record.output, self._session.store.blobs.get)
+        decoded: Artifact = kind.decode(record.output, self._session.store.reader)
         return decoded
 
 

@@ -142,6 +142,11 @@ class Project:
         return mode(str(setting.value), setting.origin)
 
     @property
+    def asks_again(self) -> bool:
+        """Whether nodes with recorded calls run although nothing changed."""
+        return self.calls in ("refresh", "replace")
+
+    @property
     def trusted_keys(self) -> list[Path]:
         """Files and folders with the public keys of those whose bundles are believed.
 

@@ -76,7 +76,7 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
         "backends": args.backends,
         "lock": args.locking.state(recipe),
     }
-    known = None if args.force or _asks_again(project) else fresh.load(project, fingerprint)
+    known = None if args.force or project.asks_again else fresh.load(project, fingerprint)
     if known is not None:
         return _say_nothing_ran(project, recipe, *known, started)
     return _run(args, project, recipe, targets, fingerprint, started)
@@ -114,7 +114,7 @@ def _run(
     session = Session(project, recipe)
     seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
     session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
-    whole = whole or args.force or args.check or args.locked or _asks_again(project)
+    whole = whole or args.force or args.check or args.locked or project.asks_again
     quick = not (whole or project.config["console"].value == "jsonl")
     near = fresh.near(project, fingerprint, session.store.leaves) if quick else None
     if near is not None and near.idle:
@@ -168,11 +168,6 @@ def _make(
                 session.store.actions.verify(result.nodes[node].key or "")
             result = execution.execute(session, plan, wanted, args)
             return result, results.place(session, result)
-
-
-def _asks_again(project: Project) -> bool:
-    """Whether nodes with recorded calls run although nothing changed."""
-    return project.calls in ("refresh", "replace")
 
 
 def _refuse_unknown_force(names: list[str], plan: Plan) -> None:

@@ -100,6 +100,6 @@ def carry_out(
             known=known,
             only=frozenset() if project.remotes.local == "r" else None,
             exchange=exchange(session),
-            recall=project.calls in ("refresh", "replace"),
+            recall=project.asks_again,
         )
     return Done(log.run, result, log.lost)

@@ -30,11 +30,11 @@ def place(session: Session, result: RunResult) -> list[str]:
     lines = []
     stamps: dict[str, str] = {}
     # Texts, because a thousand outputs are placed in the time that some ten thousand `Path` objects take.
-    base, here = str(_folder(session)), f"{os.getcwd()}/"
+    base, here = str(session.project.cache / "out" / session.recipe), f"{os.getcwd()}/"
     for node in result.targets:
         rule, output = result.made(node)
         if output is not None:
-            folder = f"{base}/{_name(node)}"
+            folder = f"{base}/{node.replace('/', '.').replace(':', '.')}"
             try:
                 main = _export(session, folder, node, rule, output, stamps)
             except OSError as error:
@@ -47,19 +47,6 @@ def place(session: Session, result: RunResult) -> list[str]:
         files.write(f"{folder}/{_STAMP}", text.encode(), 0o644)
         sharing.share_tree(folder)
     return lines
-
-
-def folder_of(session: Session, node: str) -> Path:
-    """Where a node's files lie."""
-    return _folder(session) / _name(node)
-
-
-def _folder(session: Session) -> Path:
-    return session.project.cache / "out" / session.recipe
-
-
-def _name(node: str) -> str:
-    return node.replace("/", ".").replace(":", ".")
 
 
 def stem_of(node: str) -> str:

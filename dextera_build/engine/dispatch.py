@@ -5,18 +5,17 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from dextera_build.engine.admission import Admission, estimate, lacks
 from dextera_build.engine.capacity import Capacity
-from dextera_build.engine.finish import result_of
+from dextera_build.engine.finish import log_of, result_of
 from dextera_build.engine.sharing import Sharing
 from dextera_build.engine.states import State, States
 from dextera_build.engine.tasks import Ended, Executor, Report, Said, Task
 from dextera_build.engine.units import Node
-from dextera_build.errors import DxbError, StoreError
+from dextera_build.errors import DxbError
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.store import Store
 
@@ -178,9 +177,7 @@ class Dispatch:
         """Have the node tried again after a while."""
         wait_s = node.call.rule.retries.delay_s(node.tries, node.key or "")
         node.rests_until = time.monotonic() + wait_s
-        log = None
-        with suppress(StoreError):
-            log = self.store.blobs.put(report.log) if report.log else None
+        log = log_of(self.store, report)
         self.said(node, "retried", {"tries": node.tries, "wait_s": wait_s, "error": error.to_json(), "log": log})
         self.states.set(node, State.QUEUED)
 

@@ -245,7 +245,7 @@ class _Run:
             blocked_by=tuple(blockers),
             usage=node.usage,
             tries=node.tries,
-            calls=node.calls or tuple({"call": key} for key, _ in (result.calls if result and done else ())),
+            calls=node.calls or (result.called if result and done else ()),
         )
 
     def _close(self, whole: bool) -> RunResult:

@@ -24,8 +24,7 @@ def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
         DxbError: The node failed, read a file that changed, or its result cannot be stored.
     """
     if report.error is not None:
-        with suppress(StoreError):  # what the node failed of says more than where its log has no room
-            node.log = store.blobs.put(report.log) if report.log else None
+        node.log = log_of(store, report)
         raise report.error
     assert report.reply is not None
     assert node.key is not None
@@ -43,6 +42,13 @@ def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
         store.actions.put(node.key, result)
     store.keep.drop(node.key)
     return result
+
+
+def log_of(store: Store, report: Ended) -> str | None:
+    """Digest of what a failed run printed, None where it printed nothing or its log has no room."""
+    with suppress(StoreError):  # what the node failed of says more than that
+        return store.blobs.put(report.log) if report.log else None
+    return None
 
 
 def _check_leaves(store: Store, node: Node) -> None:

@@ -94,7 +94,7 @@ class Kept(Mapping[str, NodeRecord]):
             backend=rule.backend,
             result=result.digest if result else None,
             log=result.log if result else None,
-            calls=tuple({"call": key} for key, _ in (result.calls if result else ())),
+            calls=result.called if result else (),
         )
 
     def __iter__(self) -> Iterator[str]:

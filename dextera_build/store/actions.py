@@ -74,6 +74,11 @@ class ActionResult:
         """Digest of `document`."""
         return digests.of_bytes(self.document)
 
+    @property
+    def called(self) -> tuple[Mapping[str, str], ...]:
+        """The recorded calls, as events and records name them."""
+        return tuple({"call": key} for key, _ in self.calls)
+
     @classmethod
     def from_document(cls, data: bytes) -> ActionResult:
         """The result that `document` described."""
