@@ -125,6 +125,7 @@ class Library:
     """
 
     def __init__(self, project: Path | None = None) -> None:
+        self.project = project or Path.cwd()
         self._project = project
         self._found: dict[str, RuleFile] = {}
 

@@ -13,11 +13,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict
 
-from dextera_build.artifacts.base import Artifact
+from dextera_build.artifacts.base import Artifact, File
 from dextera_build.errors import RuleError
 from dextera_build.response import Response as Response
 
@@ -69,6 +69,22 @@ class Outcome:
     metrics: dict[str, tuple[float, str]] = field(default_factory=dict)
 
 
+class Reads(Protocol):
+    """Files of the project for one call; see `Context.read`."""
+
+    def file(self, path: str) -> File:
+        """The file at `path`."""
+        ...
+
+    def glob(self, pattern: str) -> list[str]:
+        """Files that match."""
+        ...
+
+    def exists(self, path: str) -> bool:
+        """Whether there is something at `path`."""
+        ...
+
+
 class Context:
     """What a rule may do besides computing.
 
@@ -78,6 +94,7 @@ class Context:
         emit: Takes (kind, data) as it happens: `progress`, `log`.
         keep: See the property `keep`; None is a folder below `scratch`.
         calls: Carries out `call`; None where there is nothing to record answers.
+        reads: Reads files of the project, and gives `File`s by digest; None for a rule that does not declare it.
     """
 
     def __init__(
@@ -86,8 +103,9 @@ class Context:
         *,
         scratch: Path | Callable[[], Path],
         emit: Callable[[str, Mapping[str, object]], None] | None = None,
-        keep: Path | None = None,
+        keep: Path | Callable[[], Path] | None = None,
         calls: Callable[..., bytes] | None = None,
+        reads: Reads | None = None,
     ) -> None:
         self.backend = backend
         self._scratch = scratch
@@ -95,6 +113,7 @@ class Context:
         self._emit = emit or (lambda kind, data: None)
         self._keep = keep
         self._calls = calls
+        self._reads = reads
 
     @cached_property
     def scratch(self) -> Path:
@@ -109,9 +128,47 @@ class Context:
         return the bytes that it would have returned in one go. A kill may come at any moment, so write a file aside and
         rename it.
         """
-        folder = self._keep or self.scratch / "keep"
+        kept = self._keep() if callable(self._keep) else self._keep
+        folder = kept or self.scratch / "keep"
         folder.mkdir(parents=True, exist_ok=True)
         return folder
+
+    def read(self, path: str) -> bytes:
+        """The content of a file of the project, named from the project's folder.
+
+        What a call reads this way need not be an input: it is noted, in order, and the result counts as long as all of
+        it is as it was. The rule declares `discovers=True`.
+
+        Raises:
+            RuleError: There is no such file, or it is not in the project. The call then has no result, also where the
+                rule goes on; `exists` asks first.
+        """
+        return self.file(path).data
+
+    def file(self, path: str) -> File:
+        """Like `read`, for a file that need not fit into memory."""
+        return self._reading(path).file(path)
+
+    def glob(self, pattern: str) -> list[str]:
+        """Files of the project whose path matches, sorted; a file that comes or goes makes the result stale.
+
+        `*`, `?` and `[...]` stand for characters of one name, `**` between slashes for any number of folders. Names
+        that begin with a dot match only a pattern that does.
+        """
+        return self._reading(pattern).glob(pattern)
+
+    def exists(self, path: str) -> bool:
+        """Whether the project has a file or folder there; the result is stale when that changes."""
+        return self._reading(path).exists(path)
+
+    def _reading(self, name: str) -> Reads:
+        if self._reads is None:
+            raise RuleError(
+                f"a rule that declares no discoveries reads `{name}`",
+                code="DXB-B350",
+                hint="`@rule(..., discovers=True)`, or make the file an input",
+            )
+        return self._reads
 
     def call(
         self,
@@ -237,6 +294,7 @@ class Rule(Generic[P, R]):
     retry_on: tuple[type[BaseException] | str, ...] = ()
     retry_wait_s: float = 1.0
     tolerance: Tolerance = Tolerance()
+    discovers: bool = False
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         """Call the plain function."""
@@ -289,6 +347,7 @@ def rule(  # noqa: PLR0913 - all that a rule may declare
     retry_on: tuple[type[BaseException] | str, ...] = (ConnectionError, TimeoutError),
     retry_wait_s: float = 1.0,
     tolerance: Tolerance | None = None,
+    discovers: bool = False,
 ) -> Callable[[Callable[P, R]], Rule[P, R]]:
     """Declare the function below as the rule that its file is named after.
 
@@ -310,6 +369,8 @@ def rule(  # noqa: PLR0913 - all that a rule may declare
         retry_wait_s: Rest before the second try [s]; twice as long before each further one, a minute at most.
         tolerance: How far results may be apart for `dxb check`; None is exact. A build never takes one for another: the
             first result of a key stays.
+        discovers: Whether a call finds out for itself which files of the project it reads: `ctx.read`, `ctx.glob`,
+            `ctx.exists`.
     """
     for name in resources or {}:
         if ":" not in name:
@@ -318,7 +379,8 @@ def rule(  # noqa: PLR0913 - all that a rule may declare
     def mark(function: Callable[P, R]) -> Rule[P, R]:
         named = dict(resources or {})
         allowed = tolerance or Tolerance()
-        return Rule(function, version, packages, cpus, memory_gb, gpus, named, retries, retry_on, retry_wait_s, allowed)
+        needs = (cpus, memory_gb, gpus, named)
+        return Rule(function, version, packages, *needs, retries, retry_on, retry_wait_s, allowed, discovers)
 
     return mark
 

@@ -13,7 +13,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.errors import DxbError, RuleError
+from dextera_build import digest as digests
+from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.loader import Library, RuleFile
 from dextera_build.store import space
 from dextera_build.store.actions import ActionResult
@@ -22,6 +23,7 @@ from dextera_build.store.store import Store
 from dextera_build.store.streams import Reader
 
 if TYPE_CHECKING:
+    from dextera_build.artifacts.base import File
     from dextera_build.rule import Context
 
 _SMALL = 1 << 14
@@ -57,21 +59,97 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     }
     # JSON mode takes a list for a tuple, and the engine speaks JSON.
     options = rule.options.model_validate_json(json.dumps(task["options"]))
-    keep = store.keep.path(task["key"]) if task.get("key") else None
-    calls = _Calls(task, store, emit)
+    calls, reads = _Calls(task, store, emit), _Reads(task, store) if rule.discovers else None
     with _full_disk_said(store), ExitStack() as folders, _full_disk_said(store):
         # Most calls need no folder, and making one takes longer than a small call.
         ctx = Context(
             backend,
             scratch=lambda: Path(folders.enter_context(tempfile.TemporaryDirectory(prefix="dxb-"))),
             emit=emit,
-            keep=keep,
+            keep=_keep(task, store, reads),
             calls=calls,
+            reads=reads,
         )
         keyword = {"options": options} if rule.takes_options else {}
+        if reads is not None:
+            folders.enter_context(_failure_told(reads, emit))
         result = rule(ctx, **inputs, **keyword)
         # Before the scratch folder goes: what is returned may lie there.
-        return _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
+        reply = _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
+        return reply | ({"reads": reads.finish()} if reads is not None else {})
+
+
+def _keep(task: Mapping[str, Any], store: Store, reads: _Reads | None) -> Path | Callable[[], Path] | None:
+    """The folder in which a call keeps its progress; one that reads by itself has another when it read other things."""
+    if not task.get("key"):
+        return None
+    folder = store.keep.path(task["key"])
+    return folder if reads is None else lambda: folder / reads.close()
+
+
+@contextmanager
+def _failure_told(reads: _Reads, emit: Emit) -> Iterator[None]:
+    """Say what a call read that fails, for its mend may lie there."""
+    try:
+        yield
+    except BaseException:
+        emit("read", {"steps": reads.steps})
+        raise
+
+
+class _Reads:
+    """What one call reads by itself; few rules do, so what it takes is loaded with the first."""
+
+    def __init__(self, task: Mapping[str, Any], store: Store) -> None:
+        from dextera_build.store.traces.look import Look
+        from dextera_build.store.traces.recording import Recording
+
+        root = Path(task["project"])
+        if not root.is_dir():
+            raise MachineError(
+                f"`{task['rule']}` reads files of the project, whose folder is not on this machine",
+                code="DXB-E370",
+                facts={"folder": str(root)},
+                hint="run it where the project lies",
+            )
+        self._store = store
+        self._recording = Recording(Look(root, store.leaves, store.root))
+
+    @property
+    def steps(self) -> list[list[str]]:
+        """What was asked and told so far."""
+        return [list(step) for step in self._recording.steps]
+
+    def file(self, path: str) -> File:
+        """See `Context.file`."""
+        from dextera_build.artifacts.base import File
+
+        return File.decode(self._recording.file(path), self._store.reader)
+
+    def glob(self, pattern: str) -> list[str]:
+        """See `Context.glob`."""
+        return self._recording.names(pattern)
+
+    def exists(self, path: str) -> bool:
+        """See `Context.exists`."""
+        return self._recording.exists(path)
+
+    def close(self) -> str:
+        """Take no further questions; returns what stands for those so far."""
+        self._recording.closed = True
+        return self._recording.digest
+
+    def finish(self) -> list[list[str]]:
+        """All that was asked and told.
+
+        Raises:
+            DxbError: Something could not be read, whatever the rule made of that.
+        """
+        if self._recording.error is not None:
+            raise self._recording.error
+        for names in self._recording.listings.values():
+            self._store.blobs.put(digests.canonical(names))
+        return self.steps
 
 
 class _Calls:

@@ -11,6 +11,7 @@ from typing import Any
 from dextera_build.engine.admission import Admission, estimate, lacks
 from dextera_build.engine.capacity import Capacity
 from dextera_build.engine.finish import log_of, result_of
+from dextera_build.engine.reading import Reading
 from dextera_build.engine.sharing import Sharing
 from dextera_build.engine.states import State, States
 from dextera_build.engine.tasks import Ended, Executor, Report, Said, Task
@@ -36,6 +37,7 @@ class Dispatch:
     project: str
     profile: str
     peak_gb: Callable[[str], float | None]
+    reading: Reading
     forced: Callable[[Node], bool]
     started: Callable[[Node], None]
     said: Callable[[Node, str, Any], None]
@@ -97,7 +99,7 @@ class Dispatch:
         """Look again at what other processes were building."""
         for node in list(self.states.locked):
             assert node.key is not None
-            hit = self.store.actions.get(node.key)
+            hit = self.reading.find(node)
             if hit is not None:
                 self.succeed(node, "cached", hit)
             elif self.store.locks.take(node.key):
@@ -111,18 +113,21 @@ class Dispatch:
 
     def _claim(self, node: Node) -> bool:
         """Take the lock of the node's key; False where another process has it, or has built it since we looked."""
-        assert node.key is not None
-        if not self.store.locks.take(node.key):
-            self.said(node, "log", {"text": self._who_builds(node.key)})
+        key = node.key
+        assert key is not None
+        if not self.store.locks.take(key):
+            self.said(node, "log", {"text": self._who_builds(key)})
             self.states.set(node, State.LOCKED)
             return False
         forced = self.forced(node)
-        hit = None if forced else self.store.actions.get(node.key)
-        if hit is None:
+        hit = None if forced else self.reading.find(node)
+        if hit is None and node.key == key:
             if forced:
-                self.store.keep.drop(node.key)
+                self.store.keep.drop(key)
             return True
-        self.store.locks.release(node.key)
+        self.store.locks.release(key)
+        if hit is None:  # another process ran it with other files: what ours lead to has a lock of its own
+            return self._claim(node)
         self.succeed(node, "cached", hit)
         return False
 
@@ -152,10 +157,11 @@ class Dispatch:
         del self._running[report.ticket]
         self._admission.end(node)
         node.ticket = -1
+        key = node.key or ""  # what the node read gives it another
         try:
             self._end(node, report)
         finally:
-            self.store.locks.release(node.key or "")
+            self.store.locks.release(key)
 
     def _end(self, node: Node, report: Ended) -> None:
         node.seconds, node.usage = report.seconds, report.usage
@@ -165,7 +171,7 @@ class Dispatch:
             self._rest(node, report, report.error)
             return
         try:
-            result = result_of(self.store, node, report)
+            result = result_of(self.store, node, report, self.reading)
         except DxbError as error:
             self.broke(node, error)
         else:

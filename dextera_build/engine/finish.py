@@ -8,14 +8,16 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
+from dextera_build.engine.reading import Reading
 from dextera_build.engine.tasks import Ended
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError, RuleError, StoreError
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.store import Store
+from dextera_build.store.traces import tree
 
 
-def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
+def result_of(store: Store, node: Node, report: Ended, reading: Reading) -> ActionResult:
     """Publish what the node made, unless a file that it reads changed meanwhile; then drop what it kept for a next try.
 
     Where the key has a result with another output already, that one stays, and the divergence is noted.
@@ -29,6 +31,9 @@ def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
     assert report.reply is not None
     assert node.key is not None
     _check_leaves(store, node)
+    kept = node.key
+    if node.call.rule.discovers:
+        reading.ran(node, report.reply)
     log = store.blobs.put(report.log) if report.log else None
     result = _parse(report.reply, report.seconds, log, store.blobs.put(node.document))
     known = store.actions.outline(node.key)
@@ -38,9 +43,11 @@ def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
         # It was forced. Others build on the first output, which stays.
         store.divergent.note(node.key, node.address, first.output, result.output, time.time())
         result = first
-    else:
+    if node.call.rule.discovers:
+        tree.publish(store, node.key, result)
+    elif result is not first:
         store.actions.put(node.key, result)
-    store.keep.drop(node.key)
+    store.keep.drop(kept)
     return result
 
 

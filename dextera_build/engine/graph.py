@@ -96,6 +96,8 @@ class RuleFacts:
     gpu_gb: float = 0.0
     named: tuple[tuple[str, float], ...] = ()
     retries: Retries = _NONE
+    discovers: str = ""
+    """The folder in which calls of it read by themselves, the project's; "" where they do not."""
 
     @property
     def needs(self) -> Needs:

@@ -12,12 +12,13 @@ from typing import Any, Literal, TypeAlias
 
 from dextera_build import digest as digests
 from dextera_build.engine.graph import Call, RuleFacts
+from dextera_build.store.traces import steps as traces
 
 SCHEMA = 1
 """Raised when the form or the meaning of the document changes; every key changes with it."""
 
 Document: TypeAlias = dict[str, Any]
-Kind: TypeAlias = Literal["option", "code", "package", "backend", "input", "version", "type", "weights", "salt"]
+Kind: TypeAlias = Literal["option", "code", "package", "backend", "input", "version", "type", "weights", "salt", "read"]
 
 
 def manifest(call: Call, inputs: Mapping[str, str]) -> Document:
@@ -85,12 +86,14 @@ def compare(old: Document, new: Document) -> list[Change]:
         *_rows("type", old["types"], new["types"]),
         *_rows("input", dict(old["inputs"]), dict(new["inputs"])),
         *_rows("salt", {"salt": old["salt"]}, {"salt": new["salt"]}),
+        *_rows("read", _reads(old), _reads(new)),
     ]
     return list(changes)
 
 
 def _rule_part(rule: RuleFacts) -> Document:
-    return {
+    reads: Document = {traces.READ: []} if rule.discovers else {}
+    return reads | {
         "schema": SCHEMA,
         "rule": rule.path,
         "version": rule.version,
@@ -132,6 +135,10 @@ def _flat(options: Mapping[str, Any]) -> dict[str, Any]:
         else:
             found[name] = value
     return found
+
+
+def _reads(document: Document) -> dict[str, str]:
+    return {name: answer for _, name, answer in document.get(traces.READ, ())}
 
 
 def _code(document: Document) -> dict[str, str]:

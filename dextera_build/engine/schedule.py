@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.engine import rewind
@@ -24,6 +25,7 @@ from dextera_build.engine.dispatch import Dispatch
 from dextera_build.engine.graph import Address, Fixed, Graph
 from dextera_build.engine.key import Writer
 from dextera_build.engine.policy import Hooks, Policy
+from dextera_build.engine.reading import Reading
 from dextera_build.engine.sharing import Sharing
 from dextera_build.engine.states import LOST, State, States
 from dextera_build.engine.tasks import Executor
@@ -70,7 +72,9 @@ class Scheduler:
         self.wishes: list[Gathering] = []
         self.failed: list[Unit] = []
         self.errors: list[DxbError] = []
-        self.sharing = Sharing(exchange, self.states, self._succeed, self._queue)
+        self._writer = Writer()
+        self.reading = Reading(store, self._writer)
+        self.sharing = Sharing(exchange, self.states, self._came, self._look_once_more)
         self.dispatch = Dispatch(
             store=store,
             executor=executor,
@@ -79,13 +83,13 @@ class Scheduler:
             project=policy.project,
             profile=policy.profile,
             peak_gb=policy.peak_gb,
+            reading=self.reading,
             forced=self._is_forced,
             started=self.hooks.started,
-            said=self.hooks.said,
+            said=self._said,
             succeed=self._succeed,
             broke=self._broke,
         )
-        self._writer = Writer()
         self._owners: dict[str, Node] = {}
         self._measured = (0, 0)
 
@@ -169,16 +173,47 @@ class Scheduler:
             owner.followers.append(node)
             self.states.set(node, State.SHARED)
             return
-        hit = None if self._is_forced(node) else self.store.actions.get(node.key)
-        if hit is not None:
+        node.owned = node.key
+        hit = self.reading.find(node)
+        forced = self._is_forced(node)
+        if hit is not None and not forced:
             self._succeed(node, "cached", hit)
         elif self.policy.dry:
             self.states.set(node, State.STALE)
         else:
-            self._owners[node.key] = node
+            self._owners[node.owned] = node
             # What is forced shall run, and a result that others made is not what it asks for.
-            if self._is_forced(node) or not self.sharing.ask(node):
+            if forced or not self._ask(node):
                 self._queue(node)
+
+    def _ask(self, node: Node) -> bool:
+        self.reading.begin(node)  # a remote knows ways of its own to what it holds
+        if self.sharing.ask(node):
+            return True
+        self.reading.find(node)
+        return False
+
+    def _came(self, node: Node, status: str, result: ActionResult) -> None:
+        """A remote has something under the key of a node: its result, or what it reads next."""
+        onward = self.reading.onward(node, result)
+        if onward is None:
+            self._succeed(node, status, result)
+        elif not (self.reading.follow(node, onward) and self.sharing.ask(node)):
+            self._look_once_more(node)
+
+    def _look_once_more(self, node: Node) -> None:
+        """No remote leads further; what came from them may."""
+        hit = self.reading.find(node) if node.call.rule.discovers else None
+        if hit is not None:
+            self._succeed(node, "cached", hit)
+        else:
+            self._queue(node)
+
+    def _said(self, node: Node, kind: str, data: Any) -> None:
+        if kind == "read":
+            self.reading.watch(node, data.get("steps"))
+        else:
+            self.hooks.said(node, kind, data)
 
     def _queue(self, node: Node) -> None:
         if self.policy.only is None or _named(node, self.policy.only):
@@ -225,12 +260,13 @@ class Scheduler:
         self.sharing.offer(node)
         self._done(node)
         for follower in followers:
+            follower.key, follower.reads = node.key, node.reads
             self._succeed(follower, "cached", result)
 
     def _disown(self, node: Node) -> list[Node]:
         """The node no longer builds its key; returns those that waited for that."""
-        if self._owners.get(node.key or "") is node:
-            del self._owners[node.key or ""]
+        if self._owners.get(node.owned) is node:
+            del self._owners[node.owned]
         followers = [follower for follower in node.followers if follower.state is State.SHARED]
         node.followers = []
         return followers
@@ -271,6 +307,7 @@ class Scheduler:
                 for follower in self._disown(other):
                     self.states.set(follower, State.READY)
                 self.wiring.forget_leaves(other)
+                self.reading.forget(other)
         self.wiring.fresh += again
 
     def _fail(self, unit: Unit, error: DxbError) -> None:

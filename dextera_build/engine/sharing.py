@@ -38,7 +38,8 @@ class Sharing:
             return False
         assert node.key is not None
         self._fetching[node.key] = node
-        self._states.set(node, State.FETCHING)
+        if node.state is not State.FETCHING:
+            self._states.set(node, State.FETCHING)
         self._exchange.ask(Digest(node.key, len(node.document)))
         return True
 

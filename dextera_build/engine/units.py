@@ -11,6 +11,7 @@ from dextera_build.engine.graph import Call, Group, Input, Leaf
 from dextera_build.engine.states import State
 from dextera_build.errors import DxbError
 from dextera_build.store.actions import ActionResult
+from dextera_build.store.traces.steps import Steps
 
 Path = tuple[str, ...]
 """Names from the root of the graph."""
@@ -79,6 +80,10 @@ class Node(Unit):
     """How often it ran here."""
     calls: tuple[Mapping[str, Any], ...] = ()
     """What it called when it ran here, as `store.calls` notes it."""
+    reads: Steps = ()
+    """What it reads by itself, as far as is known."""
+    owned: str = ""
+    """The key that it had when it became the one to build it."""
     rests_until: float = 0.0
     """Not before this is it tried again, by `time.monotonic`."""
     followers: list[Node] = field(default_factory=list, repr=False)

@@ -205,6 +205,7 @@ def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> 
         gpu_gb=backend.facts.gpu_gb if backend else 0.0,
         named=tuple(sorted(rule.resources.items())),
         retries=Retries(rule.retries, tuple(_spelled(kind) for kind in rule.retry_on), rule.retry_wait_s),
+        discovers=str(library.project) if rule.discovers else "",
     )
 
 

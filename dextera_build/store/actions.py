@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -131,8 +131,13 @@ class Actions:
             self.presence.note(key, outputs)
         return result
 
-    def put(self, key: str, result: ActionResult) -> str:
+    def put(self, key: str, result: ActionResult, beside: Iterable[str] = ()) -> str:
         """Store the result of `key` after all that it needs, and return the digest of its `result.json`.
+
+        Args:
+            key: Digest of the key document.
+            result: The result.
+            beside: Further blobs that stay as long as the result does.
 
         Raises:
             MissingBlob: The result refers to something that is not in the store.
@@ -142,7 +147,8 @@ class Actions:
         self._keep_calls(result)
         document = result.document
         digest = vars(result)["digest"] = self._blobs.put(document)  # so that it need not be spelled again
-        outputs = [*self._needs(result), OutputFile(_RESULT, digest, len(document), document)]
+        more = [self._sized(f"answers/{digest}", digest) for digest in beside]
+        outputs = [*self._needs(result), *more, OutputFile(_RESULT, digest, len(document), document)]
         files.write(self._file(key), encode(outputs), workshop=self._workshop)
         if self.presence is not None:
             self.presence.note(key, outputs)

@@ -19,6 +19,7 @@ from dextera_build.store.cas import MissingBlob
 from dextera_build.store.remotes import entry as entries
 from dextera_build.store.remotes.remote import DamagedBlob, Digest, Remote
 from dextera_build.store.store import Store
+from dextera_build.store.traces.tree import publish
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Transfer:
             result = entries.result(entry, document)
             if result is None or not all(entries.is_record(self._store.blobs.get(name)) for _, name in result.calls):
                 return None
-            self._store.actions.put(key.hash, result)
+            publish(self._store, key.hash, result)
         except (MissingBlob, ValueError, KeyError, TypeError, AttributeError, RecursionError):
             # A header is not one, or names what the entry does not.
             return None

@@ -18,6 +18,7 @@ from dextera_build.store.bundle.oci import Descriptor, Manifest, Source
 from dextera_build.store.bundle.refusal import BundleRefused, archive, ill_formed, lacking, too_large
 from dextera_build.store.cas import is_digest
 from dextera_build.store.store import Store
+from dextera_build.store.traces.tree import publish
 
 MOST_DOCUMENT = 64 << 20
 """Bytes of a key document, a header or a `result.json`."""
@@ -112,7 +113,7 @@ def _publish(contents: Contents, found: closure.Closure, store: Store) -> Taken:
         done.add(node.key)
         here = store.actions.get(node.key)
         if here is None:
-            store.actions.put(node.key, found.results[node.key])
+            publish(store, node.key, found.results[node.key])
             new += 1
         elif here.output == node.output:
             known += 1

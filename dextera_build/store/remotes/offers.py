@@ -12,6 +12,7 @@ from dextera_build.store.remotes import entry as entries
 from dextera_build.store.remotes import execution
 from dextera_build.store.remotes.remote import MOST_ENTRY, Digest
 from dextera_build.store.store import Store
+from dextera_build.store.traces.tree import publish
 
 
 class Offers:
@@ -62,7 +63,7 @@ class Offers:
             result = entries.result(entry, document)
             if result is None:
                 return "the result does not fit its entry"
-            self._store.actions.put(key, result)
+            publish(self._store, key, result)
         except MissingBlob as error:
             return f"blob {error.digest} is not here; blobs come first"
         except StoreError:

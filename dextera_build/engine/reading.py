@@ -1,0 +1,125 @@
+"""Nodes that read by themselves: which result their answers of today lead to, here and on remotes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from dextera_build.engine.key import Writer
+from dextera_build.engine.units import Node
+from dextera_build.errors import DxbError, RuleError
+from dextera_build.store.actions import ActionResult
+from dextera_build.store.store import Store
+from dextera_build.store.traces import steps as traces
+from dextera_build.store.traces import tree
+from dextera_build.store.traces.look import Look
+from dextera_build.store.traces.steps import Step, Steps
+
+Question: TypeAlias = tuple[str, str, str]
+"""Folder of the project, kind, name."""
+
+
+class Reading:
+    """What the nodes of one run read by themselves; each question is asked once a run.
+
+    Args:
+        store: Holds results.
+        writer: Writes key documents.
+    """
+
+    def __init__(self, store: Store, writer: Writer) -> None:
+        self._store, self._writer = store, writer
+        self._looks: dict[str, Look] = {}
+        self._told: dict[Question, str] = {}
+
+    def find(self, node: Node) -> ActionResult | None:
+        """The result of a node in the store; the key of one that reads by itself follows from what it would read."""
+        if not node.call.rule.discovers:
+            return self._store.actions.get(node.key or "")
+        found = tree.find(self._store, self._static(node), self._answers(node))
+        self._take(node, found.steps, found.document)
+        return found.result
+
+    def begin(self, node: Node) -> None:
+        """Let a node have the key that it has before it read anything."""
+        if node.call.rule.discovers:
+            self._take(node, (), traces.spelled(self._static(node), ()))
+
+    def onward(self, node: Node, result: ActionResult) -> Steps | None:
+        """What a node would read next, where what a remote gave under its key says that; None for its result."""
+        return tree.going_on(self._store, result) if node.call.rule.discovers else None
+
+    def follow(self, node: Node, onward: Steps) -> bool:
+        """Let a node have the key that it has when it has read on; False where that cannot be told."""
+        asked = tree.follow(node.reads, onward, self._answers(node))
+        if asked is not None:
+            self._take(node, asked, traces.spelled(self._static(node), asked))
+        return asked is not None
+
+    def ran(self, node: Node, reply: Mapping[str, Any]) -> None:
+        """Give a node that ran the key that follows from what it read.
+
+        Raises:
+            RuleError: Something that it read is another thing by now, or was before it ran.
+        """
+        steps: Steps = tuple((str(kind), str(name), str(answer)) for kind, name, answer in reply.get("reads") or ())
+        for step in steps:
+            if self._changed(node, step):
+                raise RuleError(
+                    f"`{step[1]}` changed while `{node.address}` ran",
+                    code="DXB-B304",
+                    where=node.call.where,
+                    hint="build again; nothing of this run of the node was kept",
+                )
+        for kind, name, answer in steps:
+            self._told[node.call.rule.discovers, kind, name] = answer
+        self._take(node, steps, traces.spelled(self._static(node), steps))
+
+    def watch(self, node: Node, steps: object) -> None:
+        """Look at what a node read that has no result, so that whoever watches knows of it."""
+        for kind, name, _ in steps if isinstance(steps, list) else ():
+            try:
+                self._look(node).answer(str(kind), str(name))
+            except DxbError:
+                continue
+
+    def forget(self, node: Node) -> None:
+        """Ask anew what a node reads."""
+        for kind, name, _ in node.reads:
+            self._told.pop((node.call.rule.discovers, kind, name), None)
+
+    def _changed(self, node: Node, step: Step) -> bool:
+        kind, name, answer = step
+        if self._told.get((node.call.rule.discovers, kind, name), answer) != answer:
+            return True
+        try:
+            return self._look(node).answer(kind, name) != answer
+        except DxbError:
+            return True
+
+    def _answers(self, node: Node) -> tree.Answer:
+        look = self._look(node)
+
+        def answer(kind: str, name: str) -> str:
+            question = (node.call.rule.discovers, kind, name)
+            if question not in self._told:
+                self._told[question] = look.answer(kind, name)
+            return self._told[question]
+
+        return answer
+
+    def _look(self, node: Node) -> Look:
+        root = node.call.rule.discovers
+        if root not in self._looks:
+            self._looks[root] = Look(Path(root), self._store.leaves, self._store.root)
+        return self._looks[root]
+
+    def _static(self, node: Node) -> dict[str, Any]:
+        document: dict[str, Any] = json.loads(self._writer.document(node.call, node.inputs))
+        return document
+
+    def _take(self, node: Node, steps: Steps, document: bytes) -> None:
+        node.reads, node.document = steps, document
+        node.key = tree.key_of(document)

@@ -1,0 +1,107 @@
+"""A trace: what a call asked of the project's folder by itself, in order, and what it was told.
+
+A step is (kind, name, answer):
+
+    file    path      digest of the `File` there, or `-`
+    there   path      `yes` or `no`
+    names   pattern   digest of the list of files that match
+
+The key document of a call that discovers holds its trace under `read`. As long as it is not known what the call will
+read, that is a beginning of the trace, and what the store holds under such a key is a `Reads`: the steps that came next
+when it ran. What it holds under the whole trace is the result.
+"""
+
+from __future__ import annotations
+
+import json
+import posixpath
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+from dextera_build import digest as digests
+from dextera_build.store.cas import is_digest
+
+Step: TypeAlias = tuple[str, str, str]
+Steps: TypeAlias = tuple[Step, ...]
+
+READ = "read"
+"""The field of a key document that holds the trace; a call that discovers nothing has none."""
+NONE, YES, NO = "-", "yes", "no"
+MOST = 100_000
+"""Steps of one trace."""
+_ARTIFACT = "Reads"
+_LONGEST = 4096
+
+
+def spelled(static: Mapping[str, Any], steps: Sequence[Step]) -> bytes:
+    """The key document of a call that read this."""
+    return digests.canonical({**static, READ: [list(step) for step in steps]})
+
+
+def parts_of(document: bytes) -> tuple[dict[str, Any], Steps] | None:
+    """What a key document says of the call, and its trace; None for one of a call that discovers nothing."""
+    if b'"read":[' not in document:
+        return None
+    found: dict[str, Any] = json.loads(document)
+    if READ not in found:
+        return None
+    return found, _checked(found[READ])
+
+
+def header_of(steps: Sequence[Step]) -> bytes:
+    """The header of what stands in the store under a key whose trace goes on."""
+    return digests.canonical({"artifact": _ARTIFACT, "fields": {"steps": [list(step) for step in steps]}})
+
+
+def steps_of(header: bytes) -> Steps | None:
+    """The steps that a header holds; None for that of an artifact.
+
+    Raises:
+        ValueError: It holds steps that no call can have made.
+    """
+    if not header.startswith(b'{"artifact":"Reads"'):
+        return None
+    found = _checked(json.loads(header)["fields"]["steps"])
+    if not found:
+        raise ValueError("a trace that goes on has steps")
+    return found
+
+
+def first_difference(one: Sequence[Step], other: Sequence[Step]) -> int:
+    """How many steps both begin with."""
+    return next(
+        (place for place, pair in enumerate(zip(one, other, strict=False)) if pair[0] != pair[1]),
+        min(len(one), len(other)),
+    )
+
+
+def is_plain(name: str) -> bool:
+    """Whether this is a path, or a pattern, below a folder, in its one spelling."""
+    return (
+        0 < len(name) <= _LONGEST
+        and "\0" not in name
+        and not name.startswith("/")
+        and name == posixpath.normpath(name)
+        and name != "."
+        and name.split("/", 1)[0] != ".."
+    )
+
+
+def _checked(rows: Any) -> Steps:
+    if not isinstance(rows, list) or len(rows) > MOST:
+        raise ValueError("a trace is a list of steps")
+    found = tuple(tuple(row) for row in rows)
+    for step in found:
+        if len(step) != 3 or not all(isinstance(part, str) for part in step):
+            raise ValueError("a step has a kind, a name and an answer")
+        kind, name, answer = step
+        if kind not in _ANSWERS or not is_plain(name) or not _ANSWERS[kind](answer):
+            raise ValueError("a step says what cannot be")
+    return found
+
+
+_ANSWERS: dict[str, Callable[[str], bool]] = {
+    "file": lambda answer: answer == NONE or is_digest(answer),
+    "there": lambda answer: answer in (YES, NO),
+    "names": is_digest,
+}
