@@ -116,7 +116,7 @@ def _run(
     session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
     whole = whole or args.force or args.check or args.locked or project.asks_again
     quick = not (whole or project.config["console"].value == "jsonl")
-    near = fresh.near(project, fingerprint, session.store.leaves) if quick else None
+    near = fresh.near(project, fingerprint, session.store) if quick else None
     if near is not None and near.idle:
         nodes, *lines = near.stale.head["lines"]
         fresh.renew(project, fingerprint, seen, near, lines)

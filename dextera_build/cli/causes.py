@@ -13,10 +13,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli.origins import Origins
+from dextera_build.cli.reads import Reads
 from dextera_build.cli.upstream import Upstream
 from dextera_build.engine.graph import Call, Gather, Graph, Input, Leaf, parse_address
 from dextera_build.engine.key import Change, compare
 from dextera_build.report.wording import count, some
+from dextera_build.store.traces.steps import READ
 
 if TYPE_CHECKING:
     from dextera_build.cli.session import Session
@@ -67,6 +69,7 @@ class Causes:
         self._session, self._states = session, states
         self._upstream = Upstream(session.project, graph, states)
         self._origins = Origins(session)
+        self._reads = Reads(session)
 
     def of(self, node: str) -> list[Cause]:
         """All causes of one node, each followed by what stands behind it."""
@@ -116,8 +119,15 @@ class Causes:
             lost = f"its key document {then} in the store"
             return [Cause("lost", question.node, lost)]
         call = self._upstream.call(question.node)
-        changes = compare(old, json.loads(state.key_document))
+        changes = compare(old, self._document(state, old))
         return [self._cause(question, call, change) for change in changes]
+
+    def _document(self, state: Planned, old: Mapping[str, Any]) -> dict[str, Any]:
+        """The key document of a node now; where it is not known what a stale one would read, it asks what it asked."""
+        document: dict[str, Any] = json.loads(state.key_document)
+        if state.status == "cached" or READ not in document:
+            return document
+        return self._reads.asked_now(document, old)
 
     def _cause(self, question: _Question, call: Call, change: Change) -> Cause:
         cause = Cause(change.kind, change.name, f"{short(change.old)} -> {short(change.new)}")
@@ -130,6 +140,10 @@ class Causes:
             cause.name = f"`{definition}` of {file}"
         elif change.kind == "input":
             self._follow(cause, question, call, change)
+        elif change.kind == "read":
+            old = self._origins.document(question.old) or {}
+            cause.change, files = self._reads.change(change.name, old, change.old, change.new)
+            cause.inside = [Cause("file", name, what) for name, what in files.items()]
         elif change.kind in ("backend", "salt", "version"):
             cause.place = str(call.where)
         return cause
@@ -176,7 +190,7 @@ class Causes:
         groups: dict[tuple[object, ...], list[_Question]] = {}
         for question in questions:
             state, old = self._states[question.node], self._origins.document(question.old) if question.old else None
-            changes = compare(old, json.loads(state.key_document)) if old and state.key_document else []
+            changes = compare(old, self._document(state, old)) if old and state.key_document else []
             shape = [(c.kind, c.name, "" if c.kind == "input" else [c.old, c.new]) for c in changes]
             call = parse_address(question.node).call
             groups.setdefault((call, self._status(question.node), json.dumps(shape)), []).append(question)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options
-from dextera_build.errors import DxbError, RuleError, UsageError
+from dextera_build.errors import DxbError, RuleError, StaleError, UsageError
 
 if TYPE_CHECKING:
     from dextera_build.cli.session import Session
@@ -77,6 +77,12 @@ def _repeat(args: argparse.Namespace, project: Project, recipe: str, node: str) 
         "project": str(project.root),
     }
     reply = run_task(task, lambda kind, data: None)
+    if reply.get("reads", []) != document.get("read", []):
+        raise StaleError(
+            f"`{recipe}:{node}` reads other files, or other content, than when it was built",
+            code="DXB-C104",
+            hint=f"`dxb why '{recipe}:{node}'`; `dxb build '{recipe}:{node}'`, then check again",
+        )
     after = reply["output"]
     rows = list(_rows(session, str(document["rule"]), key, before, reply))
     if after != before:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dextera_build.recipe.plan import Plan
     from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
-    from dextera_build.store.statcache import StatCache
+    from dextera_build.store.store import Store
 
 
 @dataclass(frozen=True)
@@ -108,33 +108,39 @@ def note_packages(watch: Watch) -> None:
         watch.modules(entry or os.getcwd())
 
 
-def near(project: Project, fingerprint: Mapping[str, object], leaves: StatCache) -> Near | None:
+def near(project: Project, fingerprint: Mapping[str, object], store: Store) -> Near | None:
     """What the last build of a request knew, if nothing changed since but files that nodes read, and comments."""
     path = _file(project, fingerprint)
     stale = snapshot.load_if_near(path, dict(fingerprint))
     try:
-        return _known(path, stale, leaves, project.cache / "runs") if stale else None
+        return _known(project, path, stale, store) if stale else None
     except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError):
         return None  # it was damaged, or another version wrote it
     except DxbError:
         return None  # a file cannot be read; planning says it better
 
 
-def _known(path: Path, stale: Stale, leaves: StatCache, logs: Path) -> Near | None:
+def _known(project: Project, path: Path, stale: Stale, store: Store) -> Near | None:
     from dextera_build.engine import known
+    from dextera_build.store.traces.look import Look
 
+    leaves = store.leaves
     said = [name for name in stale.changed if name in stale.head["fixed"]]
-    if not all(_says_the_same(name, stale.head, leaves) for name in said):
+    if not all(_says_the_same(name, stale.head, store) for name in said):
         return None
     found = known.read(path)
-    if found.depth >= _DEEPEST or not (logs / found.run).is_dir():
+    if found.depth >= _DEEPEST or not (project.cache / "runs" / found.run).is_dir():
         return None
     files = [name for name in stale.changed if name not in said or name in found.leaves]
-    tops = {_leaf_of(name, found.head["leaves"]) for name in files}
-    if not all(top is not None and _is_whole(top, stale.head) for top in tops):
+    nodes, others = found.reread.changed(stale.changed, Look(project.root, leaves, store.root))
+    tops = {name: _leaf_of(name, found.head["leaves"]) for name in files}
+    declared = {top for top in tops.values() if top is not None}
+    if any(tops[name] is None for name in files if name in others) or not all(
+        _is_whole(top, stale.head) for top in declared
+    ):
         return None
-    changed = [str(top) for top in tops if leaves.digest_leaf(Path(str(top))) != found.leaves[str(top)]]
-    return Near(stale, found) if found.spread(changed) else None
+    changed = [top for top in declared if leaves.digest_leaf(Path(top)) != found.leaves[top]]
+    return Near(stale, found) if found.spread(changed, nodes) else None
 
 
 def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near: Near, lines: list[str]) -> None:
@@ -152,10 +158,10 @@ def _placed(lines: list[str]) -> list[str]:
     return [os.path.join(here, line.partition("\t")[2]) for line in lines]
 
 
-def _says_the_same(name: str, head: Mapping[str, Mapping[str, str | None]], leaves: StatCache) -> bool:
+def _says_the_same(name: str, head: Mapping[str, Mapping[str, str | None]], store: Store) -> bool:
     """Whether only comments and layout of a recipe or of a rule's source changed."""
-    if leaves.watch is not None:
-        leaves.watch.file(name)
+    if store.leaves.watch is not None:
+        store.leaves.watch.file(name)
     if name.endswith(".yaml"):
         from dextera_build.recipe.content import content
     else:

@@ -10,6 +10,7 @@ from typing import Any
 from dextera_build import digest as digests
 from dextera_build.cli import calls
 from dextera_build.cli.origins import Origin, Origins
+from dextera_build.cli.reads import Reads
 from dextera_build.cli.session import Session
 from dextera_build.errors import DxbError
 
@@ -123,6 +124,7 @@ def _node(session: Session, key: str, node: str, document: Row | None) -> Row:
         },
         "packages": document["packages"],
         "weights": document["weights"],
+        "reads": Reads(session).rows(document),
     }
 
 
@@ -182,6 +184,7 @@ def _details(row: Row) -> Iterator[str]:
     yield f"code {row['code']['digest'][:_SHORT]}\t{len(row['code']['files'])} files"
     yield from (f"package {name}\t{version}" for name, version in row["packages"].items())
     yield from (f"weights {name}" for name in row["weights"])
+    yield from (f"read {name}\t{answer}" for name, answer in row["reads"].items())
     for call in row.get("calls", ()):
         yield f"call {call['call'][:_SHORT]}\t{call.get('service', '?')} {call.get('model', '')}".rstrip()
 

@@ -102,6 +102,11 @@ class Locking:
         pin = self._old.get(self._name(recipe, state.address))
         if pin is None:
             return "" if _is_open(state) else "not pinned"
+        if state.key is None and state.key_document:
+            # It reads by itself. The store may know what the pinned one read; else the build tells.
+            found = causes.since(state.address, pin.key)
+            known = not any(cause.kind == "lost" for cause in found)
+            return "\n".join([f"key {pin.key[:12]} -> ?", *map(_line, found)]) if found and known else ""
         if state.key not in (None, pin.key):
             lines = [_line(cause) for cause in causes.since(state.address, pin.key)]
             return "\n".join([f"key {pin.key[:12]} -> {(state.key or '')[:12]}", *lines])

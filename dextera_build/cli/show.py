@@ -9,6 +9,7 @@ from typing import Any
 
 from dextera_build.cli import options
 from dextera_build.cli.calls import is_call, show
+from dextera_build.cli.reads import Reads
 from dextera_build.errors import UsageError
 from dextera_build.report.wording import used
 
@@ -113,6 +114,7 @@ def _node(session: Any, node: str) -> dict[str, Any]:
         rows |= _header(session, found.output)
     rows |= {f"option {name}": json.dumps(value) for name, value in document["options"].items()}
     rows |= {f"input {slot}": digest for slot, digest in document["inputs"]}
+    rows |= {f"read {name}": told for name, told in Reads(session).rows(document).items()}
     return rows | {f"package {name}": version for name, version in document["packages"].items()}
 
 

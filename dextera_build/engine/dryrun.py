@@ -10,6 +10,7 @@ from dextera_build.engine.graph import Address, Graph, parse_address
 from dextera_build.engine.history import History
 from dextera_build.engine.policy import Policy
 from dextera_build.engine.reach import leaves, reach
+from dextera_build.engine.reading import Reading
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node
@@ -25,6 +26,7 @@ class Planned:
     status: Literal["cached", "stale", "unknown"]
     """`stale`: it would run. `unknown`: it reads something that is stale, whose output may come out equal."""
     key: str | None
+    """None where it is not known yet. That of a stale node which reads by itself holds if it reads what it read last."""
     seconds_last: float | None
     """How long it ran the last time [s], where that is known."""
     output: str | None = None
@@ -57,16 +59,17 @@ def plan(
     order = {path: place for place, (path, _) in enumerate(graph.calls())}
     found = []
     for path in sorted(copies, key=order.__getitem__):
-        found += [_planned(node, history) for node in copies[path]] or [_open(path, history)]
+        found += [_planned(node, history, scheduler.reading) for node in copies[path]] or [_open(path, history)]
     return found
 
 
-def _planned(node: Node, history: History | None) -> Planned:
+def _planned(node: Node, history: History | None, reading: Reading) -> Planned:
     last = history.get(node.address) if history else None
     seconds = node.result.seconds if node.result else last.seconds if last else None
     if node.state is State.DONE and node.result is not None:
         return Planned(node.address, "cached", node.key, seconds, node.result.output, node.document)
     if node.state is State.STALE:
+        reading.suppose(node, last.key if last else "")
         return Planned(node.address, "stale", node.key, seconds, None, node.document)
     return Planned(node.address, "unknown", None, seconds)
 

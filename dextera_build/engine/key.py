@@ -138,7 +138,7 @@ def _flat(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _reads(document: Document) -> dict[str, str]:
-    return {name: answer for _, name, answer in document.get(traces.READ, ())}
+    return {traces.label(kind, name): answer for kind, name, answer in document.get(traces.READ, ())}
 
 
 def _code(document: Document) -> dict[str, str]:

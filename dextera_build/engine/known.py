@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.engine import compact
 from dextera_build.engine.compact import Members, Names
 from dextera_build.engine.graph import Graph, RuleFacts
+from dextera_build.engine.reread import Reread
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Node, Opening, Packing, Unit
 from dextera_build.store import frames
@@ -53,6 +54,8 @@ class Known:
     """Addresses of nodes, a line each."""
     leaves: dict[str, str]
     """File or folder that nodes read -> digest."""
+    reread: Reread
+    """What nodes read by themselves."""
     run: str
     """The run whose events say what there is to say of each node."""
     cone: set[int] = field(default_factory=set)
@@ -68,9 +71,9 @@ class Known:
         """How many nodes are known without a look."""
         return len(self.seconds) - len(self.cone)
 
-    def spread(self, changed: Iterable[str]) -> bool:
-        """Note all that stands above these files and folders; False where a group does, which may open anew."""
-        units: list[int] = []
+    def spread(self, changed: Iterable[str], nodes: Iterable[int] = ()) -> bool:
+        """Note all that stands above these files, folders and nodes; False where a group does, which may open anew."""
+        units = [*nodes]
         for path in changed:
             units += self.head["leaves"][path]
         nodes = len(self.seconds)
@@ -131,6 +134,7 @@ class Known:
         for node in wiring.nodes.values():
             number = self.names.find(node.address)
             if number is not None and node.key and node.result is not None and not is_stub(node):
+                self.reread.learn(number, node.reads)
                 self.keys[number * 32 : number * 32 + 32] = bytes.fromhex(node.key)
                 self.outputs[number * 32 : number * 32 + 32] = bytes.fromhex(node.result.output)
                 self.seconds[number] = node.result.seconds
@@ -149,6 +153,7 @@ class Known:
             "items": self.items,
             "collections": self.collections,
             "leaves": self.leaves,
+            "reads": self.reread.plain(),
             "run": self.run,
             "depth": self.depth,
         }
@@ -219,6 +224,7 @@ def write(
         collections={_name(unit): unit.output or "" for unit in wiring.gatherings()},
         leaves={str(path.absolute()): digest for path, digest in wiring.leaves.items()},
         text=lambda: lines,
+        reread=Reread.of(dict(enumerate(nodes))),
         run=run,
     )
     known.write_state(path)
@@ -259,6 +265,7 @@ def read(path: Path) -> Known:
         collections=state["collections"],
         text=lambda: bytes(parts[7]).decode(),
         leaves=state["leaves"],
+        reread=Reread.of_plain(state["reads"]),
         run=state["run"],
         depth=state["depth"],
     )

@@ -11,6 +11,7 @@ from dextera_build.engine.key import Writer
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError, RuleError
 from dextera_build.store.actions import ActionResult
+from dextera_build.store.cas import MissingBlob
 from dextera_build.store.store import Store
 from dextera_build.store.traces import steps as traces
 from dextera_build.store.traces import tree
@@ -77,13 +78,24 @@ class Reading:
             self._told[node.call.rule.discovers, kind, name] = answer
         self._take(node, steps, traces.spelled(self._static(node), steps))
 
+    def suppose(self, node: Node, last: str) -> None:
+        """Give a stale node the key that it has if it reads what it read when it had the key `last`, or none."""
+        if not node.call.rule.discovers:
+            return
+        try:
+            parts = traces.parts_of(self._store.blobs.get(last)) if last else None
+        except (MissingBlob, ValueError):
+            parts = None
+        if parts is None:
+            node.key = None
+            return
+        steps = tuple((kind, name, self._now(node, kind, name)) for kind, name, _ in parts[1])
+        self._take(node, steps, traces.spelled(self._static(node), steps))
+
     def watch(self, node: Node, steps: object) -> None:
         """Look at what a node read that has no result, so that whoever watches knows of it."""
         for kind, name, _ in steps if isinstance(steps, list) else ():
-            try:
-                self._look(node).answer(str(kind), str(name))
-            except DxbError:
-                continue
+            self._now(node, str(kind), str(name))
 
     def forget(self, node: Node) -> None:
         """Ask anew what a node reads."""
@@ -94,10 +106,13 @@ class Reading:
         kind, name, answer = step
         if self._told.get((node.call.rule.discovers, kind, name), answer) != answer:
             return True
+        return self._now(node, kind, name) != answer
+
+    def _now(self, node: Node, kind: str, name: str) -> str:
         try:
-            return self._look(node).answer(kind, name) != answer
+            return self._look(node).answer(kind, name)
         except DxbError:
-            return True
+            return "?"
 
     def _answers(self, node: Node) -> tree.Answer:
         look = self._look(node)

@@ -18,6 +18,7 @@ from dextera_build.store.bundle.contents import Contents, Node
 from dextera_build.store.bundle.documents import Read
 from dextera_build.store.bundle.refusal import BundleRefused, ill_formed, wrong_result
 from dextera_build.store.cas import is_digest
+from dextera_build.store.traces import steps as traces
 
 
 class Closure:
@@ -75,6 +76,10 @@ class Closure:
                 raise ill_formed(what, "`inputs` are not pairs of slot and digest")
             if not is_digest(pair[1]):
                 raise ill_formed(what, "an input is not a SHA-256 digest")
+        try:
+            traces.parts_of(self._read(node.key))
+        except (ValueError, TypeError, KeyError):
+            raise ill_formed(what, "it says that the call read what none can read") from None
         return document
 
     def _result(self, address: str, node: Node) -> ActionResult:

@@ -11,7 +11,7 @@ from dextera_build import digest as digests
 from dextera_build.errors import RuleError
 from dextera_build.store.statcache import StatCache
 from dextera_build.store.traces import names
-from dextera_build.store.traces.steps import NO, NONE, YES, Step, is_plain
+from dextera_build.store.traces.steps import NO, NONE, YES, is_plain
 
 
 class Look:
@@ -70,13 +70,10 @@ class Look:
             raise _outside(name, os.path.realpath(path))
         return path
 
-    def is_at(self, step: Step, changed: str) -> bool:
-        """Whether the answer of a step may be another since something happened to a path."""
-        kind, name, _ = step
-        if kind != "names":
-            return changed == os.path.join(self._root, name)
-        below = os.path.join(self._root, names.base(name)).rstrip("/")
-        return changed == below or changed.startswith(f"{below}/")
+    def place(self, kind: str, name: str) -> str:
+        """The path that the answer of a question hangs on; for a pattern, the folder in which all that matches lies."""
+        below = names.base(name) if kind == "names" else name
+        return os.path.join(self._root, below) if below else self._root
 
     def _state(self, name: str) -> os.stat_result | None:
         path = self.path(name)

@@ -75,6 +75,11 @@ def first_difference(one: Sequence[Step], other: Sequence[Step]) -> int:
     )
 
 
+def label(kind: str, name: str) -> str:
+    """A question as people read it."""
+    return {"file": name, "there": f"exists {name}", "names": f"glob {name}"}[kind]
+
+
 def is_plain(name: str) -> bool:
     """Whether this is a path, or a pattern, below a folder, in its one spelling."""
     return (
