@@ -26,7 +26,7 @@ class Planned:
     status: Literal["cached", "stale", "unknown"]
     """`stale`: it would run. `unknown`: it reads something that is stale, whose output may come out equal."""
     key: str | None
-    """None where it is not known yet. That of a stale node which reads by itself holds if it reads what it read last."""
+    """None where it is not known; that of a stale node which reads by itself is right if it reads what it read last."""
     seconds_last: float | None
     """How long it ran the last time [s], where that is known."""
     output: str | None = None

@@ -145,14 +145,23 @@ class Actions:
             ValueError: A number is not finite.
         """
         self._keep_calls(result)
+        message, outputs = self.spell(result, beside)
+        files.write(self._file(key), message, workshop=self._workshop)
+        if self.presence is not None:
+            self.presence.note(key, outputs)
+        return result.digest
+
+    def spell(self, result: ActionResult, beside: Iterable[str] = ()) -> tuple[bytes, list[OutputFile]]:
+        """The entry of a result, and what it names; the result itself is stored, the entry is not.
+
+        Raises:
+            MissingBlob: The result refers to something that is not in the store.
+        """
         document = result.document
         digest = vars(result)["digest"] = self._blobs.put(document)  # so that it need not be spelled again
         more = [self._sized(f"answers/{digest}", digest) for digest in beside]
         outputs = [*self._needs(result), *more, OutputFile(_RESULT, digest, len(document), document)]
-        files.write(self._file(key), encode(outputs), workshop=self._workshop)
-        if self.presence is not None:
-            self.presence.note(key, outputs)
-        return result.digest
+        return encode(outputs), outputs
 
     def verify(self, key: str) -> bool:
         """Whether `key` has a result all of whose blobs are whole; every blob is read, damaged ones are set aside."""

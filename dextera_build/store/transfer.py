@@ -8,18 +8,20 @@ from __future__ import annotations
 
 import threading
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from dextera_build.errors import StoreError
 from dextera_build.store import header
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
+from dextera_build.store.reapi import OutputFile
 from dextera_build.store.remotes import entry as entries
-from dextera_build.store.remotes.remote import DamagedBlob, Digest, Remote
+from dextera_build.store.remotes.remote import MOST_ENTRY, DamagedBlob, Digest, Remote
 from dextera_build.store.store import Store
-from dextera_build.store.traces.tree import publish
+from dextera_build.store.traces import steps as traces
+from dextera_build.store.traces import tree
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ class Transfer:
             result = entries.result(entry, document)
             if result is None or not all(entries.is_record(self._store.blobs.get(name)) for _, name in result.calls):
                 return None
-            publish(self._store, key.hash, result)
+            tree.publish(self._store, key.hash, result)
         except (MissingBlob, ValueError, KeyError, TypeError, AttributeError, RecursionError):
             # A header is not one, or names what the entry does not.
             return None
@@ -129,6 +131,37 @@ class Transfer:
         for file in named:
             if file.path.startswith("calls/"):  # first, so that whoever has another key for its node finds the answer
                 self.send(remote, file.digest)
+        sent = self._deliver(remote, message, named)
+        document = self._store.blobs.get(key)
+        parts = traces.parts_of(document)
+        if parts is not None:
+            self._weave(remote, *parts)
+        return sent
+
+    def _weave(self, remote: Remote, static: Mapping[str, Any], steps: traces.Steps) -> None:
+        """Let what the remote holds lead to a result of a call that reads by itself, beside all that it leads to."""
+
+        def known(document: bytes) -> traces.Steps | None:
+            key = Digest(tree.key_of(document), len(document))
+            message = remote.get_action(key)
+            entry = entries.read(message, key) if message is not None else None
+            if entry is None:
+                return None
+            output = next(blob for blob in entry.blobs if blob.hash == entry.roles["output"])
+            here = self._store.blobs.size(output.hash) == output.size
+            if output.size > MOST_ENTRY or not (here or self.blobs(remote, [output])):
+                return None
+            try:
+                return traces.steps_of(self._store.blobs.get(output.hash))
+            except (MissingBlob, ValueError, KeyError, TypeError, RecursionError):
+                return None
+
+        def put(document: bytes, onward: traces.Steps) -> None:
+            self._deliver(remote, *self._store.actions.spell(tree.loose(self._store, document, onward)))
+
+        tree.weave(static, steps, known, put)
+
+    def _deliver(self, remote: Remote, message: bytes, named: list[OutputFile]) -> Sent:
         blobs = list(dict.fromkeys(Digest(file.digest, file.size) for file in named))
         document = next(blob for blob, file in zip(blobs, named, strict=False) if file.path == "key.json")
         with self._guard:
