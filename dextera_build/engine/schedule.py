@@ -187,10 +187,13 @@ class Scheduler:
                 self._queue(node)
 
     def _ask(self, node: Node) -> bool:
+        if not node.call.rule.discovers:
+            return self.sharing.ask(node)
+        here = (node.key, node.document, node.reads)
         self.reading.begin(node)  # a remote knows ways of its own to what it holds
         if self.sharing.ask(node):
             return True
-        self.reading.find(node)
+        node.key, node.document, node.reads = here
         return False
 
     def _came(self, node: Node, status: str, result: ActionResult) -> None:

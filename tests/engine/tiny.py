@@ -10,7 +10,8 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Mapping
+import zlib
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ from dextera_build.engine.executors.inline import Emit, InlineExecutor
 from dextera_build.engine.graph import Address, Call, Fixed, Gather, Graph, Group, Input, Item, Leaf, Output, RuleFacts
 from dextera_build.errors import Place, RuleError
 from dextera_build.store.store import Store
+from dextera_build.store.traces.look import Look
+from dextera_build.store.traces.recording import Recording
 
 RUNNER = "tests.engine.tiny:run_task"
 HERE = Place("recipe.yaml", 1, 1)
@@ -35,8 +38,32 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     for name in sorted(task["inputs"]):
         _read_all(store, task["inputs"][name])
     _misbehave(options, emit)
-    output = store.blobs.put(_output(options, task["inputs"], store))
-    return {"output": output, "line": f"{options['do']} done", "previews": [], "metrics": {"size": (1.0, "")}}
+    reply = {"line": f"{options['do']} done", "previews": [], "metrics": {"size": (1.0, "")}}
+    if options["do"] == "read":
+        asked = Recording(Look(Path(options["value"]["folder"]), store.leaves, store.root))
+        seen = follow(options["value"]["start"], asked.exists, lambda name: _text(store, asked.file(name)), asked.names)
+        output = store.blobs.put(text_header(seen))
+        return {**reply, "output": output, "reads": [list(step) for step in asked.steps]}
+    return {**reply, "output": store.blobs.put(_output(options, task["inputs"], store))}
+
+
+def follow(
+    start: object, exists: Callable[[str], bool], text: Callable[[str], str], names: Callable[[str], list[str]]
+) -> str:
+    """What a call finds that reads by itself: each file leads to the next, and in the end all of them are listed."""
+    told = [str(start)]
+    name = f"leaf{zlib.crc32(str(start).encode()) % 4}"
+    for _ in range(3):
+        if not exists(name):
+            told.append(f"no {name}")
+            break
+        told.append(text(name))
+        name = f"leaf{len(told[-1]) % 4}"
+    return "; ".join([*told, *(names("leaf*") if len(told) % 2 else ())])
+
+
+def _text(store: Store, file: str) -> str:
+    return store.blobs.get(_direct(store, file)[1][0]).decode()
 
 
 @functools.cache

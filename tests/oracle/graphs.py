@@ -10,7 +10,7 @@ from typing import Any
 from dextera_build.engine.graph import Address, Call, Fixed, Graph, Group, Input, Output
 from tests.engine.tiny import call, every, facts, graph, group, item, leaf, out
 
-_DOES = ("hash", "hash", "hash", "pick", "const", "blob")
+_DOES = ("hash", "hash", "hash", "pick", "const", "blob", "read")
 
 
 class RandomGraph:
@@ -27,6 +27,7 @@ class RandomGraph:
         for number, path in enumerate(self.files):
             path.write_text(f"content {number}")
         self.members: dict[str, Call | Group] = {}
+        self.folder = folder
         self._grow()
 
     def graph(self) -> Graph:
@@ -40,9 +41,13 @@ class RandomGraph:
 
     def edit(self) -> None:
         """Change one thing that may matter."""
-        if self.random.random() < 0.2:
-            path = self.random.choice(self.files)
-            path.write_text(f"content {self.random.randint(0, 2)} of {path.name}")
+        if self.random.random() < 0.3:
+            path = self.random.choice([*self.files, self.folder / "leaf3"])  # the last is no input, and may be missing
+            number = self.random.randint(0, 2)
+            if path not in self.files and path.exists():
+                path.unlink()
+            else:
+                path.write_text(f"content {number} of {path.name}{'.' * number}")
             return
         self._change(self.random.choice([path for path, _ in self.graph().calls()]))
 
@@ -55,10 +60,15 @@ class RandomGraph:
         kind = self.random.randrange(4)
         if kind == 0:
             version = self.random.randint(1, 3)
-            self._replace(path, lambda old: dataclasses.replace(old, rule=facts(version)))
+            self._replace(path, lambda old: dataclasses.replace(old, rule=facts(version, discovers=old.rule.discovers)))
         elif kind == 1:
             digest = str(self.random.randint(1, 3))
-            self._replace(path, lambda old: dataclasses.replace(old, rule=facts(code={"a.py": {"f": digest}})))
+            self._replace(
+                path,
+                lambda old: dataclasses.replace(
+                    old, rule=facts(code={"a.py": {"f": digest}}, discovers=old.rule.discovers)
+                ),
+            )
         elif kind == 2 and len(path) > 1:
             self._override(path)
         else:
@@ -155,8 +165,14 @@ class RandomGraph:
     def _call(self, name: str, do: str, pool: list[Input]) -> Call:
         count = self.random.randint(0, min(3, len(pool)))
         inputs = {f"s{place}": source for place, source in enumerate(self.random.sample(pool, count))}
-        return dataclasses.replace(call(name, do, self.random.randint(0, 3)), inputs=inputs)
+        value = self.random.randint(0, 3)
+        if do != "read":
+            return dataclasses.replace(call(name, do, value), inputs=inputs)
+        rule = facts(discovers=str(self.folder))
+        return dataclasses.replace(call(name, do, {"folder": str(self.folder), "start": value}, rule), inputs=inputs)
 
 
 def _with(old: Call, **options: Any) -> Call:
+    if old.rule.discovers and "value" in options:
+        options["value"] = {**old.options["value"], "start": options["value"]}  # type: ignore[dict-item]
     return dataclasses.replace(old, options={**old.options, **options})

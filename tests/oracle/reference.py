@@ -10,7 +10,7 @@ from typing import Any
 from dextera_build import digest
 from dextera_build.engine.graph import Address, Call, Fixed, Graph, Input, Item, Leaf, Output, node_address
 from dextera_build.store.header import collection_header, file_header
-from tests.engine.tiny import _output
+from tests.engine.tiny import _output, follow, text_header
 
 Labels = tuple[str, ...]
 
@@ -69,6 +69,8 @@ class Reference:
         key = self.keys[address] = repr(
             (rule.path, rule.version, rule.code, call.options, call.salt, sorted(inputs.items()))
         )
+        if rule.discovers:
+            return self.discovered(address, call)
         if call.options["do"] == "fail":
             self.failed.add(address)
             return None
@@ -78,6 +80,31 @@ class Reference:
         else:
             self.put(_output(call.options, inputs, self))  # type: ignore[arg-type]
         return self.cache[key]
+
+    def discovered(self, address: str, call: Call) -> str | None:
+        """A call that reads by itself is made of all that it was told."""
+        if call.options["do"] == "fail":
+            self.failed.add(address)
+            return None
+        folder = Path(call.options["value"]["folder"])  # type: ignore[index]
+        told: list[object] = []
+
+        def noted(answer: Any) -> Any:
+            told.append(answer)
+            return answer
+
+        seen = follow(
+            call.options["value"]["start"],  # type: ignore[index]
+            lambda name: noted((folder / name).exists()),
+            lambda name: noted((folder / name).read_text()),
+            lambda pattern: noted(sorted(path.name for path in folder.glob(pattern) if path.is_file())),
+        )
+        key = self.keys[address] = f"{self.keys[address]} {told}"
+        output = self.put(text_header(seen))
+        if key not in self.cache:
+            self.ran.add(key)
+        self.cache[key] = output
+        return output
 
     def value(self, source: Input, scope: tuple[str, ...], labels: Labels) -> str | None:
         if isinstance(source, Leaf):

@@ -1,0 +1,86 @@
+"""What a node read by itself, in words: for `why`, `show` and lineage."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from dextera_build.errors import DxbError
+from dextera_build.report.wording import count
+from dextera_build.store.cas import MissingBlob
+from dextera_build.store.traces.look import Look
+from dextera_build.store.traces.steps import NONE, READ, label
+
+if TYPE_CHECKING:
+    from dextera_build.cli.session import Session
+
+_UNKNOWN = "?"
+"""Stands for an answer that cannot be had."""
+
+
+class Reads:
+    """Tells of what calls asked the project's folder.
+
+    Args:
+        session: Of the project.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._store = session.store
+        self._look = Look(session.project.root, session.store.leaves, session.store.root)
+
+    def asked_now(self, document: Mapping[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
+        """A key document as it would be if its call asked what the call of another one did."""
+        steps = [[kind, name, self._answer(kind, name)] for kind, name, _ in old.get(READ, ())]
+        return {**document, READ: steps}
+
+    def change(self, named: str, document: Mapping[str, Any], old: object, new: object) -> tuple[str, dict[str, str]]:
+        """What became of an answer of the call of a document, and for a pattern each file that came or went."""
+        step = next((step for step in document.get(READ, ()) if label(*step[:2]) == named), None)
+        if step is None or new is None:
+            return "not read now" if new is None else "not read before", {}
+        if step[0] == "names":
+            before, now = self.listing(str(old)), self._names(step[1])
+            changed = {name: "added" for name in now if name not in (before or now)}
+            changed |= {name: "removed" for name in before or () if name not in now}
+            then = count(len(before), "file") if before is not None else "?"
+            return f"{then} -> {count(len(now), 'file')}", changed
+        words = {NONE: "gone", _UNKNOWN: "not to be read"}
+        told = [words.get(str(value), str(value)[:8]) for value in (old, new)]
+        return " -> ".join(told), {}
+
+    def rows(self, document: Mapping[str, Any]) -> dict[str, str]:
+        """Question -> what the call of a document was told."""
+        return {label(kind, name): self._told(kind, answer) for kind, name, answer in document.get(READ, ())}
+
+    def listing(self, digest: str) -> list[str] | None:
+        """Files that a pattern matched, or None where the store does not hold the list."""
+        try:
+            found: list[str] = json.loads(self._store.blobs.get(digest))
+        except MissingBlob:
+            return None
+        return found
+
+    def _told(self, kind: str, answer: str) -> str:
+        if kind == "names":
+            listed = self.listing(answer)
+            return count(len(listed), "file") if listed is not None else f"list {answer[:12]}"
+        if kind == "there":
+            return answer
+        try:
+            return "sha256 " + str(json.loads(self._store.blobs.get(answer))["fields"]["data"]["$bytes"][0])
+        except MissingBlob:
+            return f"digest {answer[:12]}"
+
+    def _answer(self, kind: str, name: str) -> str:
+        try:
+            return self._look.answer(kind, name)
+        except DxbError:
+            return _UNKNOWN
+
+    def _names(self, pattern: str) -> list[str]:
+        try:
+            return self._look.names(pattern)
+        except DxbError:
+            return []
