@@ -71,9 +71,9 @@ class Known:
         """How many nodes are known without a look."""
         return len(self.seconds) - len(self.cone)
 
-    def spread(self, changed: Iterable[str], nodes: Iterable[int] = ()) -> bool:
+    def spread(self, changed: Iterable[str], also: Iterable[int] = ()) -> bool:
         """Note all that stands above these files, folders and nodes; False where a group does, which may open anew."""
-        units = [*nodes]
+        units = [*also]
         for path in changed:
             units += self.head["leaves"][path]
         nodes = len(self.seconds)

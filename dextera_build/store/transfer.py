@@ -18,6 +18,7 @@ from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.reapi import OutputFile
 from dextera_build.store.remotes import entry as entries
+from dextera_build.store.remotes.breaker import Guarded
 from dextera_build.store.remotes.remote import MOST_ENTRY, DamagedBlob, Digest, Remote
 from dextera_build.store.store import Store
 from dextera_build.store.traces import steps as traces
@@ -142,24 +143,30 @@ class Transfer:
         """Let what the remote holds lead to a result of a call that reads by itself, beside all that it leads to."""
 
         def known(document: bytes) -> traces.Steps | None:
-            key = Digest(tree.key_of(document), len(document))
-            message = remote.get_action(key)
-            entry = entries.read(message, key) if message is not None else None
-            if entry is None:
-                return None
-            output = next(blob for blob in entry.blobs if blob.hash == entry.roles["output"])
-            here = self._store.blobs.size(output.hash) == output.size
-            if output.size > MOST_ENTRY or not (here or self.blobs(remote, [output])):
-                return None
-            try:
-                return traces.steps_of(self._store.blobs.get(output.hash))
-            except (MissingBlob, ValueError, KeyError, TypeError, RecursionError):
-                return None
+            if isinstance(remote, Guarded):
+                return remote.aside(lambda other: self._onward(other, document))
+            return self._onward(remote, document)
 
         def put(document: bytes, onward: traces.Steps) -> None:
             self._deliver(remote, *self._store.actions.spell(tree.loose(self._store, document, onward)))
 
         tree.weave(static, steps, known, put)
+
+    def _onward(self, remote: Remote, document: bytes) -> traces.Steps | None:
+        """What the remote says that is read next by a call which has read what stands in its key document."""
+        key = Digest(tree.key_of(document), len(document))
+        message = remote.get_action(key)
+        entry = entries.read(message, key) if message is not None else None
+        if entry is None:
+            return None
+        output = next(blob for blob in entry.blobs if blob.hash == entry.roles["output"])
+        here = self._store.blobs.size(output.hash) == output.size
+        if output.size > MOST_ENTRY or not (here or self.blobs(remote, [output])):
+            return None
+        try:
+            return traces.steps_of(self._store.blobs.get(output.hash))
+        except (MissingBlob, ValueError, KeyError, TypeError, RecursionError):
+            return None
 
     def _deliver(self, remote: Remote, message: bytes, named: list[OutputFile]) -> Sent:
         blobs = list(dict.fromkeys(Digest(file.digest, file.size) for file in named))

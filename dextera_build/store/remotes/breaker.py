@@ -98,6 +98,15 @@ class Guarded:
         octets = sum(digest.size for digest in digests)
         self._call("write", lambda remote: remote.send(digests, give), octets, len(digests))
 
+    def aside(self, work: Callable[[Remote], T]) -> T | None:
+        """What comes of a question that is asked in order to write, None where it fails: one who writes need not read."""
+        if not self._may["write"]:
+            return None
+        try:
+            return self._watched(work, _PATIENCE * self._timeout_s)
+        except RemoteFault:
+            return None
+
     def close(self) -> None:
         """Ask the remote nothing more, and let connections go."""
         self._may = {"read": False, "write": False}
