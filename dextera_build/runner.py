@@ -59,7 +59,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     }
     # JSON mode takes a list for a tuple, and the engine speaks JSON.
     options = rule.options.model_validate_json(json.dumps(task["options"]))
-    calls, reads = _Calls(task, store, emit), _Reads(task, store) if rule.discovers else None
+    calls, reads = _Calls(task, store, emit), ProjectReads(Path(task["project"]), store) if rule.discovers else None
     with _full_disk_said(store), ExitStack() as folders, _full_disk_said(store):
         # Most calls need no folder, and making one takes longer than a small call.
         ctx = Context(
@@ -79,7 +79,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         return reply | ({"reads": reads.finish()} if reads is not None else {})
 
 
-def _keep(task: Mapping[str, Any], store: Store, reads: _Reads | None) -> Path | Callable[[], Path] | None:
+def _keep(task: Mapping[str, Any], store: Store, reads: ProjectReads | None) -> Path | Callable[[], Path] | None:
     """The folder in which a call keeps its progress; one that reads by itself has another when it read other things."""
     if not task.get("key"):
         return None
@@ -88,7 +88,7 @@ def _keep(task: Mapping[str, Any], store: Store, reads: _Reads | None) -> Path |
 
 
 @contextmanager
-def _failure_told(reads: _Reads, emit: Emit) -> Iterator[None]:
+def _failure_told(reads: ProjectReads, emit: Emit) -> Iterator[None]:
     """Say what a call read that fails, for its mend may lie there."""
     try:
         yield
@@ -97,17 +97,24 @@ def _failure_told(reads: _Reads, emit: Emit) -> Iterator[None]:
         raise
 
 
-class _Reads:
-    """What one call reads by itself; few rules do, so what it takes is loaded with the first."""
+class ProjectReads:
+    """What one call reads by itself; few rules do, so what it takes is loaded with the first.
 
-    def __init__(self, task: Mapping[str, Any], store: Store) -> None:
+    Args:
+        root: The project's folder.
+        store: Takes what is read.
+
+    Raises:
+        MachineError: The folder is not on this machine.
+    """
+
+    def __init__(self, root: Path, store: Store) -> None:
         from dextera_build.store.traces.look import Look
         from dextera_build.store.traces.recording import Recording
 
-        root = Path(task["project"])
         if not root.is_dir():
             raise MachineError(
-                f"`{task['rule']}` reads files of the project, whose folder is not on this machine",
+                "a rule reads files of the project, whose folder is not on this machine",
                 code="DXB-E370",
                 facts={"folder": str(root)},
                 hint="run it where the project lies",

@@ -11,6 +11,8 @@ from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
 from dextera_build.loader import Library, RuleFile, choose_backend
 from dextera_build.rule import Context, Outcome
+from dextera_build.runner import ProjectReads
+from dextera_build.store.store import Store
 
 
 class RuleRunner:
@@ -21,6 +23,7 @@ class RuleRunner:
         project: A project whose own rules count too.
         keep: The folder for `ctx.keep`, removed when a call succeeded, as in a build; None is one below `scratch`.
         calls: Answers `ctx.call`: a `Recorder` on a store, or a function that returns what a service would.
+        files: The folder in which `ctx.read`, `ctx.glob` and `ctx.exists` look; None is that of `project`.
     """
 
     def __init__(
@@ -29,6 +32,7 @@ class RuleRunner:
         project: Path | None = None,
         keep: Path | None = None,
         calls: Callable[..., bytes] | None = None,
+        files: Path | None = None,
     ) -> None:
         self._scratch = scratch
         self._keep = keep or scratch / "keep"
@@ -37,6 +41,9 @@ class RuleRunner:
         self._blobs: dict[str, bytes] = {}
         self.outcome = Outcome()
         """What the last rule said: its line, previews and metrics."""
+        self._files = files or project or scratch
+        self.reads: list[list[str]] = []
+        """What the last rule read by itself: (`file`, `there` or `names`, what was asked, what was told), in order."""
 
     def find(self, path: str) -> RuleFile:
         """The rule called `path`."""
@@ -59,10 +66,14 @@ class RuleRunner:
         found = self.find(path)
         chosen = choose_backend(found, backend, profile)
         rule = found.rule
-        ctx = Context(chosen.load() if chosen else None, scratch=self._scratch, keep=self._keep, calls=self._calls)
+        reads = ProjectReads(self._files, Store(self._scratch / "store")) if rule.discovers else None
+        ctx = Context(
+            chosen.load() if chosen else None, scratch=self._scratch, keep=self._keep, calls=self._calls, reads=reads
+        )
         keyword = {"options": rule.options.model_validate(dict(options or {}))} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)
         self.outcome = ctx.outcome
+        self.reads = reads.finish() if reads is not None else []
         shutil.rmtree(self._keep, ignore_errors=True)
         return type(result).decode(self.encode(result), self._blobs.__getitem__)
 
