@@ -99,7 +99,7 @@ class Guarded:
         self._call("write", lambda remote: remote.send(digests, give), octets, len(digests))
 
     def aside(self, work: Callable[[Remote], T]) -> T | None:
-        """What comes of a question that is asked in order to write; None where it fails, for who writes need not read."""
+        """What comes of a question asked in order to write; None where it fails, for who writes need not read."""
         if not self._may["write"]:
             return None
         try:
