@@ -163,3 +163,15 @@ def test_one_that_does_not_declare_it_is_told(robot: Space) -> None:
     assert answer.code == 1
     assert "DXB-B350" in answer.err
     assert "discovers=True" in answer.err
+
+
+def test_the_lock_file_and_the_check_know_what_was_read(robot: Space) -> None:
+    assert robot.dxb("build", "robot", "--lock").code == 0
+    assert robot.dxb("check", "robot:text").code == 0
+    robot.write("robots/link.txt", "another link\n")
+    refused = robot.dxb("build", "robot", "--locked")
+    assert refused.code == 3
+    assert "robots/link.txt" in refused.err
+    assert "DXB-C104" in robot.dxb("check", "robot:text").err
+    robot.write("robots/link.txt", "link\n")
+    assert robot.dxb("build", "robot", "--locked").code == 0
