@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 from dextera_build import digest
@@ -20,20 +21,10 @@ PLAN = graph(call("a", "blob"), call("b", "print", "hello", a=out("a")), call("c
 def made(root: Path, pool: bool, plan: Graph = PLAN) -> tuple[dict[str, ActionResult | None], Presence, Store]:
     store = Store(root)
     store.actions.presence = presence = Presence(str(root))
-    with LocalExecutor(RUNNER, 1) if pool else inline_pool() as executor:
+    with LocalExecutor(RUNNER, 1) if pool else nullcontext(inline()) as executor:
         result = build(plan, plan.targets["default"], store=store, executor=executor, listen=Record())
     found = Store(root).actions
     return {name: found.get(node.key or "") for name, node in result.nodes.items()}, presence, store
-
-
-class inline_pool:  # noqa: N801 - reads as a function
-    """This process as an executor that is closed like a pool."""
-
-    def __enter__(self) -> object:
-        return inline()
-
-    def __exit__(self, *error: object) -> None:
-        """Nothing runs."""
 
 
 def test_it_is_what_the_scheduler_would_store(tmp_path: Path) -> None:
