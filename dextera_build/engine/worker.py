@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.engine.retries import names_of
-from dextera_build.engine.tasks import escaped
+from dextera_build.engine.tasks import escaped, printed
 from dextera_build.engine.usage import Meter
 from dextera_build.errors import DxbError, MachineError
 
@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
 _SPELL = json.JSONEncoder(separators=(",", ":"), default=str).encode
 _PR_SET_PDEATHSIG = 1
-LOG_MOST = 1 << 20
-"""A longer log is kept from its end [bytes]."""
 _PROGRESS_S = 0.05
 """Progress is passed on at most this often [s]."""
 
@@ -95,9 +93,9 @@ class Worker:
     def _publish(self, task: Mapping[str, Any], document: bytes, answer: dict[str, Any]) -> None:
         from dextera_build.engine.publish import publish
 
-        store, reply, seconds = _store(task["store"]), answer["reply"], answer["seconds"]
+        reply, seconds = answer["reply"], answer["seconds"]
         try:
-            answer["published"] = publish(store, task["key"], reply, seconds, log_of(1), document)
+            answer["published"] = publish(_store(task["store"]), task["key"], reply, seconds, printed(1), document)
         except DxbError as error:
             del answer["reply"]
             answer["error"] = error.to_json()
@@ -159,12 +157,6 @@ def main(arguments: list[str]) -> None:
         Worker(runner, tasks, replies).serve()
     # Threads and libraries that linger must not keep a worker alive that has nothing to do.
     os._exit(0)
-
-
-def log_of(descriptor: int) -> bytes:
-    """What a node printed to this file; the end of it where that is long."""
-    size = os.fstat(descriptor).st_size
-    return os.pread(descriptor, LOG_MOST, max(0, size - LOG_MOST)) if size else b""
 
 
 @lru_cache(maxsize=1)

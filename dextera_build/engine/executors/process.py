@@ -14,8 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dextera_build.engine.tasks import Task
-from dextera_build.engine.worker import log_of
+from dextera_build.engine.tasks import Task, printed
 from dextera_build.errors import RuleError
 
 _SPELL = json.JSONEncoder(separators=(",", ":")).encode
@@ -127,7 +126,7 @@ class Process:
 
     def log(self) -> bytes:
         """What the node printed so far."""
-        return log_of(self._log.fileno())
+        return printed(self._log.fileno())
 
     def death(self, log: bytes) -> RuleError:
         """What to say of a worker that died in the middle of a node."""
