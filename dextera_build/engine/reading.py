@@ -43,6 +43,12 @@ class Reading:
         self._take(node, found.steps, found.document)
         return found.result
 
+    def document(self, node: Node) -> bytes:
+        """The key document of a node, with what it has read as far as is known."""
+        if node.call.rule.discovers:
+            return traces.spelled(self._static(node), node.reads)
+        return self._writer.document(node.call, node.inputs)
+
     def begin(self, node: Node) -> None:
         """Let a node have the key that it has before it read anything."""
         if node.call.rule.discovers:

@@ -68,6 +68,7 @@ class Scheduler:
         self.policy = policy
         self.hooks = hooks or Hooks()
         self.states = States()
+        self._writer = Writer()
         self.wiring = Wiring(graph, store.leaves.digest_leaf, policy.known)
         self.wishes: list[Gathering] = []
         self.failed: list[Unit] = []
@@ -168,9 +169,18 @@ class Scheduler:
         node.inputs = {slot: self._value(link) for slot, link in node.links.items()}
         node.document = self._writer.document(node.call, node.inputs)
         node.key = digests.of_bytes(node.document)
+        try:
+            self._find(node)
+        finally:
+            if not self.policy.dry:
+                node.document = b""  # many nodes may wait; it is spelled again for those that run
+
+    def _find(self, node: Node) -> None:
+        """Where the result of a node may come from."""
+        assert node.key is not None
         owner = self._owners.get(node.key)
         if owner is not None:
-            owner.followers.append(node)
+            node.follow(owner)
             self.states.set(node, State.SHARED)
             return
         node.owned = node.key
@@ -258,7 +268,7 @@ class Scheduler:
     def _succeed(self, node: Node, status: str, result: ActionResult) -> None:
         node.result, node.status, node.error = result, status, None
         if not self.policy.dry:
-            node.document = b""  # it is in the store
+            node.document = b""
         followers = self._disown(node)
         self.sharing.offer(node)
         self._done(node)
@@ -270,16 +280,13 @@ class Scheduler:
         """The node no longer builds its key; returns those that waited for that."""
         if self._owners.get(node.owned) is node:
             del self._owners[node.owned]
-        followers = [follower for follower in node.followers if follower.state is State.SHARED]
-        node.followers = []
-        return followers
+        return node.let_go()
 
     def _done(self, unit: Unit) -> None:
         self.states.set(unit, State.DONE)
         if isinstance(unit, Node):
             self.hooks.settled(unit)
-        waiting, unit.dependents = unit.dependents, []
-        for dependent in waiting:
+        for dependent in unit.release():
             if dependent.state is State.WAITS:
                 dependent.pending -= 1
                 self._come_nearer(dependent, unit)
