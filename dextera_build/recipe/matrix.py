@@ -36,8 +36,8 @@ def copies(lists: Mapping[str, Node], place: Place) -> dict[str, dict[str, Node]
     if not lists:
         raise RecipeError("a matrix has at least one list of values", code="DXB-R505", where=place)
     choices = [[(name, *choice) for choice in _values(name, node)] for name, node in lists.items()]
-    facts = {name: f"{len(values)} values" for (name, _), values in zip(lists.items(), choices, strict=True)}
-    refuse_many(math.prod(len(values) for values in choices), place, facts)
+    counts = dict(zip(lists, (len(values) for values in choices), strict=True))
+    refuse_many(math.prod(counts.values()), place, {name: f"{count} values" for name, count in counts.items()})
     return {
         ",".join(f"{name}={text}" for name, text, _ in combination): {name: node for name, _, node in combination}
         for combination in itertools.product(*choices)
@@ -58,7 +58,10 @@ def refuse_many(number: int, place: Place, facts: Mapping[str, object]) -> None:
     if number > _MOST:
         shown = f"{number:,}" if number < 10**15 else "more than 10^15"
         raise RecipeError(
-            f"the matrix has {shown} copies, {_MOST:,} are allowed", code="DXB-R506", where=place, facts=facts
+            f"the matrix has {shown} copies, {_MOST:,} are allowed",
+            code="DXB-R506",
+            where=place,
+            facts=dict(itertools.islice(facts.items(), 12)),
         )
 
 

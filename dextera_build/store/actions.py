@@ -7,7 +7,6 @@ header and all that it refers to, previews, log, key document, and `result.json`
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -82,7 +81,7 @@ class ActionResult:
     @classmethod
     def from_document(cls, data: bytes) -> ActionResult:
         """The result that `document` described."""
-        raw: dict[str, Any] = json.loads(data)
+        raw: dict[str, Any] = digests.plain(data)
         return cls(
             output=raw["output"],
             line=raw["line"],

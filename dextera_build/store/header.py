@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from dextera_build import digest as digests
-from dextera_build.errors import RuleError, StoreError, did_you_mean, listing
+from dextera_build.errors import ArtifactError, RuleError, StoreError, did_you_mean, listing
 
 Read = Callable[[str], bytes]
 """digest -> bytes."""
@@ -15,6 +16,25 @@ Read = Callable[[str], bytes]
 
 ESCAPES = "DXB-S219"
 """Code of the error for a label that leads out of its folder."""
+
+
+@contextmanager
+def reading(what: str) -> Iterator[None]:
+    """For the block that decodes an artifact: a bundle or another machine may have brought any header.
+
+    Args:
+        what: Names the artifact in the error.
+
+    Raises:
+        ArtifactError: What is stored is not what its type says.
+    """
+    try:
+        yield
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        why = f"{type(error).__name__}: {error}"
+        raise ArtifactError(
+            f"what is stored of {what} is not of its type", code="DXB-A111", facts={"why": why}
+        ) from None
 
 
 def closure(header: bytes) -> tuple[list[str], list[str]]:
@@ -25,7 +45,7 @@ def closure(header: bytes) -> tuple[list[str], list[str]]:
     """
     refs: list[str] = []
     blobs: list[str] = []
-    stack: list[Any] = [*reversed(json.loads(header)["fields"].values())]
+    stack: list[Any] = [*reversed(digests.plain(header)["fields"].values())]
     while stack:
         value = stack.pop()
         if isinstance(value, list):
