@@ -38,7 +38,7 @@ def dxb(project: Space, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
         return Answer(code, said.out, said.err)
 
     monkeypatch.chdir(project.root)
-    for name, value in project.environment(DXB_JOBS="1").items():
+    for name, value in project.environment().items():
         monkeypatch.setenv(name, value)
     monkeypatch.setattr(main, "_fault", fault)
     return run

@@ -8,7 +8,8 @@ import sys
 import pytest
 
 from dextera_build import lockfile
-from dextera_build.errors import RecipeError
+from dextera_build.errors import RecipeError, UsageError
+from dextera_build.project import Project
 from tests.hostile.conftest import one_error
 
 SETTINGS = {
@@ -29,7 +30,6 @@ SETTINGS = {
     "a number beyond all machines": (b"jobs = 99999999999999999999", "U103"),
     "a setting that is none": (b'"\\u001b[2J" = 1', "R401"),
     "keys in a list of lists": (b"trusted_keys = [[1]]", "R403"),
-    "keys that are nowhere": (b'trusted_keys = "' + b"a" * 5000 + b'"', "U149"),
     "an amount that is none": (b"resources = {memory = nan}", "U171"),
     "a wait without end": (b'[remotes.lab]\naddress = "/lab"\ntimeout_s = inf', "U131"),
     "a wait that is none": (b'[remotes.lab]\naddress = "/lab"\ntimeout_s = nan', "U131"),
@@ -52,6 +52,13 @@ def test_settings_are_refused_with_one_short_error(settings, dxb, name):
     settings(data)
     words = ("ls", "runs") if code in ("R401", "R402", "R403", "U130", "U131", "U171") else ("build", "say/words")
     assert f"DXB-{code}" in one_error(dxb(*words))
+
+
+@pytest.mark.parametrize("name", ["a" * 5000, "~nobody-of-this-name/keys", "gone"])
+def test_keys_that_are_nowhere_are_refused(settings, project, name):
+    settings(f'trusted_keys = ["{name}"]'.encode())
+    with pytest.raises(UsageError, match="which is not there"):
+        print(Project(project.root).trusted_keys)
 
 
 @pytest.mark.parametrize("text", ["tool = 3", "[tool]\ndxb = 3", "[[tool]]\n", "tool.dxb = []  # [tool.dxb]"])
