@@ -61,7 +61,7 @@ def find(store: Store) -> Roots:
 
 def _histories(folder: Path) -> Iterator[tuple[str, set[str], set[str]]]:
     for path in _files(folder):
-        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
             stored = digests.plain(files.read(str(path)))
             rows = [row for row in stored["nodes"].values() if isinstance(row, list)]
             yield str(stored.get("project", "")), {str(row[0]) for row in rows}, {str(row[2]) for row in rows}

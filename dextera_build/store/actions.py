@@ -24,6 +24,8 @@ from dextera_build.store.reapi import OutputFile, decode, encode
 
 _RESULT = "result.json"
 _MOST_DIRECT = 4096
+_MOST_HEADER = 1 << 30
+"""A folder of ten million files has a header of this length [bytes]; what is longer came from elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -270,6 +272,8 @@ class Actions:
         if digest not in self._direct:
             if len(self._direct) >= _MOST_DIRECT:
                 self._direct.clear()
+            if (self._blobs.size(digest) or 0) > _MOST_HEADER:
+                raise ValueError("a header is too long")
             self._direct[digest] = header.closure(self._blobs.get(digest))
         return self._direct[digest]
 
