@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import re
 import threading
@@ -104,6 +105,12 @@ def entry_of(change: Callable[[list[OutputFile]], list[OutputFile]]) -> Says:
     return says
 
 
+def packed(data: bytes) -> Answer:
+    """Compressed on the way, though nobody asked for that."""
+    small = gzip.compress(data, 1)
+    return Answer(200, {"Content-Encoding": "gzip", "Content-Length": str(len(small))}, iter([small]))
+
+
 def blobs_are(make: Callable[[bytes], Answer]) -> Says:
     """A server whose entries are right, and whose blobs are not."""
 
@@ -128,6 +135,8 @@ SERVERS: dict[str, Says] = {
     "round in circles": lambda path, data: Answer(302, {"Location": path, "Content-Length": "0"}, iter([])),
     "to a file": lambda path, data: Answer(302, {"Location": "file:///etc/passwd"}, iter([])),
     "a status that is none": lambda path, data: whole(b"", 999),
+    "bombs": blobs_are(lambda data: packed(bytes(16 << 20))),
+    "packed entries": lambda path, data: packed(bytes(8 << 20)),
     "errors": lambda path, data: whole(b"no", 500),
     "a way out": entry_of(lambda files: [OutputFile("../../evil", HEX, 1), *files]),
     "a way out of the closure": entry_of(lambda files: [OutputFile(f"closure/../{HEX}", HEX, 1), *files]),
