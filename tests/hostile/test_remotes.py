@@ -182,7 +182,7 @@ def test_a_build_is_right_whatever_a_server_says(tmp_path, share, monkeypatch, n
 def test_an_honest_server_is_believed(tmp_path, share):
     """The same server, so that what the others are refused for is what they changed."""
     with serving(share, blobs_are(whole)) as url:
-        _, record = build(Store(tmp_path / "mine"), url)
+        _, record = build(Store(tmp_path / "mine"), url, timeout_s=20.0)
     assert len(record.with_status("fetched")) == 6
 
 
