@@ -20,7 +20,7 @@ def promises(text: str) -> list[str]:
 
 
 @cache
-def tests_of(file: Path) -> frozenset[str]:
+def names_in(file: Path) -> frozenset[str]:
     """Names of the test functions of a file, those of classes too."""
     nodes = ast.walk(ast.parse(file.read_text())) if file.is_file() else ()
     return frozenset(node.name for node in nodes if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"))
@@ -38,7 +38,7 @@ def test_the_page_has_promises():
 def test_a_promise_names_tests_that_exist(item):
     named = NAMED.findall(item)
     assert named, "no test shows this"
-    assert [f"{file}::{name}" for file, name in named if name not in tests_of(REPO / file)] == []
+    assert [f"{file}::{name}" for file, name in named if name not in names_in(REPO / file)] == []
 
 
 def test_nothing_else_on_the_page_looks_like_a_test():
