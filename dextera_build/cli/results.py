@@ -56,7 +56,7 @@ def stem_of(node: str) -> str:
 
 
 def _export(session: Session, folder: str, node: str, rule: str, output: str, stamps: dict[str, str]) -> str:
-    with suppress(OSError):
+    with suppress(OSError, UnicodeDecodeError):
         digest, _, name = files.read(f"{folder}/{_STAMP}").decode().partition("\n")
         if digest == output and os.path.exists(f"{folder}/{name}"):
             return _joined(folder, name)

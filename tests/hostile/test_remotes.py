@@ -133,7 +133,7 @@ SERVERS: dict[str, Says] = {
     "entries without end": lambda path, data: endless(b"\x12\x00" * 4096),
     "entries of noise": lambda path, data: whole(b"\xff" * 1000),
     "round in circles": lambda path, data: Answer(302, {"Location": path, "Content-Length": "0"}, iter([])),
-    "to a file": lambda path, data: Answer(302, {"Location": "file:///etc/passwd"}, iter([])),
+    "to a file": lambda path, data: Answer(302, {"Location": "file:/etc/passwd"}, iter([])),
     "a status that is none": lambda path, data: whole(b"", 999),
     "bombs": blobs_are(lambda data: packed(bytes(16 << 20))),
     "packed entries": lambda path, data: packed(bytes(8 << 20)),
