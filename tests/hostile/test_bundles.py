@@ -11,7 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.digest import canonical, of_bytes
+from dextera_build.errors import ArtifactError
+from dextera_build.store import header
+from dextera_build.store.actions import ActionResult
 from dextera_build.store.bundle import layout, oci
 from dextera_build.store.bundle.refusal import BundleRefused
 from dextera_build.store.store import Store
@@ -156,3 +160,30 @@ def test_a_folder_with_a_device_for_an_index_is_refused(tmp_path):
     (tmp_path / "b" / "index.json").symlink_to("/dev/zero")
     with pytest.raises(BundleRefused):
         layout.read(tmp_path / "b").manifests()
+
+
+def test_headers_that_name_one_another_in_a_circle_end(tmp_path, monkeypatch):
+    """No digest allows that; a store whose bytes are not looked at would."""
+    store = Store(tmp_path)
+    one, two = "1" * 64, "2" * 64
+    around = {one: two, two: one}
+
+    def read(digest: str) -> bytes:
+        return canonical({"artifact": "Collection", "fields": {"items": {"$map": {"a": {"$ref": around[digest]}}}}})
+
+    monkeypatch.setattr(store.blobs, "get", read)
+    monkeypatch.setattr(store.blobs, "size", lambda digest: 1)
+    store.actions.put("3" * 64, ActionResult(one, "", (), {}, 1.0, None, two))
+    assert store.actions.outline("3" * 64) == (one, frozenset({two}))
+    with pytest.raises(ArtifactError), header.reading("a value"):
+        Endless.decode(one, read)
+
+
+class Endless(Artifact):
+    """A type that holds itself."""
+
+    items: dict[str, Endless]
+
+    @classmethod
+    def name(cls) -> str:
+        return "Collection"
