@@ -42,27 +42,45 @@ def closure(header: bytes) -> tuple[list[str], list[str]]:
 
     Raises:
         StoreError: A label would lead out of the folder that the artifact is written to.
+        ValueError: It is no header.
     """
     refs: list[str] = []
     blobs: list[str] = []
-    stack: list[Any] = [*reversed(digests.plain(header)["fields"].values())]
+    stack: list[Any] = [*reversed(_fields(digests.plain(header)).values())]
     while stack:
         value = stack.pop()
         if isinstance(value, list):
             stack += reversed(value)
         elif isinstance(value, dict):
-            ((tag, body),) = value.items()
-            if tag == "$ref":
-                refs.append(body)
-            elif tag == "$bytes":
-                blobs.append(body[0])
-            elif tag == "$array":
-                blobs.append(body[2])
-            else:
-                if tag == "$map":
-                    _refuse_escapes(body)
-                stack += reversed(body.values())
+            match value.popitem() if len(value) == 1 else ("", None):
+                case "$ref", str(digest):
+                    refs.append(digest)
+                case ("$bytes", [str(digest), int()]) | ("$array", [str(), list(), str(digest)]):
+                    blobs.append(digest)
+                case "$value" | "$map" as tag, dict(body):
+                    if tag == "$map":
+                        _refuse_escapes(body)
+                    stack += reversed(body.values())
+                case _:
+                    raise ValueError("a value has a form that no header has")
     return refs, blobs
+
+
+def _fields(stored: Any) -> dict[str, Any]:
+    """The fields of a header; those of the two types that are read without being decoded have their form.
+
+    Raises:
+        ValueError: It is no header.
+    """
+    match stored:
+        case {"artifact": "File", "fields": {"data": {"$bytes": _}, **more} as fields} if len(stored) == 2 and not more:
+            return fields
+        case {"artifact": "Folder", "fields": {"files": {"$map": dict(files)}, **more} as fields} if not more:
+            if all(isinstance(file, dict) and "$bytes" in file for file in files.values()):
+                return fields
+        case {"artifact": str(kind), "fields": dict(fields)} if len(stored) == 2 and kind not in ("File", "Folder"):
+            return fields
+    raise ValueError("it is no header")
 
 
 def project(read: Read, digest: str, fields: Sequence[str]) -> str:
