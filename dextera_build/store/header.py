@@ -73,14 +73,18 @@ def _fields(stored: Any) -> dict[str, Any]:
         ValueError: It is no header.
     """
     match stored:
-        case {"artifact": "File", "fields": {"data": {"$bytes": _}, **more} as fields} if len(stored) == 2 and not more:
-            return fields
-        case {"artifact": "Folder", "fields": {"files": {"$map": dict(files)}, **more} as fields} if not more:
-            if all(isinstance(file, dict) and "$bytes" in file for file in files.values()):
-                return fields
-        case {"artifact": str(kind), "fields": dict(fields)} if len(stored) == 2 and kind not in ("File", "Folder"):
-            return fields
-    raise ValueError("it is no header")
+        case {"artifact": "File", "fields": {"data": {"$bytes": _}, **more}}:
+            right = not more
+        case {"artifact": "Folder", "fields": {"files": {"$map": dict(files)}, **more}}:
+            right = not more and all(isinstance(file, dict) and "$bytes" in file for file in files.values())
+        case {"artifact": str(kind), "fields": dict()}:
+            right = kind not in ("File", "Folder")
+        case _:
+            right = False
+    if not right or len(stored) != 2:
+        raise ValueError("it is no header")
+    fields: dict[str, Any] = stored["fields"]
+    return fields
 
 
 def project(read: Read, digest: str, fields: Sequence[str]) -> str:
