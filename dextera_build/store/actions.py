@@ -18,7 +18,7 @@ from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import files, header
+from dextera_build.store import failpoints, files, header
 from dextera_build.store.cas import Blobs, MissingBlob, entries
 from dextera_build.store.presence import Presence
 from dextera_build.store.reapi import OutputFile, decode, encode
@@ -143,7 +143,9 @@ class Actions:
         document = result.document
         digest = vars(result)["digest"] = self._blobs.put(document)  # so that it need not be spelled again
         outputs = [*self._needs(result), OutputFile(_RESULT, digest, len(document), document)]
+        failpoints.reach("result.blobs")
         files.write(self._file(key), encode(outputs), workshop=self._workshop)
+        failpoints.reach("result.published")
         if self.presence is not None:
             self.presence.note(key, outputs)
         return result.digest
@@ -209,6 +211,7 @@ class Actions:
             return decode(data), stamp
         except (ValueError, IndexError, KeyError):
             with suppress(OSError):
+                failpoints.reach("result.damaged")
                 os.unlink(path)
             return None
 

@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from dextera_build.errors import StoreError
-from dextera_build.store import files, inventory, use
+from dextera_build.store import failpoints, files, inventory, use
 from dextera_build.store.choose import Choice, Horizon, Limits, choose
 from dextera_build.store.inventory import Inventory
 from dextera_build.store.store import Store
@@ -119,6 +119,7 @@ class _Collector:
         """Take it."""
         said = self.plan()
         spared = self._drop_results()
+        failpoints.reach("collect.results")
         needed = self._needed(spared)
         for digest in sorted(self._choice.blobs - needed):
             path = str(self._store.blobs.path(digest))
@@ -129,6 +130,7 @@ class _Collector:
             if self._store.locks.take(key):
                 self._store.keep.drop(key)
                 self._store.locks.release(key)
+        failpoints.reach("collect.blobs")
         for path, _, used in inventory.leftovers(self._store):
             if used < self._horizon.blobs:
                 _remove(path)

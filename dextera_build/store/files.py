@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from dextera_build.errors import StoreError
-from dextera_build.store import sharing, space
+from dextera_build.store import failpoints, sharing, space
 
 _FICLONE = 0x40049409
 _CHUNK = 1 << 20
@@ -59,10 +59,13 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
     try:
         descriptor = _create(folder, temporary, mode)
         sharing.share_file(descriptor, folder, mode)
+        failpoints.reach("file.made")
         yield descriptor
+        failpoints.reach("file.written")
         os.close(descriptor)
         descriptor = -1
         _move(temporary, path)
+        failpoints.reach("file.moved")
     except BaseException as error:
         # Before the unfinished file goes, so that it says how much room there was when there was none.
         said = store_error(error, path) if isinstance(error, OSError) else None
@@ -100,8 +103,10 @@ def append(path: str, size: int, data: bytes) -> None:
         descriptor = os.open(path, os.O_WRONLY | os.O_CLOEXEC)
         try:
             os.ftruncate(descriptor, size)
+            failpoints.reach("rows.cut")
             os.lseek(descriptor, size, os.SEEK_SET)
             write_all(descriptor, data)
+            failpoints.reach("rows.added")
         finally:
             os.close(descriptor)
     except OSError as error:

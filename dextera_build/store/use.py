@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from dextera_build import digest as digests
+from dextera_build.store import failpoints
 from dextera_build.store.locks import Locks
 
 STEP_S = 3600.0
@@ -47,6 +48,7 @@ class Use:
             return True
         with self.gate(path):
             try:
+                failpoints.reach("use.noted")
                 os.utime(path)
             except OSError as error:
                 if error.errno in (errno.EACCES, errno.EPERM) and os.access(os.path.dirname(path), os.W_OK):
@@ -64,6 +66,7 @@ class Use:
             try:
                 if os.stat(path).st_mtime >= older_than:
                     return False
+                failpoints.reach("collect.file")
                 os.unlink(path)
             except FileNotFoundError:
                 pass

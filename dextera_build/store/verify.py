@@ -14,7 +14,7 @@ from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import files, inventory, sharing, use
+from dextera_build.store import failpoints, files, inventory, sharing, use
 from dextera_build.store.cas import is_digest
 from dextera_build.store.reapi import decode
 from dextera_build.store.store import Store
@@ -164,6 +164,7 @@ class _Verifier:
         repaired = False
         if self._repair:
             with suppress(OSError):
+                failpoints.reach("repair.found")
                 repair()
                 repaired = True
         with self._guard:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from dextera_build.errors import StoreError
-from dextera_build.store import files
+from dextera_build.store import failpoints, files
 from dextera_build.store.remotes.crew import Crew
 from dextera_build.store.remotes.remote import MOST_ENTRY, Digest, RemoteFault
 
@@ -49,6 +49,7 @@ class Directory:
     def put_action(self, key: Digest, message: bytes) -> None:
         """Publish a result, all of whose blobs the folder holds."""
         with self._writing("ac", key) as target:
+            failpoints.reach("remote.entry")
             files.write_all(target, message)
 
     def missing(self, digests: Sequence[Digest]) -> set[Digest]:
@@ -81,6 +82,7 @@ class Directory:
                 self._writing("cas", digest) as target,
                 open(target, "wb", closefd=False) as to,
             ):
+                failpoints.reach("remote.blob")
                 shutil.copyfileobj(source, to, _CHUNK)
 
         self._crew.each(send_one, digests)
