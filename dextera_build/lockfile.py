@@ -91,6 +91,7 @@ def write(path: Path, pins: Pins) -> bool:
     Raises:
         RecipeError: It cannot be written.
     """
+    files.clear(str(path.parent))
     text = spell(pins)
     if path.is_file() and path.read_bytes() == text.encode():
         return False

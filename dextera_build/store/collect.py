@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import os
-import shutil
 import time
 from collections.abc import Callable, Mapping, Set
 from contextlib import suppress
@@ -133,7 +132,8 @@ class _Collector:
         failpoints.reach("collect.blobs")
         for path, _, used in inventory.leftovers(self._store):
             if used < self._horizon.blobs:
-                _remove(path)
+                with suppress(OSError):
+                    inventory.remove(path)
         if spared or needed & self._choice.blobs:
             said.after = inventory.read(self._store).bytes()
         return said
@@ -204,11 +204,3 @@ def _refuse_unwritable(store: Store) -> None:
                 facts={"folder": str(place)},
                 hint="ask whoever owns it, or set `DXB_CACHE` to a store of your own",
             )
-
-
-def _remove(path: str) -> None:
-    with suppress(OSError):
-        if os.path.isdir(path):
-            shutil.rmtree(path, ignore_errors=True)
-        else:
-            os.unlink(path)

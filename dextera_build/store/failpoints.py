@@ -59,7 +59,7 @@ POINTS = {
     "running.announced": Point("a build announced itself"),
     "running.ended": Point("a build is over, its announcement is still there", fails=True),
     "running.forgotten": Point("the announcement of a dead build was found", fails=True),
-    "collect.file": Point("a collection is to remove a file, and holds its gate"),
+    "collect.file": Point("a collection is to remove a file, and holds its gate", fails=True),
     "collect.results": Point("a collection removed results, and no blob of theirs"),
     "collect.blobs": Point("a collection removed blobs, and no leftovers"),
     "collect.log": Point("a collection is to remove the log of an old run", fails=True),

@@ -9,6 +9,8 @@ from __future__ import annotations
 import fcntl
 import itertools
 import os
+import re
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
@@ -21,6 +23,8 @@ _TOKEN = os.urandom(4).hex()  # two machines may write to one folder with equal 
 _COUNTER = itertools.count()
 TEMPORARY = ".tmp"
 """How the names of unfinished files, and of folders for them, begin."""
+_UNFINISHED = re.compile(rf"{re.escape(TEMPORARY)}-[0-9a-f]{{8}}-\d+-\d+")
+_ABANDONED_S = 60.0
 
 
 def store_error(error: OSError, path: str) -> StoreError:
@@ -91,6 +95,14 @@ def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None
     """
     with new_file(path, mode, workshop) as descriptor:
         write_all(descriptor, data)
+
+
+def clear(folder: str) -> None:
+    """Remove unfinished files of killed processes from a folder that no collection looks after."""
+    with suppress(OSError):
+        for entry in os.scandir(folder):
+            if _UNFINISHED.fullmatch(entry.name) and entry.stat().st_mtime < time.time() - _ABANDONED_S:
+                os.unlink(entry.path)
 
 
 def append(path: str, size: int, data: bytes) -> None:

@@ -61,7 +61,10 @@ class Use:
         return stamp > time.time() - STEP_S
 
     def drop(self, path: str, older_than: float) -> bool:
-        """Remove `path` if it was last used before `older_than` (seconds since the epoch); whether it is gone."""
+        """Remove `path` if it was last used before `older_than` (seconds since the epoch); whether it is gone.
+
+        What the system does not let go of stays.
+        """
         with self.gate(path):
             try:
                 if os.stat(path).st_mtime >= older_than:
@@ -70,6 +73,8 @@ class Use:
                 os.unlink(path)
             except FileNotFoundError:
                 pass
+            except OSError:
+                return False
         return True
 
     @contextmanager

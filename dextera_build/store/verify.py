@@ -158,7 +158,7 @@ class _Verifier:
         aside = str(self._store.local / "quarantine")
         for path, size, used in inventory.leftovers(self._store):
             if used < horizon and os.path.dirname(path) != aside:
-                self._find("leftover", path, f"{size} bytes", lambda path=path: os.unlink(path))  # type: ignore[misc]
+                self._find("leftover", path, f"{size} bytes", lambda path=path: inventory.remove(path))  # type: ignore[misc]
 
     def _find(self, kind: str, name: str, detail: str, repair: Callable[[], None]) -> None:
         repaired = False
