@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -237,3 +238,20 @@ def unfinished(space: Space) -> list[str]:
         for path in space.root.rglob(".tmp?*")
         if path.name.startswith(".tmp-") or path.is_file()
     ] + [path for path, _, _ in inventory.leftovers(Store(space.root / "cache"))]
+
+
+Clean = Callable[[Space], Space]
+"""Gives a build of the same sources in another folder, which nothing disturbed."""
+
+
+def assert_as_clean(space: Space, right: Space) -> None:
+    """Keys, outputs and exported bytes are those of a clean build, and then nothing is left to run."""
+    built = dxb(space.root, *PLAIN, "--lock")
+    assert built.code == 0, built.text
+    known = results(space)
+    assert {key: known.get(key) for key in results(right)} == results(right)
+    assert exported(space) == exported(right)
+    assert (space.root / "dxb.lock").read_bytes() == (right.root / "dxb.lock").read_bytes()
+    idle = dxb(space.root, *PLAIN)
+    assert idle.code == 0, idle.text
+    assert not re.search(r"\d ran", idle.text), idle.text

@@ -33,6 +33,7 @@ from dextera_build.store.choose import Limits
 from dextera_build.store.collect import collect
 from dextera_build.store.store import Store
 from dextera_build.store.verify import verify
+from tests.chaos.clocks import clock
 from tests.engine.tiny import Record
 from tests.oracle.graphs import RandomGraph
 from tests.oracle.reference import Reference
@@ -77,6 +78,7 @@ class Histories(RuleBasedStateMachine):
         self.keys: dict[str, str] = {}
         """What the reference calls a key -> key."""
         self.is_damaged = self.was_rolled = False
+        self.offset_s = 0.0
 
     def teardown(self) -> None:
         if hasattr(self, "folder"):
@@ -100,6 +102,11 @@ class Histories(RuleBasedStateMachine):
     @rule(name=st.sampled_from(["a", "b", "c/d"]), text=st.sampled_from([None, "1", "2"]))
     def change_the_folder(self, name: str, text: str | None) -> None:
         self.graph.plant(name, text)
+
+    @rule(offset_s=st.sampled_from([0.0, -3601.0, -1e8, 60.0, 86400.0, 1e8]))
+    def set_the_clock(self, offset_s: float) -> None:
+        """That of the builds, and not that of the file system."""
+        self.offset_s = offset_s
 
     @rule()
     def break_one(self) -> None:
@@ -225,7 +232,9 @@ class Histories(RuleBasedStateMachine):
     ) -> tuple[RunResult, Record]:
         """Build as a new process would, with a log."""
         record, store = Record(), Store(self.root)
-        with EventLog(store) as log:
+        # Of two writes in one step of the file system's clock only a clock that agrees with it can tell.
+        time.sleep(0.01 if self.offset_s > 0 else 0)
+        with clock(self.offset_s), EventLog(store) as log:
             listen = fan_out(log, record)
             plan = self.graph.graph()
             done = build(
