@@ -119,7 +119,7 @@ def test_the_next_build_after_a_kill_anywhere_is_as_a_clean_one(name: str, tmp_p
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("does", ["kill", "full"])
 def test_the_next_build_after_a_stop_at_any_file_is_as_a_clean_one(does: str, tmp_path: Path, clean: Clean) -> None:
-    """Promise: a kill or a full disk before any file of a first build takes its name costs only what was not finished."""
+    """Promise: a kill or a full disk before any file of a build takes its name costs only what was not finished."""
     for count in range(1, 200):
         space, said = stopped(tmp_path / str(count), "first", f"file.written:{does}:{count}")
         if count > 50 and said.code == 0:
