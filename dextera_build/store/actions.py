@@ -208,7 +208,10 @@ class Actions:
         except OSError:
             return None
         try:
-            return decode(data), stamp
+            outputs = decode(data)
+            if (outputs[0].path, outputs[-1].path) != ("output", _RESULT):
+                raise ValueError("a part of it is missing")
+            return outputs, stamp
         except (ValueError, IndexError, KeyError):
             with suppress(OSError):
                 failpoints.reach("result.damaged")

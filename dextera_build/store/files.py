@@ -24,7 +24,6 @@ _COUNTER = itertools.count()
 TEMPORARY = ".tmp"
 """How the names of unfinished files, and of folders for them, begin."""
 _UNFINISHED = re.compile(rf"{re.escape(TEMPORARY)}-[0-9a-f]{{8}}-\d+-\d+")
-_ABANDONED_S = 60.0
 
 
 def store_error(error: OSError, path: str) -> StoreError:
@@ -97,11 +96,11 @@ def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None
         write_all(descriptor, data)
 
 
-def clear(folder: str) -> None:
-    """Remove unfinished files of killed processes from a folder that no collection looks after."""
+def clear(folder: str, age_s: float = 60.0) -> None:
+    """Remove unfinished files of this age [s], which killed processes left in a folder that no collection looks after."""
     with suppress(OSError):
         for entry in os.scandir(folder):
-            if _UNFINISHED.fullmatch(entry.name) and entry.stat().st_mtime < time.time() - _ABANDONED_S:
+            if _UNFINISHED.fullmatch(entry.name) and entry.stat().st_mtime < time.time() - age_s:
                 os.unlink(entry.path)
 
 

@@ -213,7 +213,10 @@ SCENARIOS = {
     "repair": Scenario(("cache", "verify", "--repair"), _damaged_blobs),
     "push": Scenario(("push", "say"), _built),
     "fetch": Scenario(BUILD, _pushed),
-    "bundle": Scenario(("bundle", "create", "say", "-o", "bundled"), _built),
+    # A folder without its index is refused, by those who read it and by those who write.
+    "bundle": Scenario(
+        ("bundle", "create", "say", "-o", "bundled"), _built, ("bundle", "create", "say", "-o", "second")
+    ),
     "import": Scenario(("bundle", "import", "bundled"), _bundled),
 }
 

@@ -28,7 +28,7 @@ class RandomGraph:
         for number, path in enumerate(self.files):
             path.write_text(f"content {number}")
         self.tree = folder / "tree" if wild else None
-        self._does = (*_DOES, "dice") if wild else _DOES
+        self._does = (*_DOES, "dice", "dice") if wild else _DOES
         if self.tree is not None:
             self.plant("a", "content 0")
         self._broken: list[tuple[tuple[str, ...], str]] = []

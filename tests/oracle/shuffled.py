@@ -21,7 +21,7 @@ class Shuffled(InlineExecutor):
         disturb: Called with the number of each task, from 1, before it ends; True: its worker died.
     """
 
-    def __init__(self, jobs: int, seed: int, disturb: Callable[[int], bool] = lambda number: False) -> None:
+    def __init__(self, jobs: int, seed: float, disturb: Callable[[int], bool] = lambda number: False) -> None:
         super().__init__(run_task)
         self.capacity = replace(self.capacity, cpus=jobs)
         self._random = random.Random(seed)

@@ -7,6 +7,7 @@ runs nothing.
 from __future__ import annotations
 
 import os
+import random
 import shutil
 import tempfile
 import time
@@ -18,7 +19,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule, run_state_machine_as_test
+from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 from dextera_build import digest
 from dextera_build.engine.eventlog import EventLog
@@ -44,8 +45,11 @@ SEEDS = st.integers(0, 2**32 - 1)
 JOBS = st.integers(1, 4)
 REACHED = ("file.made", "file.written", "file.moved", "folder.made", "result.blobs", "result.published", "leaves.save")
 REACHED += ("log.made", "log.event", "lock.taken", "running.announced", "running.ended", "use.noted")
-POINTS = st.sampled_from(REACHED)
-REFUSED = st.sampled_from([name for name in REACHED if failpoints.POINTS[name].fails])
+REFUSED = [name for name in REACHED if failpoints.POINTS[name].fails]
+CHANGES = st.sampled_from([*["rewrite"] * 4, "edit", "edit", "tree", "roll", "roll", "clock", "break_one", "mend"])
+DISTURBED = st.sampled_from(
+    ["while_a_worker_dies", "while_a_file_is_edited", "and_be_killed", "and_be_killed", "and_be_refused"]
+)
 COUNTS = st.sampled_from([1, 1, 2, 3, 5, 8, 13, 21, 34])
 
 
@@ -85,49 +89,39 @@ class Histories(RuleBasedStateMachine):
             assert self.is_damaged or verify(Store(self.root)).is_whole
             shutil.rmtree(self.folder)
 
-    @rule()
-    def edit(self) -> None:
-        self.graph.edit()
+    @rule(kinds=st.lists(CHANGES, min_size=1, max_size=4), seed=SEEDS)
+    def change(self, kinds: list[str], seed: int) -> None:
+        """Things that may matter, or may not."""
+        chance = random.Random(seed)
+        for kind in kinds:
+            self.change_one(kind, chance)
 
-    @rule(place=st.integers(0, 2), digit=st.integers(0, 9), shift_s=st.sampled_from([None, 0, -86400, 86400]))
-    def write_a_file(self, place: int, digit: int, shift_s: int | None) -> None:
+    def change_one(self, kind: str, chance: random.Random) -> None:
+        if kind == "rewrite":
+            for path in chance.sample(self.graph.files, chance.randint(1, 3)):
+                self.rewrite(path, chance)
+        elif kind == "tree":
+            self.graph.plant(chance.choice(["a", "b", "c/d"]), chance.choice([None, "1", "2"]))
+        elif kind == "roll" and not self.is_damaged:
+            self.dice.write_text(str(chance.randrange(10)))
+            self.was_rolled = True
+        elif kind == "clock":
+            self.offset_s = chance.choice([0.0, -3601.0, -1e8, 60.0, 86400.0, 1e8])
+        elif kind in ("edit", "break_one", "mend"):
+            getattr(self.graph, kind)()
+
+    def rewrite(self, path: Path, chance: random.Random) -> None:
         """With as many bytes as before and, as far as anyone may set it, the time that it had, or a wrong one."""
-        path = self.graph.files[place]
-        before = path.stat()
-        path.write_text(f"content {digit}")
-        if shift_s is not None:
-            stamp = before.st_mtime_ns + shift_s * 10**9
-            os.utime(path, ns=(stamp, stamp))
-
-    @rule(name=st.sampled_from(["a", "b", "c/d"]), text=st.sampled_from([None, "1", "2"]))
-    def change_the_folder(self, name: str, text: str | None) -> None:
-        self.graph.plant(name, text)
-
-    @rule(offset_s=st.sampled_from([0.0, -3601.0, -1e8, 60.0, 86400.0, 1e8]))
-    def set_the_clock(self, offset_s: float) -> None:
-        """That of the builds, and not that of the file system."""
-        self.offset_s = offset_s
-
-    @rule()
-    def break_one(self) -> None:
-        self.graph.break_one()
-
-    @rule()
-    def mend(self) -> None:
-        self.graph.mend()
-
-    @precondition(lambda self: not self.is_damaged)
-    @rule(digit=st.integers(0, 9))
-    def roll(self, digit: int) -> None:
-        self.dice.write_text(str(digit))
-        self.was_rolled = True
+        stamp = path.stat().st_mtime_ns + chance.choice([0, 0, 0, 0, 0, 0, -86400, 86400]) * 10**9
+        path.write_text(f"content {chance.randrange(4)}")
+        os.utime(path, ns=(stamp, stamp))
 
     @rule(jobs=JOBS, seed=SEEDS, keep_going=st.booleans(), force=st.booleans())
     def build(self, jobs: int, seed: int, keep_going: bool, force: bool) -> None:
         """Nothing goes wrong but what was broken by hand."""
-        targets, found = self.expect()
+        targets, found = self.expect(seed)
         named = sorted(name for name, output in found.outputs.items() if output)
-        forced = frozenset(named[seed % len(named) :][:2]) if force and named else frozenset()
+        forced = frozenset(random.Random(seed).sample(named, min(4, len(named)))) if force else frozenset()
         result, record = self.go(targets, Shuffled(jobs, seed), keep_going=keep_going, force=forced)
         assert result.ok == (not found.failed)
         stale = found.ran | {found.keys[name] for name in forced}
@@ -141,35 +135,42 @@ class Histories(RuleBasedStateMachine):
             assert record.with_status("ran") == []
             assert {name: n.output for name, n in again.nodes.items()} == found.outputs
 
-    @rule(jobs=JOBS, seed=SEEDS, number=COUNTS)
-    def build_while_a_worker_dies(self, jobs: int, seed: int, number: int) -> None:
-        targets, found = self.expect()
-        result, record = self.go(targets, Shuffled(jobs, seed, lambda count: count == number), keep_going=True)
-        self.check(found, result, record, found.ran)
+    @rule(how=DISTURBED, jobs=JOBS, seed=SEEDS, count=COUNTS)
+    def disturbed(self, how: str, jobs: int, seed: int, count: int) -> None:
+        """What is done is right, whatever is not; and what was published is."""
+        targets, found = self.expect(seed)
+        getattr(self, f"build_{how}")(targets, found, jobs, random.Random(seed), count)
 
-    @rule(jobs=JOBS, seed=SEEDS, number=COUNTS, place=st.integers(0, 2))
-    def build_while_a_file_is_edited(self, jobs: int, seed: int, number: int, place: int) -> None:
+    def build_while_a_worker_dies(
+        self, targets: list[Address], found: Expected, jobs: int, chance: random.Random, count: int
+    ) -> None:
+        executor = Shuffled(jobs, chance.random(), lambda number: number == count)
+        self.check(found, *self.go(targets, executor, keep_going=True), found.ran)
+
+    def build_while_a_file_is_edited(
+        self, targets: list[Address], found: Expected, jobs: int, chance: random.Random, count: int
+    ) -> None:
         """Outputs are those of the old content, or the node fails; none is published for the wrong one."""
-        targets, found = self.expect()
+        path, text = chance.choice(self.graph.files), f"meanwhile {chance.randrange(3)}"
 
-        def disturb(count: int) -> bool:
-            if count == number:
-                self.graph.files[place].write_text(f"meanwhile {seed % 3}")
+        def disturb(number: int) -> bool:
+            if number == count:
+                path.write_text(text)
             return False
 
-        result, record = self.go(targets, Shuffled(jobs, seed, disturb), keep_going=True)
+        result, record = self.go(targets, Shuffled(jobs, chance.random(), disturb), keep_going=True)
         self.check(found, result, record, found.ran)
         codes = {node.error.code for name, node in result.nodes.items() if node.error and name not in found.failed}
         assert codes <= {"DXB-B304"}
 
-    @rule(jobs=JOBS, seed=SEEDS, point=POINTS, count=COUNTS)
-    def kill_a_build(self, jobs: int, seed: int, point: str, count: int) -> None:
-        targets, found = self.expect()
+    def build_and_be_killed(
+        self, targets: list[Address], found: Expected, jobs: int, chance: random.Random, count: int
+    ) -> None:
         pid = os.fork()
         if pid == 0:
             try:
-                failpoints.arm(f"{point}:kill:{count}")
-                self.go(targets, Shuffled(jobs, seed), keep_going=True)
+                failpoints.arm(f"{chance.choice(REACHED)}:kill:{count}")
+                self.go(targets, Shuffled(jobs, chance.random()), keep_going=True)
                 os._exit(0)
             except BaseException:
                 traceback.print_exc()
@@ -178,13 +179,13 @@ class Histories(RuleBasedStateMachine):
         assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) in (0, -9)
         self.learn(found)
 
-    @rule(jobs=JOBS, seed=SEEDS, point=REFUSED, does=st.sampled_from(sorted(failpoints.ERRORS)), count=COUNTS)
-    def refuse_a_build(self, jobs: int, seed: int, point: str, does: str, count: int) -> None:
+    def build_and_be_refused(
+        self, targets: list[Address], found: Expected, jobs: int, chance: random.Random, count: int
+    ) -> None:
         """Whatever the system refuses, errors have codes and nothing wrong is published."""
-        targets, found = self.expect()
-        failpoints.arm(f"{point}:{does}:{count}")
+        failpoints.arm(f"{chance.choice(REFUSED)}:{chance.choice(sorted(failpoints.ERRORS))}:{count}")
         try:
-            result, record = self.go(targets, Shuffled(jobs, seed), keep_going=True)
+            result, record = self.go(targets, Shuffled(jobs, chance.random()), keep_going=True)
             failpoints.arm("")
             self.check(found, result, record, found.ran)
         except DxbError:
@@ -192,33 +193,40 @@ class Histories(RuleBasedStateMachine):
         finally:
             failpoints.arm("")
 
-    @rule(aged=st.booleans())
-    def collect(self, aged: bool) -> None:
+    @rule(seed=SEEDS)
+    def upset(self, seed: int) -> None:
+        """Collect, or damage a store whose rules always give the same."""
+        chance = random.Random(seed)
+        if chance.random() < 0.3 and not self.was_rolled:
+            self.damage(chance)
+        else:
+            self.collect(aged=chance.random() < 0.5)
+
+    def collect(self, *, aged: bool) -> None:
         if aged and self.root.exists():
             age_all(Store(self.root), time.time() - 2 * 86400)
         collect(Store(self.root), dict, Limits(size=0), dry=False)
         actions = Store(self.root).actions
         self.cache = {name: output for name, output in self.cache.items() if actions.get(self.keys[name]) is not None}
 
-    @precondition(lambda self: not self.was_rolled)
-    @rule(place=st.floats(0, 1, exclude_max=True), how=st.sampled_from(["deleted", "flipped", "short", "zeros"]))
-    def damage(self, place: float, how: str) -> None:
-        """A blob or an entry."""
-        found = sorted(path for kind in ("cas", "ac") for path in (self.root / kind).glob("??/*"))
-        if not found:
-            return
+    def damage(self, chance: random.Random) -> None:
+        """Harm some blobs and entries."""
         self.is_damaged = True
-        path = found[int(place * len(found))]
-        data = path.read_bytes()
-        path.unlink()
-        if how != "deleted":
-            middle = len(data) // 2
-            flipped = data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
-            path.write_bytes({"flipped": flipped, "short": data[:middle], "zeros": bytes(len(data))}[how])
+        for path in sorted(path for kind in ("cas", "ac") for path in (self.root / kind).glob("??/*")):
+            if chance.random() < 0.2:
+                data = path.read_bytes()
+                middle = chance.randrange(len(data)) if data else 0
+                flipped = data[:middle] + bytes(byte ^ 1 for byte in data[middle : middle + 1]) + data[middle + 1 :]
+                path.unlink()
+                left = chance.choice([None, flipped, flipped, data[:middle], bytes(len(data))])
+                if left is not None:
+                    path.write_bytes(left)
 
-    def expect(self) -> tuple[list[Address], Expected]:
-        """Some targets, and what the reference makes of them from what is published."""
-        targets, found = self.graph.targets(), Expected(self.graph.graph(), dict(self.cache))
+    def expect(self, seed: int) -> tuple[list[Address], Expected]:
+        """Some or all calls, and what the reference makes of them from what is published."""
+        plan = self.graph.graph()
+        targets = [Address(path) for path, _ in plan.calls()] if seed % 4 else self.graph.targets()
+        found = Expected(plan, dict(self.cache))
         found.build(targets)
         return targets, found
 

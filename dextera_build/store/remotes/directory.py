@@ -19,6 +19,8 @@ from dextera_build.store.remotes.remote import MOST_ENTRY, Digest, RemoteFault
 
 _CHUNK = 1 << 20
 _THREADS = 8
+_ABANDONED_S = 86400.0
+"""Age from which what somebody did not write to its end counts as left by a killed process [s]."""
 
 
 class Directory:
@@ -32,6 +34,7 @@ class Directory:
         self.address = str(root)
         self._root = root
         self._crew = Crew(_THREADS, f"dxb {root.name}")
+        self._tidied: set[str] = set()
 
     def get_action(self, key: Digest) -> bytes | None:
         """The `ActionResult` message under a key, or None."""
@@ -116,6 +119,9 @@ class Directory:
         if not self._root.parent.is_dir():
             raise RemoteFault(self.address, f"there is no folder `{self._root.parent}`", refused=True)
         workshop = f"{self._root}/{kind}/{files.TEMPORARY}"
+        if kind not in self._tidied:
+            self._tidied.add(kind)
+            files.clear(workshop, _ABANDONED_S)
         try:
             with files.new_file(self._file(kind, digest), workshop=workshop) as target:
                 yield target
