@@ -13,6 +13,7 @@ import tempfile
 import time
 import traceback
 from collections import Counter
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from dextera_build import digest
 from dextera_build.engine.eventlog import EventLog
 from dextera_build.engine.events import fan_out
 from dextera_build.engine.execute import RunResult, build
+from dextera_build.engine.executors.local import LocalExecutor
 from dextera_build.engine.graph import Address
 from dextera_build.engine.key import Writer
 from dextera_build.engine.tasks import Executor
@@ -35,7 +37,7 @@ from dextera_build.store.collect import collect
 from dextera_build.store.store import Store
 from dextera_build.store.verify import verify
 from tests.chaos.clocks import clock
-from tests.engine.tiny import Record
+from tests.engine.tiny import RUNNER, Record
 from tests.oracle.graphs import RandomGraph
 from tests.oracle.reference import Reference
 from tests.oracle.shuffled import Shuffled
@@ -122,7 +124,7 @@ class Histories(RuleBasedStateMachine):
         targets, found = self.expect(seed)
         named = sorted(name for name, output in found.outputs.items() if output)
         forced = frozenset(random.Random(seed).sample(named, min(4, len(named)))) if force else frozenset()
-        result, record = self.go(targets, Shuffled(jobs, seed), keep_going=keep_going, force=forced)
+        result, record = self.go(targets, self.executor(jobs, seed), keep_going=keep_going, force=forced)
         assert result.ok == (not found.failed)
         stale = found.ran | {found.keys[name] for name in forced}
         ran = self.check(found, result, record, stale)
@@ -130,7 +132,7 @@ class Histories(RuleBasedStateMachine):
             assert set(ran) == stale
             assert {name: node.output for name, node in result.nodes.items()} == found.outputs
         if result.ok:
-            again, record = self.go(targets, Shuffled(jobs, seed + 1))
+            again, record = self.go(targets, self.executor(jobs, seed + 1))
             assert again.ok
             assert record.with_status("ran") == []
             assert {name: n.output for name, n in again.nodes.items()} == found.outputs
@@ -222,6 +224,10 @@ class Histories(RuleBasedStateMachine):
                 if left is not None:
                     path.write_bytes(left)
 
+    def executor(self, jobs: int, seed: int) -> Executor:
+        """What carries out an undisturbed build."""
+        return Shuffled(jobs, seed)
+
     def expect(self, seed: int) -> tuple[list[Address], Expected]:
         """Some or all calls, and what the reference makes of them from what is published."""
         plan = self.graph.graph()
@@ -242,7 +248,8 @@ class Histories(RuleBasedStateMachine):
         record, store = Record(), Store(self.root)
         # Of two writes in one step of the file system's clock only a clock that agrees with it can tell.
         time.sleep(0.01 if self.offset_s > 0 else 0)
-        with clock(self.offset_s), EventLog(store) as log:
+        workers = executor if isinstance(executor, LocalExecutor) else nullcontext()
+        with clock(self.offset_s), EventLog(store) as log, workers:
             listen = fan_out(log, record)
             plan = self.graph.graph()
             done = build(
@@ -275,10 +282,17 @@ class Histories(RuleBasedStateMachine):
                 self.cache.pop(name, None)
 
 
-def play(histories: int, steps: int) -> None:
+class HistoriesWithWorkers(Histories):
+    """Undisturbed builds run in processes of their own, which publish what they make."""
+
+    def executor(self, jobs: int, seed: int) -> Executor:
+        return LocalExecutor(RUNNER, jobs, environment={"TINY_DICE": str(self.dice)})
+
+
+def play(histories: int, steps: int, machine: type[Histories] = Histories) -> None:
     """Try so many histories; a failing one is said as it was found, then made smaller."""
     run_state_machine_as_test(
-        Histories,
+        machine,
         settings=settings(
             max_examples=histories,
             stateful_step_count=steps,
@@ -301,3 +315,10 @@ def test_a_few_histories_end_as_the_reference_says() -> None:
 def test_thousands_of_histories_end_as_the_reference_says(part: int) -> None:
     """Promise: the same, 500 histories in each of four parts."""
     play(500, 12)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3000)
+def test_histories_with_worker_processes_end_as_the_reference_says() -> None:
+    """Promise: the same where workers run nodes and publish results."""
+    play(40, 6, HistoriesWithWorkers)

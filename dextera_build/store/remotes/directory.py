@@ -34,7 +34,7 @@ class Directory:
         self.address = str(root)
         self._root = root
         self._crew = Crew(_THREADS, f"dxb {root.name}")
-        self._tidied: set[str] = set()
+        self._tidied = False
 
     def get_action(self, key: Digest) -> bytes | None:
         """The `ActionResult` message under a key, or None."""
@@ -119,9 +119,10 @@ class Directory:
         if not self._root.parent.is_dir():
             raise RemoteFault(self.address, f"there is no folder `{self._root.parent}`", refused=True)
         workshop = f"{self._root}/{kind}/{files.TEMPORARY}"
-        if kind not in self._tidied:
-            self._tidied.add(kind)
-            files.clear(workshop, _ABANDONED_S)
+        if not self._tidied:
+            self._tidied = True
+            for each in ("cas", "ac"):
+                files.clear(f"{self._root}/{each}/{files.TEMPORARY}", _ABANDONED_S)
         try:
             with files.new_file(self._file(kind, digest), workshop=workshop) as target:
                 yield target
