@@ -16,7 +16,7 @@ from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import files, header
+from dextera_build.store import failpoints, files, header
 from dextera_build.store.cas import Blobs, MissingBlob, entries
 from dextera_build.store.presence import Presence
 from dextera_build.store.reapi import OutputFile, decode, encode
@@ -157,7 +157,9 @@ class Actions:
         """Store the result of `key` as `put` does, and return all that its entry names; for who relies on nothing."""
         self._keep_calls(result)
         message, outputs = self.spell(result, beside)
+        failpoints.reach("result.blobs")
         files.write(self._file(key), message, workshop=self._workshop)
+        failpoints.reach("result.published")
         return outputs
 
     def rely(self, key: str, outputs: Iterable[OutputFile]) -> None:
@@ -236,9 +238,13 @@ class Actions:
         except OSError:
             return None
         try:
-            return decode(data), stamp
+            outputs = decode(data)
+            if (outputs[0].path, outputs[-1].path) != ("output", _RESULT):
+                raise ValueError("a part of it is missing")
+            return outputs, stamp
         except (ValueError, IndexError, KeyError):
             with suppress(OSError):
+                failpoints.reach("result.damaged")
                 os.unlink(path)
             return None
 

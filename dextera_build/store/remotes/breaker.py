@@ -108,7 +108,7 @@ class Guarded:
         if not self._may["write"]:
             return None
         try:
-            return self._watched(work, _PATIENCE * self._timeout_s)
+            return self._watched(lambda remote, _: work(remote), _PATIENCE * self._timeout_s)
         except RemoteFault:
             return None
 
