@@ -88,9 +88,9 @@ def test_the_first_failure_stops_what_has_not_begun(seed: int, tmp_path: Path) -
             assert node.output == expected.outputs[name]
         elif node.status == "waits":
             assert expected.outputs[name] is None
-    started = [event.key for event in record.of(NodeStarted)]
-    ran = [result.nodes[name].key for name in record.with_status("ran")]
-    assert sorted(started) == sorted([*ran, *failed])
+    started = {event.node for event in record.of(NodeStarted)}
+    assert started >= set(record.with_status("ran"))
+    assert len(record.of(NodeStarted)) == len(record.with_status("ran")) + len(failed)
 
 
 def test_a_pool_runs_exactly_the_stale_nodes_too(tmp_path: Path) -> None:

@@ -89,7 +89,7 @@ class Closure:
         reader = documents.Reader(document, what)
         if reader.text("rule") != node.rule or reader.maybe("backend") != node.backend:
             raise wrong_result(address, "its key document is that of another rule or backend")
-        if document.keys() != _KEY.keys() or not all(isinstance(document[name], form) for name, form in _KEY.items()):
+        if document.keys() - {traces.READ} != _KEY.keys() or not all(isinstance(document[name], form) for name, form in _KEY.items()):
             raise ill_formed(what, "it does not have the fields of a key document")
         for source in document["code"]:
             documents.Reader(document["code"], what).table(source)
