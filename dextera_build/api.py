@@ -138,9 +138,8 @@ class Project(settings_of.Project):
             addresses(plan.graph, name)
         locking = Locking(here, lock=lock, locked=locked, plain=not (inputs or settings or backends))
         locking.refuse(session, plan, wanted)
-        done = execution.carry_out(
-            session, plan, wanted, listen or (lambda event: None), keep_going=keep_going, force=forced
-        )
+        manner = execution.Manner(keep_going=keep_going, force=forced)
+        done = execution.carry_out(session, plan, wanted, listen or (lambda event: None), manner)
         if done.result.ok:
             locking.refuse(session, plan, wanted)
             locking.note(session, plan, wanted, done.result)

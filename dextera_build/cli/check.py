@@ -117,7 +117,7 @@ def _rows(session: Session, rule: str, key: str, before: str, reply: Mapping[str
     tolerance = session.project.library.find(rule).rule.tolerance
     for field, largest in by_field(differences(before, reply["output"], session.store.blobs.get)).items():
         yield _Row(field or "type", largest, tolerance.fields.get(field, 0.0))
-    known = session.store.actions.get(key)
+    known = session.store.actions.known(key)
     for name, allowed in tolerance.metrics.items():
         values = [(known.metrics if known else {}).get(name), reply["metrics"].get(name)]
         if values[0] is None or values[1] is None:

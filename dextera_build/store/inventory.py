@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dextera_build.store import files
+from dextera_build.store.actions import ABSENT
 from dextera_build.store.cas import is_digest
 from dextera_build.store.reapi import decode
 from dextera_build.store.store import Store
@@ -33,7 +34,7 @@ class Inventory:
     blobs: dict[str, tuple[int, float]] = field(default_factory=dict)
     """Digest -> (bytes, last use)."""
     results: dict[str, Kept] = field(default_factory=dict)
-    """Key -> result, those that are whole."""
+    """Key -> result, those that have all that they name; bare ones name no bytes."""
     broken: dict[str, Kept] = field(default_factory=dict)
     """Key -> result that cannot be read or lacks a blob: a miss for every build."""
     keep: dict[str, tuple[int, float]] = field(default_factory=dict)
@@ -70,6 +71,8 @@ def results(store: Store, known: frozenset[str] = frozenset()) -> Iterator[tuple
         sizes: dict[str, int] = {}
         with suppress(OSError, ValueError, IndexError, KeyError):
             for file in decode(files.read(f"{store.actions.root}/{key[:2]}/{key[2:]}")):
+                if file == ABSENT:
+                    continue  # a bare result names all else that it needs
                 sizes[names.setdefault(file.digest, file.digest)] = file.size
         yield key, (Kept(size, used, tuple(sizes)), sizes)
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.store import files, inventory, sharing, use
+from dextera_build.store.actions import ABSENT
 from dextera_build.store.cas import is_digest
 from dextera_build.store.reapi import decode
 from dextera_build.store.store import Store
@@ -144,7 +145,7 @@ class _Verifier:
             return "unreadable", "not a result"
         if outputs[-1].path != "result.json":
             return "unreadable", "its end is missing"
-        lacks = [file for file in outputs if self._store.blobs.size(file.digest) != file.size]
+        lacks = [file for file in outputs if file != ABSENT and self._store.blobs.size(file.digest) != file.size]
         if lacks:
             return "lacking", f"{len(lacks)} of {len(outputs)} blobs are not there"
         document = next((file.digest for file in outputs if file.path == "key.json"), key)
