@@ -136,7 +136,7 @@ class Project(settings_of.Project):
         forced = frozenset(name.partition(":")[2] or name for name in force)
         for name in forced:
             addresses(plan.graph, name)
-        locking = Locking(here, lock=lock, locked=locked, plain=not (inputs or settings or backends))
+        locking = Locking(here, lock=lock, locked=locked, added=(inputs, settings, backends))
         locking.refuse(session, plan, wanted)
         manner = execution.Manner(keep_going=keep_going, force=forced)
         done = execution.carry_out(session, plan, wanted, listen or (lambda event: None), manner)

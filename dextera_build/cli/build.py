@@ -45,8 +45,7 @@ def run(args: argparse.Namespace) -> int:
     """Build every recipe that is named, one after the other."""
     started = time.perf_counter()
     project = options.project(args)
-    plain = not (args.input or args.settings or args.backends)
-    args.locking = locking.Locking(project, lock=args.lock, locked=args.locked, plain=plain)
+    args.locking = locking.Locking(project, lock=args.lock, locked=args.locked, added=options.added(args))
     code = 0
     try:
         for recipe, targets in options.by_recipe(args.targets).items():

@@ -90,7 +90,9 @@ class _Verifier:
         self._progress = progress
         self._told = 0.0
         self._guard = threading.Lock()
-        self._sizes = {digest: size for _, (_, needs) in inventory.results(store) for digest, size in needs.items()}
+        self._sizes = {
+            digest: size for _, (_, needs) in inventory.results(store) for digest, size in (needs or {}).items()
+        }
         self.verdict = Verdict()
 
     def blobs(self, jobs: int) -> None:
