@@ -103,6 +103,7 @@ class Project(settings_of.Project):
         jobs: int | None = None,
         force: Iterable[str] = (),
         keep_going: bool = False,
+        whole: bool = False,
         lock: bool = False,
         locked: bool = False,
         listen: Listener | None = None,
@@ -119,6 +120,7 @@ class Project(settings_of.Project):
             jobs: Cores to share out; most nodes take one.
             force: Addresses of nodes that run although they are cached.
             keep_going: After a failure go on with what does not depend on it.
+            whole: Also the bytes of nodes that nobody has to read.
             lock: Pin the targets in dxb.lock.
             locked: Refuse what is not as pinned.
             listen: Takes every event as it happens, in the calling thread.
@@ -138,7 +140,7 @@ class Project(settings_of.Project):
             addresses(plan.graph, name)
         locking = Locking(here, lock=lock, locked=locked, added=(inputs, settings, backends))
         locking.refuse(session, plan, wanted)
-        manner = execution.Manner(keep_going=keep_going, force=forced)
+        manner = execution.Manner(keep_going=keep_going, force=forced, whole=whole)
         done = execution.carry_out(session, plan, wanted, listen or (lambda event: None), manner)
         if done.result.ok:
             locking.refuse(session, plan, wanted)

@@ -86,9 +86,9 @@ def test_bytes_that_did_not_come_are_made_when_they_are_asked_for(space, there):
     why = there.dxb("why", "say/file:loud").out
     assert "its result is known: key" in why
     assert "its bytes are not in the store" in why
-    assert "loud\tits result is known, its bytes are not in the store" in there.dxb(
-        "plan", "--check", "say/file:loud"
-    ).out
+    assert (
+        "loud\tits result is known, its bytes are not in the store" in there.dxb("plan", "--check", "say/file:loud").out
+    )
     built = there.dxb("build", "--console", "plain", "say/file:loud")
     assert built.code == 0, built.err
     line = "loud: its result is known, its bytes are not in the store, and they are asked for"
