@@ -204,7 +204,7 @@ class Scheduler:
     def _ask_above(self, node: Node) -> None:
         """Note in a dry run which results would have to have their bytes, so that `node` can run."""
         stack = [node]
-        while stack:
+        while stack and self._any_bare:
             for source in rewind.absent(stack.pop(), self.store):
                 if not source.asked:
                     source.asked = True

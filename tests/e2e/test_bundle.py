@@ -89,6 +89,8 @@ def test_bytes_that_did_not_come_are_made_when_they_are_asked_for(space, there):
     assert (
         "loud\tits result is known, its bytes are not in the store" in there.dxb("plan", "--check", "say/file:loud").out
     )
+    wrong = there.dxb("check", "say/file:all")
+    assert (wrong.code, "DXB-B403" in wrong.err, "dxb build --whole 'say/file:all'" in wrong.err) == (1, True, True)
     built = there.dxb("build", "--console", "plain", "say/file:loud")
     assert built.code == 0, built.err
     line = "loud: its result is known, its bytes are not in the store, and they are asked for"
