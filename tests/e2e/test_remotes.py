@@ -13,7 +13,7 @@ import time
 
 import pytest
 
-from tests.e2e.machines import EVERY, given_up, machine, results, serving, uploads
+from tests.e2e.machines import EVERY, agree, given_up, machine, results, serving, uploads
 from tests.e2e.space import Answer, Space
 from tests.interrupts import hear_interrupts
 from tests.store.remotes import servers
@@ -31,10 +31,12 @@ def test_a_second_machine_runs_nothing(space: Space, served: str, kind: str) -> 
     assert second.code == 0
     assert second.nodes("fetched") == EVERY
     assert second.nodes("ran", "cached") == set()
-    assert results(space, "two") == results(space, "one")
+    assert agree(space, "two", "one")
     assert (space.root / "two/out/say/words/all/all").read_bytes() == b"ONE!!! TWO!!!"
     third = machine(space, "two", "say/words", use=f"{remote}:r")
     assert third.events[-1]["counts"] == {"cached": 7}
+    assert space.dxb("pull", "say/words", "--from", remote, env={"DXB_CACHE": "two"}).code == 0
+    assert results(space, "two") == results(space, "one")
 
 
 def test_bytes_come_only_where_somebody_reads_them(space: Space, served: str) -> None:
