@@ -12,10 +12,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ ABSENT = OutputFile("absent", "0" * 64, 1)
 """Stands in a bare entry for all bytes that are not there."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class ActionResult:
     """What one run of a rule made."""
 
@@ -52,6 +51,7 @@ class ActionResult:
     """Digest of the key document."""
     calls: tuple[tuple[str, str], ...] = ()
     """(key, digest of the `result.json`) of recorded calls that the run made."""
+    _digest: str = field(default="", init=False, repr=False, compare=False)
 
     @property
     def document(self) -> bytes:
@@ -74,10 +74,16 @@ class ActionResult:
             }
         )
 
-    @cached_property
+    @property
     def digest(self) -> str:
-        """Digest of `document`."""
-        return digests.of_bytes(self.document)
+        """Digest of `document`; spelled once."""
+        if not self._digest:
+            self.know(digests.of_bytes(self.document))
+        return self._digest
+
+    def know(self, digest: str) -> None:
+        """Its digest is known already, and need not be found by spelling it."""
+        object.__setattr__(self, "_digest", digest)
 
     @property
     def called(self) -> tuple[Mapping[str, str], ...]:
@@ -151,8 +157,7 @@ class Actions:
             return Found(result, True)
         if not is_whole and self.references.headers(result.output) is None:
             return None
-        if self.presence is not None:
-            self.presence.note(key, there)
+        self.rely(key, there)
         return Found(result, is_whole)
 
     def put(self, key: str, result: ActionResult) -> str:
@@ -163,14 +168,23 @@ class Actions:
             StoreError: The disk is full, or the store cannot be written.
             ValueError: A number is not finite.
         """
+        self.rely(key, self.write(key, result))
+        return result.digest
+
+    def write(self, key: str, result: ActionResult) -> list[OutputFile]:
+        """Store the result of `key` as `put` does, and return all that its entry names; for who relies on nothing."""
         self._keep_calls(result)
         document = result.document
-        digest = vars(result)["digest"] = self._blobs.put(document)  # so that it need not be spelled again
+        digest = self._blobs.put(document)
+        result.know(digest)
         outputs = [*self._needs(result), OutputFile(_RESULT, digest, len(document), document)]
         files.write(self._file(key), encode(outputs), workshop=self._workshop)
+        return outputs
+
+    def rely(self, key: str, outputs: Iterable[OutputFile]) -> None:
+        """Note that a build stands on the result of `key`, which it has just found or made."""
         if self.presence is not None:
             self.presence.note(key, outputs)
-        return result.digest
 
     def put_bare(self, key: str, result: ActionResult) -> None:
         """Store the result of `key` although bytes that it names are absent; an entry that says so already stays.
