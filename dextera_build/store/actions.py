@@ -10,7 +10,6 @@ A *bare* entry is one whose bytes are absent by design: it names only what is th
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -93,7 +92,7 @@ class ActionResult:
     @classmethod
     def from_document(cls, data: bytes) -> ActionResult:
         """The result that `document` described."""
-        raw: dict[str, Any] = json.loads(data)
+        raw: dict[str, Any] = digests.plain(data)
         return cls(
             output=raw["output"],
             line=raw["line"],

@@ -6,6 +6,8 @@ from dextera_build.store import header
 from dextera_build.store.cas import Blobs, MissingBlob
 
 _MOST_KNOWN = 4096
+_MOST_HEADER = 1 << 30
+"""A folder of ten million files has a header of this length [bytes]; what is longer came from elsewhere."""
 UNREADABLE = (MissingBlob, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError)
 """What comes of a header that is not there, or that somebody made up."""
 
@@ -31,7 +33,7 @@ class References:
         seen = {output}
         stack = [output]
         while stack:
-            refs, blobs = self._directly(stack.pop())
+            refs, blobs = self.directly(stack.pop())
             for blob in blobs:
                 found.setdefault(blob, False)
             fresh = [ref for ref in dict.fromkeys(refs) if ref not in seen]
@@ -56,9 +58,17 @@ class References:
         except UNREADABLE:
             return None
 
-    def _directly(self, digest: str) -> tuple[list[str], list[str]]:
+    def directly(self, digest: str) -> tuple[list[str], list[str]]:
+        """(artifacts, blobs) that one header refers to.
+
+        Raises:
+            MissingBlob: It is not there.
+            ValueError: It is longer than any header.
+        """
         if digest not in self._known:
             if len(self._known) >= _MOST_KNOWN:
                 self._known.clear()
+            if (self._blobs.size(digest) or 0) > _MOST_HEADER:
+                raise ValueError("a header is too long")
             self._known[digest] = header.closure(self._blobs.get(digest))
         return self._known[digest]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 from dextera_build.errors import StoreError
-from dextera_build.store import header
+from dextera_build.store import header, space
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.references import UNREADABLE
@@ -117,7 +117,7 @@ class Transfer:
             if came is None:
                 return None
             octets += came
-            below = [ref for digest in front for ref in header.closure(self._store.blobs.get(digest))[0]]
+            below = [ref for digest in front for ref in self._store.actions.references.directly(digest)[0]]
             front = [ref for ref in dict.fromkeys(below) if ref not in seen]
             seen.update(front)
         return octets
@@ -125,6 +125,8 @@ class Transfer:
     def _bring(self, remote: Remote, blobs: Iterable[Digest]) -> int | None:
         """Bring the blobs that are not here; how many bytes these were, or None where the remote lacks one."""
         wanted = [blob for blob in blobs if self._store.blobs.size(blob.hash) != blob.size]
+        if sum(blob.size for blob in wanted) > space.free_bytes(str(self._store.root)):
+            return None  # an entry may say any size; what cannot fit is not begun
         return sum(blob.size for blob in wanted) if self.blobs(remote, wanted) else None
 
     def blobs(self, remote: Remote, wanted: Iterable[Digest]) -> bool:
