@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 from dextera_build.errors import StoreError
-from dextera_build.store import header, space
+from dextera_build.store import failpoints, header, space
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.references import UNREADABLE
@@ -77,6 +77,7 @@ class Transfer:
             octets = self._whole(remote, entry) if whole else self._headers(remote, entry)
             if octets is None:
                 return None
+            failpoints.reach("fetch.blobs")
             result = entries.result(entry, entry.inline or self._store.blobs.get(entry.document.hash))
             if result is None:
                 return None
