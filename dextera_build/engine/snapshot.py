@@ -20,8 +20,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import files, presence, signature
+from dextera_build.store import failpoints, files, presence, signature
 from dextera_build.store.presence import Presence
 from dextera_build.store.signature import Watch
 
@@ -102,9 +103,11 @@ def save(
     }
     try:
         files.write(f"{path}.rows", frozen[1], 0o644)
+        failpoints.reach("snapshot.rows")
         _write(path, head)
     except StoreError:
         return False
+    failpoints.reach("snapshot.saved")
     return True
 
 
@@ -112,6 +115,7 @@ def forget(path: Path) -> None:
     """There is no snapshot any more."""
     with suppress(OSError):
         path.unlink()
+    failpoints.reach("snapshot.forgotten")
 
 
 def load_if_near(path: Path, request: Mapping[str, object]) -> Stale | None:
@@ -182,7 +186,7 @@ def read_head(path: Path) -> dict[str, Any]:
     text = data[65:]
     if hashlib.sha256(text).hexdigest().encode() != data[:64]:
         raise ValueError("the head was damaged")
-    head: dict[str, Any] = json.loads(text)
+    head: dict[str, Any] = digests.plain(text)
     if head["form"] != _FORM:
         raise ValueError("another form")
     return head
@@ -233,6 +237,7 @@ def _use(path: Path) -> None:
     That comes before the look at the store, or a collection could find it unused after we found the store whole.
     """
     with suppress(OSError):
+        failpoints.reach("snapshot.used")
         os.utime(path)
 
 

@@ -7,7 +7,6 @@ header and all that it refers to, previews, log, key document, and `result.json`
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -17,13 +16,15 @@ from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import files, header
+from dextera_build.store import failpoints, files, header
 from dextera_build.store.cas import Blobs, MissingBlob, entries
 from dextera_build.store.presence import Presence
 from dextera_build.store.reapi import OutputFile, decode, encode
 
 _RESULT = "result.json"
 _MOST_DIRECT = 4096
+_MOST_HEADER = 1 << 30
+"""A folder of ten million files has a header of this length [bytes]; what is longer came from elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +89,7 @@ class ActionResult:
     @classmethod
     def from_document(cls, data: bytes) -> ActionResult:
         """The result that `document` described."""
-        raw: dict[str, Any] = json.loads(data)
+        raw: dict[str, Any] = digests.plain(data)
         return cls(
             output=raw["output"],
             line=raw["line"],
@@ -154,7 +155,9 @@ class Actions:
         digest = self._blobs.put(document)
         result.know(digest)
         outputs = [*self._needs(result), OutputFile(_RESULT, digest, len(document), document)]
+        failpoints.reach("result.blobs")
         files.write(self._file(key), encode(outputs), workshop=self._workshop)
+        failpoints.reach("result.published")
         return outputs
 
     def rely(self, key: str, outputs: Iterable[OutputFile]) -> None:
@@ -220,9 +223,13 @@ class Actions:
         except OSError:
             return None
         try:
-            return decode(data), stamp
+            outputs = decode(data)
+            if (outputs[0].path, outputs[-1].path) != ("output", _RESULT):
+                raise ValueError("a part of it is missing")
+            return outputs, stamp
         except (ValueError, IndexError, KeyError):
             with suppress(OSError):
+                failpoints.reach("result.damaged")
                 os.unlink(path)
             return None
 
@@ -285,6 +292,8 @@ class Actions:
         if digest not in self._direct:
             if len(self._direct) >= _MOST_DIRECT:
                 self._direct.clear()
+            if (self._blobs.size(digest) or 0) > _MOST_HEADER:
+                raise ValueError("a header is too long")
             self._direct[digest] = header.closure(self._blobs.get(digest))
         return self._direct[digest]
 
