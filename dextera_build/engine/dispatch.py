@@ -99,7 +99,7 @@ class Dispatch:
         """Look again at what other processes were building."""
         for node in list(self.states.locked):
             assert node.key is not None
-            hit = self.reading.find(node)
+            hit = self.reading.whole(node)
             if hit is not None:
                 self.succeed(node, "cached", hit)
             elif self.store.locks.take(node.key):
@@ -120,7 +120,7 @@ class Dispatch:
             self.states.set(node, State.LOCKED)
             return False
         forced = self.forced(node)
-        hit = None if forced else self.reading.find(node)
+        hit = None if forced else self.reading.whole(node)
         if hit is None and node.key == key:
             if forced:
                 self.store.keep.drop(key)

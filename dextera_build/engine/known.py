@@ -62,6 +62,8 @@ class Known:
     """Nodes that stand above something that changed."""
     late: set[str] = field(default_factory=set)
     """Collections that do."""
+    bare: set[int] = field(default_factory=set)
+    """Nodes whose results are bare."""
     stubs: int = 0
     depth: int = 0
     """How many builds have gone on from the one that looked at everything."""
@@ -135,6 +137,7 @@ class Known:
             number = self.names.find(node.address)
             if number is not None and node.key and node.result is not None and not is_stub(node):
                 self.reread.learn(number, node.reads)
+                (self.bare.add if node.bare else self.bare.discard)(number)
                 self.keys[number * 32 : number * 32 + 32] = bytes.fromhex(node.key)
                 self.outputs[number * 32 : number * 32 + 32] = bytes.fromhex(node.result.output)
                 self.seconds[number] = node.result.seconds
@@ -156,6 +159,7 @@ class Known:
             "reads": self.reread.plain(),
             "run": self.run,
             "depth": self.depth,
+            "bare": sorted(self.bare),
         }
         frames.write(
             f"{path}.known", head, [bytes(self.keys), bytes(self.outputs), self.seconds.tobytes(), self.peaks.tobytes()]
@@ -167,6 +171,7 @@ class Known:
             return False
         place = slice(number * 32, number * 32 + 32)
         unit.key, unit.status, unit.state = self.keys[place].hex(), "cached", State.DONE
+        unit.bare = number in self.bare
         unit.result = ActionResult(self.outputs[place].hex(), "", (), {}, self.seconds[number], None, "")
         self.stubs += 1
         return True
@@ -226,6 +231,7 @@ def write(
         text=lambda: lines,
         reread=Reread.of(dict(enumerate(nodes))),
         run=run,
+        bare={number for number, node in enumerate(nodes) if node.bare},
     )
     known.write_state(path)
     return True
@@ -268,6 +274,7 @@ def read(path: Path) -> Known:
         reread=Reread.of_plain(state["reads"]),
         run=state["run"],
         depth=state["depth"],
+        bare=set(state["bare"]),
     )
 
 

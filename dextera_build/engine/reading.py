@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 from dextera_build.engine.key import Writer
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError, RuleError
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.actions import ActionResult, Found
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.store import Store
 from dextera_build.store.traces import steps as traces
@@ -35,13 +35,18 @@ class Reading:
         self._looks: dict[str, Look] = {}
         self._told: dict[Question, str] = {}
 
-    def find(self, node: Node) -> ActionResult | None:
-        """The result of a node in the store; the key of one that reads by itself follows from what it would read."""
+    def find(self, node: Node) -> Found | None:
+        """What the store knows of a node; the key of one that reads by itself follows from what it would read."""
         if not node.call.rule.discovers:
-            return self._store.actions.get(node.key or "")
+            return self._store.actions.find(node.key or "")
         found = tree.find(self._store, self._static(node), self._answers(node))
         self._take(node, found.steps, found.document)
-        return found.result
+        return found.held
+
+    def whole(self, node: Node) -> ActionResult | None:
+        """The result of a node with all its bytes, or None."""
+        found = self.find(node)
+        return found.result if found is not None and found.is_whole else None
 
     def document(self, node: Node) -> bytes:
         """The key document of a node, with what it has read as far as is known."""

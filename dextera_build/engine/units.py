@@ -105,6 +105,10 @@ class Node(Unit):
     """The key that it had when it became the one to build it."""
     rests_until: float = 0.0
     """Not before this is it tried again, by `time.monotonic`."""
+    asked: bool = False
+    """Somebody reads its bytes or wants them; else it is enough to know its result."""
+    bare: bool = False
+    """Its result is known, and bytes of it may be absent."""
     followers: list[Node] = field(default_factory=lambda: _NOBODY, repr=False)
     """Nodes with the same key that wait for this one."""
 

@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 from dextera_build import digest as digests
 from dextera_build.errors import DxbError
 from dextera_build.store.actions import ActionResult
+from dextera_build.store.actions import Found as Held
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.store import Store
 from dextera_build.store.traces import steps as traces
@@ -32,8 +33,8 @@ class Found:
     steps: Steps
     document: bytes
     """The key document with these steps."""
-    result: ActionResult | None
-    """None: nobody knows what comes next."""
+    held: Held | None
+    """Its result; None: nobody knows what comes next."""
 
 
 def key_of(document: bytes) -> str:
@@ -44,8 +45,8 @@ def key_of(document: bytes) -> str:
 def find(store: Store, static: Static, answer: Answer) -> Found:
     """Follow the answers of today through the tree of a call."""
     found = at(store, static, ())
-    while found.result is not None:
-        onward = going_on(store, found.result)
+    while found.held is not None:
+        onward = going_on(store, found.held.result)
         if onward is None:
             return found
         asked = follow(found.steps, onward, answer)
@@ -58,7 +59,7 @@ def find(store: Store, static: Static, answer: Answer) -> Found:
 def at(store: Store, static: Static, steps: Steps) -> Found:
     """What the store holds under one beginning of a trace."""
     document = traces.spelled(static, steps)
-    return Found(steps, document, store.actions.get(key_of(document)))
+    return Found(steps, document, store.actions.find(key_of(document)))
 
 
 def going_on(store: Store, result: ActionResult) -> Steps | None:
@@ -116,8 +117,8 @@ def weave(static: Static, trace: Sequence[Step], get: Get, put: Put) -> list[byt
     return way
 
 
-def publish(store: Store, key: str, result: ActionResult) -> None:
-    """Store a result, and where its call reads by itself, let the store's tree lead to it.
+def publish(store: Store, key: str, result: ActionResult, *, bare: bool = False) -> None:
+    """Store a result, `bare` where its bytes are absent; the tree of a call that reads by itself then leads to it.
 
     Raises:
         MissingBlob: The result refers to something that is not in the store.
@@ -126,7 +127,7 @@ def publish(store: Store, key: str, result: ActionResult) -> None:
     """
     parts = traces.parts_of(store.blobs.get(result.key_document))
     if parts is None:
-        store.actions.put(key, result)
+        (store.actions.put_bare if bare else store.actions.put)(key, result)
         return
     static, steps = parts
     onward = traces.steps_of(store.blobs.get(result.output))
@@ -134,7 +135,8 @@ def publish(store: Store, key: str, result: ActionResult) -> None:
     if onward is None:
         # Whoever holds on to the result holds on to what leads there, and can say which files a pattern matched.
         lists = (answer for kind, _, answer in steps if kind == "names" and store.blobs.has(answer))
-        store.actions.put(key, result, beside=dict.fromkeys([*map(key_of, way), *lists]))
+        beside = dict.fromkeys([*map(key_of, way), *lists])
+        (store.actions.put_bare if bare else store.actions.put)(key, result, beside)
 
 
 def loose(store: Store, document: bytes, steps: Steps) -> ActionResult:

@@ -63,11 +63,11 @@ def test_a_hit_iff_a_recorded_run_would_read_the_same(program: int, worlds: list
         for world in worlds:
             steps = _run(program, world)
             found = _find(store, world)
-            assert (found.result.output if found.result else None) == recorded.get(steps)
-            if found.result is None:
+            assert (found.held.result.output if found.held else None) == recorded.get(steps)
+            if found.held is None:
                 assert steps[: len(found.steps)] == found.steps
                 recorded[steps] = _publish(store, steps)
-            assert _find(store, world).result is not None
+            assert _find(store, world).held is not None
 
 
 @settings(max_examples=30, deadline=None)
@@ -78,10 +78,10 @@ def test_what_is_lost_or_damaged_is_a_miss_and_comes_back(program: int, rounds: 
         for world, dice in rounds:
             steps = _run(program, world)
             found = _find(store, world)
-            if found.result is not None:
+            if found.held is not None:
                 assert found.steps == steps
             output = _publish(store, steps)
-            assert _find(store, world).result.output == output  # type: ignore[union-attr]
+            assert _find(store, world).held.result.output == output  # type: ignore[union-attr]
             keys = sorted(store.actions.keys())
             victim = entry(store, keys[dice % len(keys)])
             victim.unlink()
@@ -100,7 +100,7 @@ def test_two_stores_that_give_all_to_one_another_find_the_same(
         for world in there:
             _publish(stores[0], _run(program, world))
         for world in [*here, *there]:
-            assert _find(stores[0], world).result is not None
+            assert _find(stores[0], world).held is not None
 
 
 def test_a_call_that_asks_in_another_order_takes_the_place_of_the_old_way(tmp_path: Path) -> None:
@@ -111,15 +111,15 @@ def test_a_call_that_asks_in_another_order_takes_the_place_of_the_old_way(tmp_pa
     for steps in (first, other, shorter, first):
         output = _publish(store, steps)
         found = _find(store, world)
-        assert found.result is not None
-        assert found.result.output == output
+        assert found.held is not None
+        assert found.held.result.output == output
 
 
 def test_a_call_that_read_nothing_has_its_result_at_the_root(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    assert _find(store, {}).result is None
+    assert _find(store, {}).held is None
     output = _publish(store, ())
-    assert _find(store, {}).result.output == output  # type: ignore[union-attr]
+    assert _find(store, {}).held.result.output == output  # type: ignore[union-attr]
 
 
 def test_steps_that_no_call_can_have_made_are_a_miss(tmp_path: Path) -> None:
@@ -145,10 +145,10 @@ def test_steps_that_no_call_can_have_made_are_a_miss(tmp_path: Path) -> None:
         document = store.blobs.put(traces.spelled(_STATIC, ()))
         header = store.blobs.put(digest.canonical({"artifact": "Reads", "fields": {"steps": steps}}))
         store.actions.put(document, ActionResult(header, "", (), {}, 0.0, None, document))
-        assert tree.find(store, _STATIC, answer).result is None
+        assert tree.find(store, _STATIC, answer).held is None
         # What runs then is found again.
         _publish(store, (("there", "a", traces.YES),))
-        assert tree.find(store, _STATIC, answer).result is not None
+        assert tree.find(store, _STATIC, answer).held is not None
     assert set(asked) <= {"a"}
 
 
