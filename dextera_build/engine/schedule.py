@@ -81,7 +81,7 @@ class Scheduler:
         self.errors: list[DxbError] = []
         self._writer = Writer()
         self.reading = Reading(store, self._writer)
-        self.sharing = Sharing(exchange, self.states, self._came, self._look_once_more)
+        self.sharing = Sharing(exchange, self.states, self.reading, self._succeed, self._queue)
         self.dispatch = Dispatch(
             store=store,
             executor=executor,
@@ -206,7 +206,7 @@ class Scheduler:
                 self.hooks.missed(node, node)
             self._owners[node.owned] = node
             # What is forced shall run, and a result that others made is not what it asks for.
-            if forced or not self._ask(node):
+            if forced or not self.sharing.ask(node):
                 self._queue(node)
         if self.policy.dry and (node.state is State.STALE or (node.bare and node.asked)):
             self._ask_above(node)
@@ -225,32 +225,6 @@ class Scheduler:
                 if not source.asked:
                     source.asked = True
                     stack.append(source)
-
-    def _ask(self, node: Node) -> bool:
-        if not node.call.rule.discovers:
-            return self.sharing.ask(node)
-        here = (node.key, node.document, node.reads)
-        self.reading.begin(node)  # a remote knows ways of its own to what it holds
-        if self.sharing.ask(node):
-            return True
-        node.key, node.document, node.reads = here
-        return False
-
-    def _came(self, node: Node, status: str, result: ActionResult, *, bare: bool = False) -> None:
-        """A remote has something under the key of a node: its result, or what it reads next."""
-        onward = self.reading.onward(node, result)
-        if onward is None:
-            self._succeed(node, status, result, bare=bare)
-        elif not (self.reading.follow(node, onward) and self.sharing.ask(node)):
-            self._look_once_more(node)
-
-    def _look_once_more(self, node: Node) -> None:
-        """No remote leads further; what came from them may."""
-        hit = self.reading.find(node) if node.call.rule.discovers else None
-        if hit is not None and (hit.is_whole or not node.asked):
-            self._succeed(node, "cached", hit.result, bare=not hit.is_whole)
-        else:
-            self._queue(node)
 
     def _said(self, node: Node, kind: str, data: Any) -> None:
         if kind == "read":

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from dextera_build.engine.reading import Reading
 from dextera_build.engine.states import State, States
 from dextera_build.engine.units import Node
 from dextera_build.store.actions import ActionResult
@@ -25,6 +26,7 @@ class Sharing:
     Args:
         exchange: Asks and tells remotes; None where there are none.
         states: The states of all units.
+        reading: Knows what nodes read by themselves.
         succeed: Ends a node with a result.
         queue: Lets a node run that no remote has.
     """
@@ -33,10 +35,12 @@ class Sharing:
         self,
         exchange: Exchange | None,
         states: States,
+        reading: Reading,
         succeed: Succeed,
         queue: Callable[[Node], None],
     ) -> None:
         self._exchange, self._states, self._succeed, self._queue = exchange, states, succeed, queue
+        self._reading = reading
         self._fetching: dict[str, Node] = {}
         self._missed: set[str] = set()
         self._arrived: list[Arrival] = []
@@ -45,13 +49,23 @@ class Sharing:
         """Look for the node's result elsewhere, with its bytes where these are asked for; False where no one has it."""
         if self._exchange is None or not self._exchange.reads:
             return False
+        if not node.call.rule.discovers:
+            return self._ask(node, self._exchange)
+        here = (node.key, node.document, node.reads)
+        self._reading.begin(node)  # a remote knows ways of its own to what it holds
+        if self._ask(node, self._exchange):
+            return True
+        node.key, node.document, node.reads = here
+        return False
+
+    def _ask(self, node: Node, exchange: Exchange) -> bool:
         assert node.key is not None
         if node.key in self._missed:
             return False
         self._fetching[node.key] = node
         if node.state is not State.FETCHING:
             self._states.set(node, State.FETCHING)
-        self._exchange.ask(Digest(node.key, len(node.document)), whole=node.asked)
+        exchange.ask(Digest(node.key, len(node.document)), whole=node.asked)
         return True
 
     def wait(self, patience_s: float) -> None:
@@ -71,10 +85,26 @@ class Sharing:
                 continue
             if answer.result is None:
                 self._missed.add(answer.key)
-                self._queue(node)
+                self._go_without(node)
             else:
                 node.remote, node.seconds = answer.remote, answer.seconds
-                self._succeed(node, "fetched", answer.result, bare=not answer.is_whole)
+                self._take(node, answer.result, bare=not answer.is_whole)
+
+    def _take(self, node: Node, result: ActionResult, *, bare: bool) -> None:
+        """A remote has something under the key of a node: its result, or what it reads next."""
+        onward = self._reading.onward(node, result)
+        if onward is None:
+            self._succeed(node, "fetched", result, bare=bare)
+        elif self._exchange is None or not (self._reading.follow(node, onward) and self._ask(node, self._exchange)):
+            self._go_without(node)
+
+    def _go_without(self, node: Node) -> None:
+        """No remote leads further; what came from them may."""
+        hit = self._reading.find(node) if node.call.rule.discovers else None
+        if hit is not None and (hit.is_whole or not node.asked):
+            self._succeed(node, "cached", hit.result, bare=not hit.is_whole)
+        else:
+            self._queue(node)
 
     def offer(self, node: Node) -> None:
         """Upload what the node made."""
