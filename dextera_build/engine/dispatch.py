@@ -157,7 +157,10 @@ class Dispatch:
         if node is None:
             return
         if isinstance(report, Said):
-            self.said(node, report.kind, report.data)
+            if report.kind == "read":
+                self.reading.watch(node, report.data.get("steps"))
+            else:
+                self.said(node, report.kind, report.data)
             return
         del self._running[report.ticket]
         self._admission.end(node)

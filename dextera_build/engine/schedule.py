@@ -22,7 +22,6 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.engine import rewind
@@ -93,7 +92,7 @@ class Scheduler:
             reading=self.reading,
             forced=self._is_forced,
             started=self.hooks.started,
-            said=self._said,
+            said=self.hooks.said,
             succeed=self._succeed,
             broke=self._broke,
         )
@@ -225,12 +224,6 @@ class Scheduler:
                 if not source.asked:
                     source.asked = True
                     stack.append(source)
-
-    def _said(self, node: Node, kind: str, data: Any) -> None:
-        if kind == "read":
-            self.reading.watch(node, data.get("steps"))
-        else:
-            self.hooks.said(node, kind, data)
 
     def _queue(self, node: Node) -> None:
         if self.policy.only is None or _named(node, self.policy.only):

@@ -20,15 +20,16 @@ class RandomGraph:
         seed: Of the generator.
         folder: Where the files lie that the graph reads.
         wild: Read a folder, too, and call a rule whose output its key does not tell.
+        reads: Call a rule that finds out for itself what it reads.
     """
 
-    def __init__(self, seed: int, folder: Path, *, wild: bool = False) -> None:
+    def __init__(self, seed: int, folder: Path, *, wild: bool = False, reads: bool = False) -> None:
         self.random = random.Random(seed)
         self.files = [folder / f"leaf{n}" for n in range(3)]
         for number, path in enumerate(self.files):
             path.write_text(f"content {number}")
         self.tree = folder / "tree" if wild else None
-        self._does = (*_DOES, "dice", "dice") if wild else (*_DOES, "read")
+        self._does = (*_DOES, *(("dice", "dice") if wild else ()), *(("read",) if reads else ()))
         if self.tree is not None:
             self.plant("a", "content 0")
         self._broken: list[tuple[tuple[str, ...], str]] = []

@@ -77,7 +77,7 @@ def remembered(root: Path) -> dict[str, tuple[str, str]]:
 
 @pytest.mark.parametrize("seed", range(80))
 def test_it_finds_what_a_whole_build_finds(seed: int, tmp_path: Path) -> None:
-    random_graph, root, path = RandomGraph(seed, tmp_path), tmp_path / "store", tmp_path / "snapshot"
+    random_graph, root, path = RandomGraph(seed, tmp_path, reads=True), tmp_path / "store", tmp_path / "snapshot"
     plan, targets = random_graph.graph(), random_graph.targets()
     first = go(plan, targets, root)
     assert first.result.wiring is not None
@@ -114,7 +114,7 @@ def edit(random_graph: RandomGraph, step: int) -> list[Path]:
 
 def test_the_graph_comes_back_whole(tmp_path: Path) -> None:
     for seed in range(40):
-        random_graph = RandomGraph(seed, tmp_path)
+        random_graph = RandomGraph(seed, tmp_path, reads=True)
         plan, targets = random_graph.graph(), random_graph.targets()
         built = go(plan, targets, tmp_path / f"store{seed}")
         assert built.result.wiring is not None

@@ -27,7 +27,7 @@ def _build(graph: Graph, targets: list[Address], store: Store, keep_going: bool 
 
 @pytest.mark.parametrize("seed", range(60))
 def test_exactly_the_stale_nodes_run(seed: int, tmp_path: Path) -> None:
-    random_graph, store = RandomGraph(seed, tmp_path), Store(tmp_path / "store")
+    random_graph, store = RandomGraph(seed, tmp_path, reads=True), Store(tmp_path / "store")
     cache: dict[str, str] = {}
     for _ in range(_STEPS):
         graph, targets = random_graph.graph(), random_graph.targets()
@@ -51,7 +51,7 @@ def test_exactly_the_stale_nodes_run(seed: int, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", range(30))
 def test_with_failures_everything_independent_is_built(seed: int, tmp_path: Path) -> None:
-    random_graph, store = RandomGraph(seed, tmp_path), Store(tmp_path / "store")
+    random_graph, store = RandomGraph(seed, tmp_path, reads=True), Store(tmp_path / "store")
     random_graph.break_one()
     random_graph.break_one()
     graph, targets = random_graph.graph(), random_graph.targets()
@@ -73,7 +73,7 @@ def test_with_failures_everything_independent_is_built(seed: int, tmp_path: Path
 
 @pytest.mark.parametrize("seed", range(30))
 def test_the_first_failure_stops_what_has_not_begun(seed: int, tmp_path: Path) -> None:
-    random_graph, store = RandomGraph(seed, tmp_path), Store(tmp_path / "store")
+    random_graph, store = RandomGraph(seed, tmp_path, reads=True), Store(tmp_path / "store")
     random_graph.break_one()
     graph, targets = random_graph.graph(), random_graph.targets()
     expected = Reference(graph, {})
@@ -98,7 +98,7 @@ def test_a_pool_runs_exactly_the_stale_nodes_too(tmp_path: Path) -> None:
         for seed in range(100, 112):
             folder = tmp_path / str(seed)
             folder.mkdir()
-            random_graph, store = RandomGraph(seed, folder), Store(folder / "store")
+            random_graph, store = RandomGraph(seed, folder, reads=True), Store(folder / "store")
             cache: dict[str, str] = {}
             for _ in range(3):
                 graph, targets = random_graph.graph(), random_graph.targets()
