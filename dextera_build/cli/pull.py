@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _bring(session: Session, target: str, args: argparse.Namespace) -> RunResult:
-    from dextera_build.cli.execution import RUNNER
+    from dextera_build.cli.executors import RUNNER
     from dextera_build.cli.session import addresses
     from dextera_build.engine.eventlog import EventLog
     from dextera_build.engine.events import fan_out
