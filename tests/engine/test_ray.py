@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -9,13 +10,16 @@ from pathlib import Path
 import pytest
 
 from dextera_build.engine.capacity import Capacity, Gpu, Needs
-from dextera_build.engine.executors import ray_worker, shapes
+from dextera_build.engine.executors import ray_worker, shapes, staging
 from dextera_build.engine.executors.placement import Idle, Places, Shape
 from dextera_build.engine.executors.ray import RayExecutor
 from dextera_build.engine.executors.ray_cluster import Hand, Heard
 from dextera_build.engine.executors.ray_worker import RayWorker, Setup
 from dextera_build.engine.tasks import Task
 from dextera_build.errors import MachineError
+from dextera_build.store.cas import MissingBlob
+from dextera_build.store.remotes.connect import open_remote
+from dextera_build.store.remotes.spec import Spec
 from dextera_build.store.store import Store
 from tests.engine.tiny import RUNNER, Record, call, facts, graph, out, run
 from tests.engine.tiny import build as build_graph
@@ -272,8 +276,22 @@ def other_code(stand: Mapping[str, str], project: str) -> dict[str, tuple[str, s
 def test_only_who_has_the_password_is_served(pool: RayExecutor, store: Store) -> None:
     httpx = pytest.importorskip("httpx")
     digest = store.blobs.put(b"secret")
-    host, port = pool._server.server_address[:2]
-    url = f"http://{host!s}:{port}/cas/{digest}"
+    url = re.sub("//.*@", "//", pool._setup.driver) + f"/cas/{digest}"
     assert httpx.get(url).status_code == 401
     assert httpx.get(url, auth=("dxb", "guess")).status_code == 401
     assert httpx.get(pool._setup.driver + f"/cas/{digest}").content == b"secret"
+
+
+def test_a_driver_that_cannot_be_reached_is_said(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(staging, "_RESTS_S", (0.0,))
+    away = staging.Staging(store, open_remote(Spec("driver", "http://127.0.0.1:1", "rw")))
+    with pytest.raises(MachineError, match="a worker cannot reach the store of the driver: no connection") as caught:
+        away.pull(["0" * 64])
+    assert (caught.value.code, caught.value.facts) == ("DXB-E355", {"driver": "http://127.0.0.1:1"})
+
+
+def test_what_the_driver_lacks_is_named(pool: RayExecutor, tmp_path: Path) -> None:
+    lacking = staging.Staging(Store(tmp_path / "other"), open_remote(Spec("driver", pool._setup.driver, "rw")))
+    with pytest.raises(MissingBlob) as caught:
+        lacking.pull(["1" * 64])
+    assert caught.value.digest == "1" * 64

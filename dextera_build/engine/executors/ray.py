@@ -7,24 +7,22 @@ and go last when others need room.
 
 from __future__ import annotations
 
-import secrets
-import threading
 import time
 from collections import Counter, OrderedDict, defaultdict, deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Self, TypeAlias
 
 from dextera_build.engine.capacity import Capacity, Needs
 from dextera_build.engine.executors import shapes
+from dextera_build.engine.executors.driver_store import DriverStore
 from dextera_build.engine.executors.placement import Idle, Places, Shape
 from dextera_build.engine.executors.ray_cluster import Cluster, Hand, Heard
 from dextera_build.engine.executors.ray_worker import Setup, Word, read
 from dextera_build.engine.tasks import Ended, Report, Said, Task
 from dextera_build.errors import DxbError, MachineError
-from dextera_build.store.remotes.server import CacheServer
 from dextera_build.store.store import Store
 
 _TRIES = 3
@@ -74,11 +72,9 @@ class RayExecutor:
         self._cluster, self._said, self._models = cluster, said or {}, models or {}
         self._places = Places(cluster.nodes())
         self.capacity: Capacity = shapes.capacity(self._places.nodes, self._said)
-        password = secrets.token_urlsafe(24)
         self._store = store
-        self._server = CacheServer(store, (cluster.address, 0), secret=password)
-        threading.Thread(target=self._server.serve_forever, name="dxb store", daemon=True).start()
-        self._setup = with_driver(setup, self._server.url.replace("://", f"://dxb:{password}@"))
+        self._offer = DriverStore(store, cluster.address)
+        self._setup = self._offer.told(setup)
         self._slots: list[_Slot] = []
         self._idle: defaultdict[tuple[Shape, Model], list[_Slot]] = defaultdict(list)
         self._shapes: dict[Needs, Shape] = {}
@@ -142,8 +138,7 @@ class RayExecutor:
             self.stop()
         for slot in list(self._slots):
             self._let_go(slot)
-        self._server.shutdown()
-        self._server.server_close()
+        self._offer.close()
         self._cluster.close()
 
     def _assign(self) -> None:
@@ -280,12 +275,6 @@ class RayExecutor:
         self._looked = time.monotonic()
         self._places.update(self._cluster.nodes())
         self._shapes.clear()
-
-
-def with_driver(setup: Setup, url: str) -> Setup:
-    """`setup` with the driver's store, which recorded answers are looked for in, too."""
-    listed = setup.environment.get("DXB_REMOTES") or "remote:r"
-    return replace(setup, driver=url, environment={**setup.environment, "DXB_REMOTES": f"{url}:r,{listed}"})
 
 
 def _gone(tries: int, reason: str) -> MachineError:
