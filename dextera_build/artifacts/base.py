@@ -93,10 +93,13 @@ class Artifact(BaseModel):
         Raises:
             ArtifactError: The header holds another type, or what it holds is not valid.
         """
-        header = json.loads(get(key))
+        return cls._from_header(json.loads(get(key)), get)
+
+    @classmethod
+    def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
         if header["artifact"] != cls.name():
             raise ArtifactError(f"a {cls.name()} is needed here, but a {header['artifact']} came", code="DXB-A102")
-        hints = {name: info.annotation for name, info in cls.model_fields.items()}
+        hints = _hints(cls)
         return cls(**{name: _decode(raw, hints.get(name), get) for name, raw in header["fields"].items()})
 
     @classmethod
@@ -216,12 +219,12 @@ class File(Artifact):
     @classmethod
     def decode(cls, key: str, get: Get) -> Self:
         """Load the value; large content stays in the store until it is asked for."""
-        header = json.loads(get(key)) if hasattr(get, "place") else {}
-        if header.get("artifact") == cls.name() and list(header["fields"]) == ["data"]:
+        header = json.loads(get(key))
+        if hasattr(get, "place") and header["artifact"] == cls.name() and list(header["fields"]) == ["data"]:
             blob, size = header["fields"]["data"]["$bytes"]
             if size > SMALL:
                 return cls._behind(Stored(get, blob, size))
-        return super().decode(key, get)
+        return cls._from_header(header, get)
 
     def export(self, folder: Path, stem: str) -> list[Path]:
         """Write `folder/stem`."""
@@ -268,6 +271,12 @@ def _inside(folder: Path, name: str) -> Path:
     if name.startswith("/") or ".." in name.split("/") or "\0" in name:
         raise StoreError(f"`{name}` leads out of the folder that holds it", code="DXB-S404")
     return folder / name
+
+
+@cache
+def _hints(kind: type[BaseModel]) -> dict[str, Any]:
+    """Field -> its declared type."""
+    return {name: info.annotation for name, info in kind.model_fields.items()}
 
 
 @cache
@@ -325,7 +334,7 @@ def _decode(raw: Any, hint: Any, get: Get) -> Any:
         inner = _arguments(hint)
         return {name: _decode(item, inner[1] if len(inner) == 2 else None, get) for name, item in body.items()}
     kind = _first(hint, Value)
-    hints = {name: info.annotation for name, info in kind.model_fields.items()}
+    hints = _hints(kind)
     return kind(**{name: _decode(item, hints.get(name), get) for name, item in body.items()})
 
 
@@ -337,6 +346,7 @@ def _choices(hint: Any) -> tuple[Any, ...]:
     return (hint,)
 
 
+@cache
 def _arguments(hint: Any) -> list[Any]:
     for choice in _choices(hint):
         if get_origin(choice) in (tuple, list, dict):
@@ -344,6 +354,7 @@ def _arguments(hint: Any) -> list[Any]:
     return []
 
 
+@cache
 def _first(hint: Any, base: type) -> Any:
     for choice in _choices(hint):
         if isinstance(choice, type) and issubclass(choice, base):

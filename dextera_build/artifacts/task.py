@@ -129,3 +129,5 @@ class View(Artifact):
     """Intrinsics at the size that is rendered."""
     world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
     """T_world_camera, OpenCV axes."""
+    samples: int = 1
+    """Samples per pixel that a picture through it is made of."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.cli import calls
-from dextera_build.cli.origins import Origin, Origins
+from dextera_build.cli.origins import Origin, Origins, margin
 from dextera_build.cli.session import Session
 from dextera_build.errors import DxbError
 
@@ -78,13 +78,13 @@ def lines(lineage: Lineage, recipe: str) -> Iterator[str]:
     todo = [(0, f"{recipe}:", "", name) for name in reversed(lineage.roots)]
     while todo:
         depth, before, part, name = todo.pop()
-        indent, row = "  " * depth, lineage.nodes[name]
+        indent, row = margin(depth), lineage.nodes[name]
         again = name in printed
         yield indent + before + _head(row, part, again)
         if again:
             continue
         printed.add(name)
-        yield from (f"{indent}  {detail}" for detail in _details(row))
+        yield from (f"{margin(depth + 1)}{detail}" for detail in _details(row))
         for edge in reversed(inputs.get(name, [])):
             todo.append((depth + 1, f"{edge['slot']} <- ", edge["part"], edge["from"]))
 

@@ -19,6 +19,8 @@ from dextera_build.store.cas import MissingBlob
 
 Event = dict[str, Any]
 
+_DEEP = 40
+
 
 @dataclass(frozen=True)
 class Origin:
@@ -244,6 +246,14 @@ class Origins:
 
     def _shown(self, path: str) -> str:
         return path.removeprefix(f"{self._session.project.root}/")
+
+
+def margin(depth: int) -> str:
+    """What stands before a line of a tree: two spaces a level, and beyond `_DEEP` levels the number of the rest.
+
+    A chain of ten thousand nodes would be mostly spaces.
+    """
+    return "  " * min(depth, _DEEP) + (f"+{depth - _DEEP} " if depth > _DEEP else "")
 
 
 def _refs(fields: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

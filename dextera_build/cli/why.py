@@ -38,10 +38,12 @@ def run(args: argparse.Namespace) -> int:
         rows = [cause.to_json() for cause in causes]
         print(json.dumps({"node": args.node, "answer": sentence, "causes": rows}, indent=1))
         return 0
+    from dextera_build.cli.origins import margin
+
     print(sentence)
     for cause in causes:
         cells = (cause.kind, cause.name, cause.change, cause.place)
-        print(("  " * (cause.depth + 1) + "\t".join(cells)).rstrip())
+        print((margin(cause.depth + 1) + "\t".join(cells)).rstrip())
     return 0
 
 

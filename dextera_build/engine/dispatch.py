@@ -37,6 +37,7 @@ class Dispatch:
     profile: str
     peak_gb: Callable[[str], float | None]
     forced: Callable[[Node], bool]
+    document: Callable[[Node], bytes]
     started: Callable[[Node], None]
     said: Callable[[Node, str, Any], None]
     succeed: Callable[[Node, str, ActionResult], None]
@@ -140,6 +141,8 @@ class Dispatch:
             needs=rule.needs,
             devices=self._admission.devices(node),
             key=node.key or "",
+            # Whether a file changed meanwhile, and which of two results of a forced node stays, is judged here.
+            document=b"" if node.leaves or self.forced(node) else self.document(node),
         )
 
     def _take(self, report: Report) -> None:
@@ -165,7 +168,7 @@ class Dispatch:
             self._rest(node, report, report.error)
             return
         try:
-            result = result_of(self.store, node, report)
+            result = result_of(self.store, node, report, self.document)
         except DxbError as error:
             self.broke(node, error)
         else:

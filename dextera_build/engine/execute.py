@@ -178,8 +178,8 @@ class _Run:
         new = self.known is None or self.known.key(node.address) != record.key or record.status == "ran"
         if record.result is not None and node.result is not None and record.key is not None and new:
             # How long a fetch took says nothing of how long the node runs.
-            seconds, usage = node.result.seconds, dict(record.usage)
-            entry = Entry(record.key, node.result.key_document, self.info.run, seconds, time.time(), usage)
+            seconds = node.result.seconds
+            entry = Entry(record.key, node.result.key_document, self.info.run, seconds, time.time(), record.usage)
             self.history.note(node.address, entry)
         self.uplink.tell()
         self._tell(node, record)

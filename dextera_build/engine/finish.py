@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
+from dextera_build.engine.publish import result_from, spelled
 from dextera_build.engine.tasks import Ended
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError, RuleError, StoreError
 from dextera_build.store.actions import ActionResult
+from dextera_build.store.reapi import OutputFile
 from dextera_build.store.store import Store
 
 
-def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
+def result_of(store: Store, node: Node, report: Ended, document: Callable[[Node], bytes]) -> ActionResult:
     """Publish what the node made, unless a file that it reads changed meanwhile; then drop what it kept for a next try.
 
-    Where the key has a result with another output already, that one stays, and the divergence is noted.
+    Where the key has a result with another output already, that one stays, and the divergence is noted. What the worker
+    has published is taken over. `document` spells the key document of a node.
 
     Raises:
         DxbError: The node failed, read a file that changed, or its result cannot be stored.
@@ -28,9 +30,11 @@ def result_of(store: Store, node: Node, report: Ended) -> ActionResult:
         raise report.error
     assert report.reply is not None
     assert node.key is not None
+    if report.published is not None:
+        store.keep.drop(node.key)
+        return _taken(store, node.key, report.reply, report.seconds, report.published)
     _check_leaves(store, node)
-    log = store.blobs.put(report.log) if report.log else None
-    result = _parse(report.reply, report.seconds, log, store.blobs.put(node.document))
+    result = result_from(store, report.reply, report.seconds, report.log, document(node))
     known = store.actions.outline(node.key)
     first = store.actions.get(node.key) if known is not None and known[0] != result.output else None
     replaced = any(call["how"] == "replaced" for call in report.reply.get("calls") or ())
@@ -51,6 +55,15 @@ def log_of(store: Store, report: Ended) -> str | None:
     return None
 
 
+def _taken(
+    store: Store, key: str, reply: Mapping[str, Any], seconds: float, published: Mapping[str, Any]
+) -> ActionResult:
+    result = spelled(reply, seconds, published["log"], published["key_document"])
+    result.know(published["result"])
+    store.actions.rely(key, [OutputFile("", digest, size) for digest, size in published["needs"]])
+    return result
+
+
 def _check_leaves(store: Store, node: Node) -> None:
     for leaf, digest in node.leaves:
         try:
@@ -64,20 +77,3 @@ def _check_leaves(store: Store, node: Node) -> None:
                 where=leaf.where,
                 hint="build again; nothing of this run of the node was kept",
             )
-
-
-def _parse(reply: Mapping[str, Any], seconds: float, log: str | None, document: str) -> ActionResult:
-    metrics = {name: (float(value), str(unit)) for name, (value, unit) in dict(reply.get("metrics") or {}).items()}
-    for name, (value, _) in metrics.items():
-        if not math.isfinite(value):
-            raise RuleError(f"metric `{name}` is {value}, not a finite number", code="DXB-B305")
-    return ActionResult(
-        output=reply["output"],
-        line=str(reply.get("line", "")),
-        previews=tuple((str(caption), str(blob)) for caption, blob in reply.get("previews") or ()),
-        metrics=metrics,
-        seconds=round(seconds, 6),
-        log=log,
-        key_document=document,
-        calls=tuple(dict.fromkeys((call["call"], call["result"]) for call in reply.get("calls") or ())),
-    )

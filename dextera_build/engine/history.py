@@ -14,9 +14,11 @@ from dextera_build.store import files
 from dextera_build.store.store import Store
 
 _FORM = 1
+_ROWS = 1000
+"""So many nodes are spelled at a time."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Entry:
     """The last time that a node was brought up to date."""
 
@@ -104,13 +106,22 @@ class History:
         return {}
 
     def _write(self, path: Path, entries: Mapping[str, Entry]) -> bool:
-        rows = {address: list(vars(entry).values()) for address, entry in entries.items()}
+        head = json.dumps({"form": _FORM, "project": self._project})[:-1]
         try:
-            stored = {"form": _FORM, "project": self._project, "nodes": rows}
-            files.write(str(path), json.dumps(stored).encode(), 0o644)
+            with files.new_file(str(path), 0o644) as target:
+                files.write_all(target, f'{head}, "nodes": {{'.encode())
+                names = list(entries)
+                for start in range(0, len(names), _ROWS):  # as one text it would take as much memory as the graph
+                    rows = {name: _row(entries[name]) for name in names[start : start + _ROWS]}
+                    files.write_all(target, f"{', ' if start else ''}{json.dumps(rows)[1:-1]}".encode())
+                files.write_all(target, b"}}")
         except StoreError:
             return False
         return True
+
+
+def _row(entry: Entry) -> list[object]:
+    return [entry.key, entry.key_document, entry.run, entry.seconds, entry.time, entry.usage]
 
 
 def _over(old: Mapping[str, Entry], new: Mapping[str, Entry]) -> dict[str, Entry]:

@@ -16,6 +16,9 @@ from dextera_build.engine.graph import Call, RuleFacts
 SCHEMA = 1
 """Raised when the form or the meaning of the document changes; every key changes with it."""
 
+_OWN = ("inputs", "options", "salt")
+"""Parts of the document that calls of one rule differ in, in their order."""
+
 Document: TypeAlias = dict[str, Any]
 Kind: TypeAlias = Literal["option", "code", "package", "backend", "input", "version", "type", "weights", "salt"]
 
@@ -37,28 +40,20 @@ class Writer:
     """
 
     def __init__(self) -> None:
-        self._rules: dict[int, tuple[RuleFacts, dict[str, bytes]]] = {}
-        self._calls: dict[int, tuple[Call, bytes, bytes]] = {}
+        self._rules: dict[int, tuple[RuleFacts, list[bytes]]] = {}
 
     def document(self, call: Call, inputs: Mapping[str, str]) -> bytes:
         """Canonical bytes of the key document."""
-        before, after = self._around(call)
-        return before + digests.canonical(_input_part(inputs)) + after
+        own = _call_part(call) | {"inputs": _input_part(inputs)}
+        parts = self._around(call.rule)
+        spelled = [part + digests.canonical(own[name]) for part, name in zip(parts, _OWN, strict=False)]
+        return b"".join([*spelled, parts[-1]])
 
-    def _around(self, call: Call) -> tuple[bytes, bytes]:
-        # By identity: the mappings in a call cannot be hashed, and the entry keeps the call alive.
-        known = self._calls.get(id(call))
-        if known is None:
-            parts = self._rule(call.rule) | _spell(_call_part(call)) | {"inputs": b""}
-            before = b",".join(b'"%s":%s' % (name.encode(), parts[name]) for name in sorted(parts) if name <= "inputs")
-            after = b",".join(b'"%s":%s' % (name.encode(), parts[name]) for name in sorted(parts) if name > "inputs")
-            known = self._calls[id(call)] = (call, b"{" + before, b"," + after + b"}")
-        return known[1], known[2]
-
-    def _rule(self, rule: RuleFacts) -> dict[str, bytes]:
+    def _around(self, rule: RuleFacts) -> list[bytes]:
+        # By identity: the mappings in the facts cannot be hashed, and the entry keeps them alive.
         known = self._rules.get(id(rule))
         if known is None:
-            known = self._rules[id(rule)] = (rule, _spell(_rule_part(rule)))
+            known = self._rules[id(rule)] = (rule, _around(_rule_part(rule)))
         return known[1]
 
 
@@ -110,8 +105,17 @@ def _input_part(inputs: Mapping[str, str]) -> list[list[str]]:
     return [[slot, inputs[slot]] for slot in sorted(inputs)]
 
 
-def _spell(part: Document) -> dict[str, bytes]:
-    return {name: digests.canonical(value) for name, value in part.items()}
+def _around(shared: Document) -> list[bytes]:
+    """The canonical bytes before, between and after the parts that each call has of its own."""
+    parts, text = [], b"{"
+    for place, name in enumerate(sorted({*shared, *_OWN})):
+        text += b',"%s":' % name.encode() if place else b'"%s":' % name.encode()
+        if name in _OWN:
+            parts.append(text)
+            text = b""
+        else:
+            text += digests.canonical(shared[name])
+    return [*parts, text + b"}"]
 
 
 def _rows(kind: Kind, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Change]:

@@ -66,6 +66,7 @@ class Scheduler:
         self.policy = policy
         self.hooks = hooks or Hooks()
         self.states = States()
+        self._writer = Writer()
         self.wiring = Wiring(graph, store.leaves.digest_leaf, policy.known)
         self.wishes: list[Gathering] = []
         self.failed: list[Unit] = []
@@ -80,12 +81,12 @@ class Scheduler:
             profile=policy.profile,
             peak_gb=policy.peak_gb,
             forced=self._is_forced,
+            document=lambda node: self._writer.document(node.call, node.inputs),
             started=self.hooks.started,
             said=self.hooks.said,
             succeed=self._succeed,
             broke=self._broke,
         )
-        self._writer = Writer()
         self._owners: dict[str, Node] = {}
         self._measured = (0, 0)
 
@@ -164,9 +165,18 @@ class Scheduler:
         node.inputs = {slot: self._value(link) for slot, link in node.links.items()}
         node.document = self._writer.document(node.call, node.inputs)
         node.key = digests.of_bytes(node.document)
+        try:
+            self._find(node)
+        finally:
+            if not self.policy.dry:
+                node.document = b""  # many nodes may wait; it is spelled again for those that run
+
+    def _find(self, node: Node) -> None:
+        """Where the result of a node may come from."""
+        assert node.key is not None
         owner = self._owners.get(node.key)
         if owner is not None:
-            owner.followers.append(node)
+            node.follow(owner)
             self.states.set(node, State.SHARED)
             return
         hit = None if self._is_forced(node) else self.store.actions.get(node.key)
@@ -219,8 +229,6 @@ class Scheduler:
 
     def _succeed(self, node: Node, status: str, result: ActionResult) -> None:
         node.result, node.status, node.error = result, status, None
-        if not self.policy.dry:
-            node.document = b""  # it is in the store
         followers = self._disown(node)
         self.sharing.offer(node)
         self._done(node)
@@ -231,16 +239,13 @@ class Scheduler:
         """The node no longer builds its key; returns those that waited for that."""
         if self._owners.get(node.key or "") is node:
             del self._owners[node.key or ""]
-        followers = [follower for follower in node.followers if follower.state is State.SHARED]
-        node.followers = []
-        return followers
+        return node.let_go()
 
     def _done(self, unit: Unit) -> None:
         self.states.set(unit, State.DONE)
         if isinstance(unit, Node):
             self.hooks.settled(unit)
-        waiting, unit.dependents = unit.dependents, []
-        for dependent in waiting:
+        for dependent in unit.release():
             if dependent.state is State.WAITS:
                 dependent.pending -= 1
                 self._come_nearer(dependent, unit)

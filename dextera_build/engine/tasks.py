@@ -5,6 +5,7 @@ The scheduler knows nothing else about how nodes run, so a pool of processes, th
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeAlias
@@ -13,6 +14,8 @@ from dextera_build.engine.capacity import Capacity, Needs
 from dextera_build.errors import DxbError, RuleError
 
 _LITTLE = Needs()
+_LOG_MOST = 1 << 20
+"""A longer log is kept from its end [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,8 @@ class Task:
     """GPUs that it may use, as `CUDA_VISIBLE_DEVICES` calls them."""
     key: str = ""
     """Names the folder in which the call keeps its progress; "" where it shall have a fresh one."""
+    document: bytes = b""
+    """The key document; whoever runs the task may publish its result. b"" where only the scheduler may."""
 
     def message(self) -> dict[str, object]:
         """What the runner gets."""
@@ -72,6 +77,8 @@ class Ended:
     """The exception that the rule let escape, with its bases."""
     usage: Mapping[str, float] = field(default_factory=dict)
     """See `usage.Usage`."""
+    published: Mapping[str, Any] | None = None
+    """What `publish.publish` returned, where the worker has stored the result; then `log` is b""."""
 
 
 Report: TypeAlias = Said | Ended
@@ -96,6 +103,12 @@ class Executor(Protocol):
     def stop(self) -> None:
         """End everything that runs, at once; what was running is never reported."""
         ...
+
+
+def printed(descriptor: int) -> bytes:
+    """What a task printed to this file; the end of it where that is long."""
+    size = os.fstat(descriptor).st_size
+    return os.pread(descriptor, _LOG_MOST, max(0, size - _LOG_MOST)) if size else b""
 
 
 def escaped(error: BaseException) -> RuleError:

@@ -18,6 +18,11 @@ Labels = tuple[str, ...]
 """One label for each enclosing group, from the outside in."""
 
 
+_NOBODY: list[Any] = []
+_NOTHING: dict[str, Any] = {}
+"""Stand for every empty list and mapping of units, so that a hundred thousand of them take no room; never filled."""
+
+
 @dataclass(eq=False, kw_only=True, slots=True)
 class Unit:
     """Something that becomes known during a run."""
@@ -28,26 +33,39 @@ class Unit:
     state: State = State.WAITS
     pending: int = 0
     """How many sources are not known yet."""
-    sources: list[Unit] = field(default_factory=list, repr=False)
+    sources: list[Unit] = field(default_factory=lambda: _NOBODY, repr=False)
     """What this one reads from."""
-    dependents: list[Unit] = field(default_factory=list, repr=False)
+    dependents: list[Unit] = field(default_factory=lambda: _NOBODY, repr=False)
     """What waits for this one; emptied when it becomes known."""
     lost: Counter[str] | None = field(default=None, repr=False)
     """Blobs that it reads and that were found to be gone, with how often."""
 
     def await_(self, source: Unit) -> None:
         """Depend on `source`, and wait for it unless it is known."""
-        self.sources.append(source)
+        if self.sources:
+            self.sources.append(source)
+        else:
+            self.sources = [source]
         if source.state is not State.DONE:
-            source.dependents.append(self)
             self.pending += 1
+            if source.dependents:
+                source.dependents.append(self)
+            else:
+                source.dependents = [self]
+
+    def release(self) -> list[Unit]:
+        """It is known: what waited for it. How it became known is forgotten, and found anew where that is needed."""
+        waiting, self.dependents = self.dependents, _NOBODY
+        if isinstance(self, Node | Packing):
+            self.links = _NOTHING
+        return waiting
 
     def forget(self) -> None:
         """Drop all sources, so that they can be connected again."""
         for source in self.sources:
             if self in source.dependents:
                 source.dependents = [other for other in source.dependents if other is not self]
-        self.sources, self.pending = [], 0
+        self.sources, self.pending = _NOBODY, 0
 
 
 @dataclass(eq=False, kw_only=True, slots=True)
@@ -55,12 +73,13 @@ class Node(Unit):
     """One copy of a call."""
 
     call: Call
-    links: dict[str, Link] = field(default_factory=dict, repr=False)
-    leaves: list[tuple[Leaf, str]] = field(default_factory=list, repr=False)
+    links: dict[str, Link] = field(default_factory=lambda: _NOTHING, repr=False)
+    leaves: list[tuple[Leaf, str]] = field(default_factory=lambda: _NOBODY, repr=False)
     """Files and folders that it reads directly, with the digests that entered its key."""
-    inputs: dict[str, str] = field(default_factory=dict)
+    inputs: dict[str, str] = field(default_factory=lambda: _NOTHING)
     key: str | None = None
     document: bytes = field(default=b"", repr=False)
+    """The key document, while it is looked up; in a dry run also later."""
     ticket: int = -1
     """Names its run at the executor."""
     status: str = ""
@@ -73,7 +92,7 @@ class Node(Unit):
     """Name of the remote that its result was fetched from."""
     log: str | None = None
     """Digest of what a failed run printed."""
-    usage: Mapping[str, float] = field(default_factory=dict)
+    usage: Mapping[str, float] = field(default_factory=lambda: _NOTHING)
     """What its last run here used; see `usage.Usage`."""
     tries: int = 0
     """How often it ran here."""
@@ -81,8 +100,20 @@ class Node(Unit):
     """What it called when it ran here, as `store.calls` notes it."""
     rests_until: float = 0.0
     """Not before this is it tried again, by `time.monotonic`."""
-    followers: list[Node] = field(default_factory=list, repr=False)
+    followers: list[Node] = field(default_factory=lambda: _NOBODY, repr=False)
     """Nodes with the same key that wait for this one."""
+
+    def follow(self, owner: Node) -> None:
+        """Wait for `owner`, which has the same key."""
+        if owner.followers:
+            owner.followers.append(self)
+        else:
+            owner.followers = [self]
+
+    def let_go(self) -> list[Node]:
+        """Those that still wait for this one because they have its key; from here on they do not."""
+        followers, self.followers = self.followers, _NOBODY
+        return [follower for follower in followers if follower.state is State.SHARED]
 
 
 @dataclass(eq=False, kw_only=True, slots=True)
@@ -113,7 +144,7 @@ class Packing(Unit):
     """A collection that one reader lists by label; `path` and `labels` are the reader's."""
 
     parts: Mapping[str, Input]
-    links: dict[str, Link] = field(default_factory=dict, repr=False)
+    links: dict[str, Link] = field(default_factory=lambda: _NOTHING, repr=False)
     output: str | None = None
 
 

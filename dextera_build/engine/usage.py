@@ -19,6 +19,10 @@ Usage = dict[str, float]
 
 PERIOD_S = 0.25
 _PAGE = os.sysconf("SC_PAGE_SIZE")
+_SHORT_S = 0.002
+"""Tasks of this length [s] hardly change how large a worker is."""
+_LOOK_S = 0.05
+"""Between short tasks its peak is read once in this time [s]: that takes as long as some tasks do."""
 
 
 class Meter:
@@ -29,6 +33,9 @@ class Meter:
         self._status = _open("/proc/self/status", os.O_RDONLY)
         self._io = _open("/proc/self/io", os.O_RDONLY)
         self._before: tuple[float, int, dict[str, int]] = (0.0, 0, {})
+        self._began = 0.0
+        self._seen: tuple[float, int] = (-_LOOK_S, 0)
+        """When the peak of a short task was read, and what it was."""
 
     def begin(self) -> None:
         """A task begins."""
@@ -36,31 +43,40 @@ class Meter:
             with suppress(OSError):
                 os.pwrite(self._reset, b"5", 0)  # the peak counts from here
         self._before = (_cpu_seconds(), _children_peak(), self._bytes())
+        self._began = time.monotonic()
 
     def end(self) -> Usage:
         """What the process used since `begin`."""
+        now_s = time.monotonic()
         cpu, children, moved = self._before
         used: Usage = {"cpu_seconds": round(_cpu_seconds() - cpu, 6)}
         for name, count in self._bytes().items():
             used[name] = count - moved.get(name, 0)
         now = _children_peak()
         # Of children only the largest of all times is known: it is this task's where that record was broken meanwhile.
-        peak = max(self._peak(), now if now > children else 0)
+        peak = max(self._peak(now_s, now_s - self._began < _SHORT_S), now if now > children else 0)
         if peak:
             used["memory_bytes"] = peak
         return used
 
-    def _peak(self) -> int:
+    def _peak(self, now: float, short: bool) -> int:
         """Most that was resident since the last reset, or ever where that is not allowed [bytes]."""
+        if short and now - self._seen[0] < _LOOK_S:
+            return self._seen[1]
+        found = 0
         for line in _text(self._status).splitlines():
             if line.startswith("VmHWM:"):
-                return int(line.split()[1]) * 1024
-        return 0
+                found = int(line.split()[1]) * 1024
+                break
+        # What a long task leaves behind says nothing of the next one.
+        self._seen = (now, found) if short else (-_LOOK_S, 0)
+        return found
 
     def _bytes(self) -> dict[str, int]:
-        rows = dict(line.split(": ", 1) for line in _text(self._io).splitlines() if ": " in line)
-        known = {"read_bytes": "rchar", "written_bytes": "wchar"}
-        return {name: int(rows[row]) for name, row in known.items() if row in rows}
+        words = _text(self._io).split(None, 4)
+        if len(words) < 4 or words[0] != "rchar:" or words[2] != "wchar:":
+            return {}
+        return {"read_bytes": int(words[1]), "written_bytes": int(words[3])}
 
 
 class Watched(Protocol):

@@ -108,7 +108,9 @@ class Wiring:
         """
         if isinstance(unit, Node):
             read = [part for source in unit.call.inputs.values() for part in parts_of(source)]
-            unit.leaves = [(source, self.leaf(source)) for source in read if isinstance(source, Leaf)]
+            leaves = [(source, self.leaf(source)) for source in read if isinstance(source, Leaf)]
+            if leaves:
+                unit.leaves = leaves
             self._await_all(unit, unit.call.inputs)
         elif isinstance(unit, Packing):
             self._await_all(unit, unit.parts)

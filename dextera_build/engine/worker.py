@@ -3,8 +3,9 @@
     python -m dextera_build.engine.worker <module:function> <descriptor of tasks> <descriptor of replies>
 
 Standard output and error belong to the node that runs; the pool gives a file for them and reads it afterwards. The
-first line from the pool is `{"path": [...]}`, its module search path. The worker ends when the task pipe closes and
-when its parent dies.
+first line from the pool is `{"path": [...]}`, its module search path. Behind the line of a task come as many bytes of
+its key document as the line says; where there are some, the worker publishes the result itself. It ends when the task
+pipe closes and when its parent dies.
 """
 
 from __future__ import annotations
@@ -22,12 +23,17 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from typing import Any
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.engine.retries import names_of
-from dextera_build.engine.tasks import escaped
+from dextera_build.engine.tasks import escaped, printed
 from dextera_build.engine.usage import Meter
 from dextera_build.errors import DxbError, MachineError
+
+if TYPE_CHECKING:
+    from dextera_build.store.store import Store
 
 _SPELL = json.JSONEncoder(separators=(",", ":"), default=str).encode
 _PR_SET_PDEATHSIG = 1
@@ -59,9 +65,10 @@ class Worker:
         with os.fdopen(self._tasks, "rb") as lines:
             sys.path += [entry for entry in json.loads(lines.readline())["path"] if entry not in sys.path]
             for line in lines:
-                self._answer(json.loads(line))
+                task = json.loads(line)
+                self._answer(task, lines.read(task.pop("document")))
 
-    def _answer(self, task: Mapping[str, Any]) -> None:
+    def _answer(self, task: Mapping[str, Any], document: bytes) -> None:
         if os.fstat(1).st_size:
             os.ftruncate(1, 0)
         self._last_progress = 0.0
@@ -79,7 +86,19 @@ class Worker:
             answer = {"error": escaped(error).to_json(), "raised": names_of(error)}
         answer |= {"seconds": time.perf_counter() - began, "usage": self._meter.end()}
         self._flush()
+        if document and "reply" in answer:
+            self._publish(task, document, answer)
         self._write(answer)
+
+    def _publish(self, task: Mapping[str, Any], document: bytes, answer: dict[str, Any]) -> None:
+        from dextera_build.engine.publish import publish
+
+        reply, seconds = answer["reply"], answer["seconds"]
+        try:
+            answer["published"] = publish(_store(task["store"]), task["key"], reply, seconds, printed(1), document)
+        except DxbError as error:
+            del answer["reply"]
+            answer["error"] = error.to_json()
 
     def _load(self) -> Callable[..., Mapping[str, Any]]:
         if self._runner is None:
@@ -138,6 +157,13 @@ def main(arguments: list[str]) -> None:
         Worker(runner, tasks, replies).serve()
     # Threads and libraries that linger must not keep a worker alive that has nothing to do.
     os._exit(0)
+
+
+@lru_cache(maxsize=1)
+def _store(root: str) -> Store:
+    from dextera_build.store.store import Store
+
+    return Store(Path(root))
 
 
 def _leave(number: int, frame: object) -> None:

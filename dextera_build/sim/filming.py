@@ -14,7 +14,7 @@ from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim import model as models
 from dextera_build.sim.compose import ROBOT
-from dextera_build.sim.rendering import Eye
+from dextera_build.sim.rendering import through
 
 
 class Replica:
@@ -87,10 +87,10 @@ def in_world(world_from_base: np.ndarray, poses: np.ndarray) -> np.ndarray:
 def frames(bundle: TaskBundle, episodes: Episodes, view: View) -> Iterator[tuple[str, np.ndarray]]:
     """Index and frames (T, H, W, 3) uint8 sRGB of each episode in `episodes.items`, without shadows.
 
-    The pictures are those that `Eye` gives during a rollout: same samples, same lights.
+    The pictures are those that a policy sees during a rollout: same samples, same lights.
     """
     replica = Replica(bundle, episodes)
-    with Eye(replica.model, view.camera, view.world_from_camera) as eye:
+    with through(replica.model, view) as eye:
         for index, episode in episodes.items.items():
             yield index, np.stack([_frame(replica, eye, row) for row in replica.positions(episode)])
 

@@ -65,7 +65,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self._size = size
         self._insight = Insight(self.environment) if privileged else None
         self._progress = Progress(self.environment)
-        self._eye = rendering.Eye(self.environment.model, view.camera, view.world_from_camera) if view else None
+        self._eye = rendering.through(self.environment.model, view) if view else None
         self._portrait: rendering.Eye | None = None
         self._value = self._progress.value(False)
         self._last = self._observe()

@@ -16,10 +16,11 @@ import mujoco
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.task import View
 from dextera_build.geometry.cameras import GL_FROM_CV
 
-OFFSAMPLES = 4
-"""Samples per pixel; fixed, because the picture depends on it."""
+SAMPLES = 4
+"""Samples per pixel, where nothing else is said; fixed, because the picture depends on it."""
 
 
 class Eye:
@@ -31,6 +32,7 @@ class Eye:
         world_from_camera: (4, 4) T_world_camera, OpenCV axes, in the model's world frame [m].
         shadows: Draw shadows and reflections in colour renders.
         geomgroups: Groups of geoms that are drawn; None leaves MuJoCo's default (0, 1, 2).
+        samples: Samples per pixel; more smooth the edges of colours, and one takes less than half the time of four.
     """
 
     def __init__(
@@ -41,10 +43,11 @@ class Eye:
         *,
         shadows: bool = False,
         geomgroups: tuple[int, ...] | None = None,
+        samples: int = SAMPLES,
     ) -> None:
         model.vis.global_.offwidth = max(model.vis.global_.offwidth, camera.width)
         model.vis.global_.offheight = max(model.vis.global_.offheight, camera.height)
-        model.vis.quality.offsamples = OFFSAMPLES
+        model.vis.quality.offsamples = samples if samples > 1 else 0  # MuJoCo says 0 where OpenGL says one sample
         self._model, self._camera, self._pose = model, camera, np.asarray(world_from_camera, np.float64)
         self._shadows = shadows
         self._option = mujoco.MjvOption()
@@ -112,6 +115,11 @@ def _use_chosen_platform() -> None:
         from mujoco.rendering.classic import gl_context
 
         gl_context.GLContext = GLContext
+
+
+def through(model: Any, view: View) -> Eye:
+    """What policies and films see through `view`."""
+    return Eye(model, view.camera, view.world_from_camera, samples=view.samples)
 
 
 def render_rgb(

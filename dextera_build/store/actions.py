@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,7 @@ _RESULT = "result.json"
 _MOST_DIRECT = 4096
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class ActionResult:
     """What one run of a rule made."""
 
@@ -47,6 +46,7 @@ class ActionResult:
     """Digest of the key document."""
     calls: tuple[tuple[str, str], ...] = ()
     """(key, digest of the `result.json`) of recorded calls that the run made."""
+    _digest: str = field(default="", init=False, repr=False, compare=False)
 
     @property
     def document(self) -> bytes:
@@ -69,10 +69,16 @@ class ActionResult:
             }
         )
 
-    @cached_property
+    @property
     def digest(self) -> str:
-        """Digest of `document`."""
-        return digests.of_bytes(self.document)
+        """Digest of `document`; spelled once."""
+        if not self._digest:
+            self.know(digests.of_bytes(self.document))
+        return self._digest
+
+    def know(self, digest: str) -> None:
+        """Its digest is known already, and need not be found by spelling it."""
+        object.__setattr__(self, "_digest", digest)
 
     @property
     def called(self) -> tuple[Mapping[str, str], ...]:
@@ -127,8 +133,7 @@ class Actions:
         result = self._result(outputs)
         if result is None or not self._stays(key, stamp):
             return None
-        if self.presence is not None:
-            self.presence.note(key, outputs)
+        self.rely(key, outputs)
         return result
 
     def put(self, key: str, result: ActionResult) -> str:
@@ -139,14 +144,23 @@ class Actions:
             StoreError: The disk is full, or the store cannot be written.
             ValueError: A number is not finite.
         """
+        self.rely(key, self.write(key, result))
+        return result.digest
+
+    def write(self, key: str, result: ActionResult) -> list[OutputFile]:
+        """Store the result of `key` as `put` does, and return all that its entry names; for who relies on nothing."""
         self._keep_calls(result)
         document = result.document
-        digest = vars(result)["digest"] = self._blobs.put(document)  # so that it need not be spelled again
+        digest = self._blobs.put(document)
+        result.know(digest)
         outputs = [*self._needs(result), OutputFile(_RESULT, digest, len(document), document)]
         files.write(self._file(key), encode(outputs), workshop=self._workshop)
+        return outputs
+
+    def rely(self, key: str, outputs: Iterable[OutputFile]) -> None:
+        """Note that a build stands on the result of `key`, which it has just found or made."""
         if self.presence is not None:
             self.presence.note(key, outputs)
-        return result.digest
 
     def verify(self, key: str) -> bool:
         """Whether `key` has a result all of whose blobs are whole; every blob is read, damaged ones are set aside."""

@@ -58,20 +58,12 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
     descriptor = -1
     try:
         descriptor = _create(folder, temporary, mode)
-        sharing.share_file(descriptor, folder, mode)
         yield descriptor
         os.close(descriptor)
         descriptor = -1
         _move(temporary, path)
     except BaseException as error:
-        # Before the unfinished file goes, so that it says how much room there was when there was none.
-        said = store_error(error, path) if isinstance(error, OSError) else None
-        if descriptor >= 0:
-            os.close(descriptor)
-        with suppress(OSError):
-            os.unlink(temporary)
-        if said is not None:
-            raise said from None
+        _give_up(error, path, temporary, descriptor)
         raise
 
 
@@ -86,8 +78,19 @@ def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None
     Raises:
         StoreError: The disk is full, or the folder cannot be written.
     """
-    with new_file(path, mode, workshop) as descriptor:
+    # Not through `new_file`: a generator for each small file shows in a build of many.
+    folder = workshop or os.path.dirname(path)
+    temporary = f"{folder}/{TEMPORARY}-{unique()}"
+    descriptor = -1
+    try:
+        descriptor = _create(folder, temporary, mode)
         write_all(descriptor, data)
+        os.close(descriptor)
+        descriptor = -1
+        _move(temporary, path)
+    except BaseException as error:
+        _give_up(error, path, temporary, descriptor)
+        raise
 
 
 def append(path: str, size: int, data: bytes) -> None:
@@ -161,10 +164,24 @@ def chunks(descriptor: int) -> Iterator[bytes]:
 def _create(folder: str, temporary: str, mode: int) -> int:
     flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
     try:
-        return os.open(temporary, flags, mode)
+        descriptor = os.open(temporary, flags, mode)
     except FileNotFoundError:
         sharing.make_folder(folder)
-        return os.open(temporary, flags, mode)
+        descriptor = os.open(temporary, flags, mode)
+    sharing.share_file(descriptor, folder, mode)
+    return descriptor
+
+
+def _give_up(error: BaseException, path: str, temporary: str, descriptor: int) -> None:
+    """Remove an unfinished file; raises what a failed write means for the person who builds."""
+    # Before the unfinished file goes, so that it says how much room there was when there was none.
+    said = store_error(error, path) if isinstance(error, OSError) else None
+    if descriptor >= 0:
+        os.close(descriptor)
+    with suppress(OSError):
+        os.unlink(temporary)
+    if said is not None:
+        raise said from None
 
 
 def _move(temporary: str, path: str) -> None:

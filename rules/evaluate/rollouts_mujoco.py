@@ -14,7 +14,7 @@ from dextera_build.policy.load import load
 from dextera_build.rule import Backend
 from dextera_build.sim import starts
 from dextera_build.sim.environment import Environment
-from dextera_build.sim.rendering import Eye
+from dextera_build.sim.rendering import through
 from dextera_build.sim.rollout import closed_loop
 
 from .filmed import stills as stills
@@ -33,7 +33,7 @@ def rollouts(bundle: TaskBundle, checkpoint: Checkpoint, view: View | None, seed
     policy = load(checkpoint, bundle, view)
     environment = Environment(bundle)
     sees = view is not None and any(channel.name == "rgb" for channel in checkpoint.contract.inputs)
-    opened = Eye(environment.model, view.camera, view.world_from_camera) if view and sees else nullcontext()
+    opened = through(environment.model, view) if view and sees else nullcontext()
     with opened as eye:
         look = (lambda: np.asarray(eye.rgb(environment.data))) if eye is not None else None
         for seed in seeds:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
@@ -24,6 +26,8 @@ class ViewOptions(Options):
     """Where the camera stands in the world [m]; absent: where the photograph was taken."""
     target_m: Point | None = None
     """What it looks at from `eye_m`, in the world [m]; image right is horizontal."""
+    samples: Literal[1, 2, 4, 8] = 1
+    """Samples per pixel: with four, edges are smooth, and a frame takes more than twice as long to render."""
     shift_m: Point = (0.0, 0.0, 0.0)
     """Then moved by this in the world, without turning [m]: a camera that was bumped."""
 
@@ -42,7 +46,7 @@ def view(ctx: Context, scene: Scene, *, options: ViewOptions) -> View:
     if any(options.shift_m):
         pose = transforms.rigid(pose[:3, :3], pose[:3, 3] + options.shift_m)
     ctx.say(f"{camera.width} x {camera.height} px, {'as photographed' if options.eye_m is None else 'placed by hand'}")
-    return View(camera=camera, world_from_camera=pose)
+    return View(camera=camera, world_from_camera=pose, samples=options.samples)
 
 
 def scaled(camera: Camera, width: int, height: int) -> Camera:

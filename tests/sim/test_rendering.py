@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.task import View
 from dextera_build.geometry import cameras, transforms
 from dextera_build.sim import rendering
 
@@ -84,3 +85,14 @@ def test_the_same_scene_gives_the_same_bytes(pose: np.ndarray) -> None:
     second = rendering.render_rgb(model, data, CAMERA, pose, shadows=True)
     assert first.tobytes() == second.tobytes()
     assert first.std() > 1.0
+
+
+def test_one_sample_per_pixel_keeps_colours_apart_and_four_blend_them(pose: np.ndarray) -> None:
+    model, data = probes(POINTS, pose)
+    behind = rendering.render_segmentation(model, data, CAMERA, pose) < 0
+    blended = {}
+    for samples in (1, 4):
+        with rendering.through(model, View(camera=CAMERA, world_from_camera=pose, samples=samples)) as eye:
+            blended[samples] = np.any(eye.rgb(data)[behind] != 0, axis=-1).sum()
+    assert blended[1] == 0
+    assert blended[4] > 20

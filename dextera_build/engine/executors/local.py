@@ -73,7 +73,7 @@ class LocalExecutor:
         for key, _ in self._selector.select(self._sampler.patience(timeout_s, len(self._busy))):
             process: Process = key.data
             if process.alive:
-                reports += self._hear(process)
+                reports += self._hear(process, key.fd)
         return reports
 
     def stop(self) -> None:
@@ -131,8 +131,8 @@ class LocalExecutor:
             self._selector.register(descriptor, selectors.EVENT_READ, process)
         return process
 
-    def _hear(self, process: Process) -> list[Report]:
-        lines, ended = process.hear()
+    def _hear(self, process: Process, descriptor: int) -> list[Report]:
+        lines, ended = process.hear(descriptor)
         reports: list[Report] = []
         for line in lines:
             if process.task is None:
@@ -149,15 +149,18 @@ class LocalExecutor:
     def _end(self, process: Process, line: Mapping[str, object]) -> Ended:
         task = self._release(process)
         self._idle.append(process)
-        error, reply, raised, used = (line.get(name) for name in ("error", "reply", "raised", "usage"))
+        error, reply, raised, used, made = (
+            line.get(name) for name in ("error", "reply", "raised", "usage", "published")
+        )
         return Ended(
             ticket=task.ticket,
             seconds=float(str(line["seconds"])),
-            log=process.log(),
+            log=b"" if made else process.log(),
             reply=reply if isinstance(reply, dict) else None,
             error=from_json(error) if isinstance(error, dict) else None,
             raised=tuple(raised) if isinstance(raised, list) else (),
             usage=with_peak(used if isinstance(used, dict) else {}, process.peak),
+            published=made if isinstance(made, dict) else None,
         )
 
     def _bury(self, process: Process) -> list[Report]:

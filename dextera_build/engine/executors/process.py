@@ -14,14 +14,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dextera_build.engine.tasks import Task
+from dextera_build.engine.tasks import Task, printed
 from dextera_build.errors import RuleError
 
 _SPELL = json.JSONEncoder(separators=(",", ":")).encode
 _MODULE = "dextera_build.engine.worker"
 _ROOT = Path(__file__).resolve().parents[3]
-_LOG_MOST = 1 << 20
-"""A longer log is kept from its end [bytes]."""
 _TAIL_LINES = 12
 
 
@@ -82,11 +80,11 @@ class Process:
     def send(self, task: Task) -> None:
         """Give it a task; a worker that is dead already shows in `hear`."""
         self.began, self.peak = time.monotonic(), 0
-        self._write(task.message())
+        self._write(task.message() | {"document": len(task.document)}, task.document)
 
-    def hear(self) -> tuple[list[dict[str, Any]], bool]:
-        """(what it said, whether it is dead)."""
-        ended = not self.is_running()
+    def hear(self, descriptor: int) -> tuple[list[dict[str, Any]], bool]:
+        """(what it said, whether it is dead), after one of `descriptors` became readable."""
+        ended = descriptor == self._watch or (self._watch < 0 and not self.is_running())
         while True:
             try:
                 part = os.read(self._hearing, 1 << 16)
@@ -128,9 +126,7 @@ class Process:
 
     def log(self) -> bytes:
         """What the node printed so far."""
-        descriptor = self._log.fileno()
-        size = os.fstat(descriptor).st_size
-        return os.pread(descriptor, _LOG_MOST, max(0, size - _LOG_MOST)) if size else b""
+        return printed(self._log.fileno())
 
     def death(self, log: bytes) -> RuleError:
         """What to say of a worker that died in the middle of a node."""
@@ -153,8 +149,8 @@ class Process:
             hint="build again, with `--jobs 1` where memory is short",
         )
 
-    def _write(self, message: Mapping[str, object]) -> None:
-        data = _SPELL(message).encode() + b"\n"
+    def _write(self, message: Mapping[str, object], more: bytes = b"") -> None:
+        data = _SPELL(message).encode() + b"\n" + more
         with contextlib.suppress(BrokenPipeError):
             done = 0
             while done < len(data):

@@ -37,7 +37,8 @@ def test_a_frame_is_what_the_model_looks_like_in_that_state(film: Film) -> None:
         # The first step was recorded at the start itself, which says everything in the model's own words.
         data.qpos[:] = episode.start.qpos
         mujoco.mj_forward(model, data)
-        expected = rendering.render_rgb(model, data, view.camera, view.world_from_camera)
+        with rendering.through(model, view) as eye:
+            expected = eye.rgb(data)
         difference = np.abs(film.pixels(index)[0].astype(int) - expected)
         assert difference.max() <= 2  # recorded poses are single precision
 

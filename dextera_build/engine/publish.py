@@ -1,0 +1,66 @@
+"""From what a rule returned to a result in the store: what a worker does itself, so that the scheduler need not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from dextera_build.errors import RuleError
+from dextera_build.store.actions import ActionResult
+from dextera_build.store.store import Store
+
+
+def publish(
+    store: Store, key: str, reply: Mapping[str, Any], seconds: float, log: bytes, document: bytes
+) -> dict[str, Any] | None:
+    """Store the result of `key`, its entry last; None where the key has one already, which only the scheduler judges.
+
+    Returns:
+        Plain data: the digests `result`, `log` and `key_document`, and `needs`: (digest, size) of all that it names.
+
+    Raises:
+        DxbError: The result cannot be stored.
+    """
+    if store.actions.outline(key) is not None:
+        return None
+    result = result_from(store, reply, seconds, log, document)
+    needs = store.actions.write(key, result)
+    return {
+        "result": result.digest,
+        "log": result.log,
+        "key_document": result.key_document,
+        "needs": [(file.digest, file.size) for file in needs],
+    }
+
+
+def result_from(store: Store, reply: Mapping[str, Any], seconds: float, log: bytes, document: bytes) -> ActionResult:
+    """What a reply comes to; its log and its key document are stored.
+
+    Raises:
+        DxbError: A metric is not finite, or the store cannot be written.
+    """
+    kept = store.blobs.put(log) if log else None
+    return spelled(reply, seconds, kept, store.blobs.put(document))
+
+
+def spelled(reply: Mapping[str, Any], seconds: float, log: str | None, document: str) -> ActionResult:
+    """What a reply comes to, with the digests of its log and of its key document.
+
+    Raises:
+        RuleError: A metric is not finite.
+    """
+    metrics = {name: (float(value), str(unit)) for name, (value, unit) in dict(reply.get("metrics") or {}).items()}
+    for name, (value, _) in metrics.items():
+        if not math.isfinite(value):
+            raise RuleError(f"metric `{name}` is {value}, not a finite number", code="DXB-B305")
+    return ActionResult(
+        output=reply["output"],
+        line=str(reply.get("line", "")),
+        previews=tuple((str(caption), str(blob)) for caption, blob in reply.get("previews") or ()),
+        metrics=metrics,
+        seconds=round(seconds, 6),
+        log=log,
+        key_document=document,
+        calls=tuple(dict.fromkeys((call["call"], call["result"]) for call in reply.get("calls") or ())),
+    )

@@ -1,0 +1,47 @@
+"""A chain that no recursion survives: built, found built, edited at its leaf."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from dextera_build.engine import dryrun, known
+from dextera_build.engine.execute import RunResult
+from dextera_build.engine.graph import Graph
+from dextera_build.store.store import Store
+from tests.engine.tiny import call, graph, leaf, out, run
+
+
+def chain(length: int, file: Path) -> Graph:
+    return graph(call("n0", x=leaf(file)), *(call(f"n{place}", x=out(f"n{place - 1}")) for place in range(1, length)))
+
+
+def statuses(result: RunResult) -> set[str]:
+    return {node.status for node in result.nodes.values()}
+
+
+@pytest.mark.parametrize("length", [1_200, pytest.param(100_000, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])])
+def test_a_chain_may_be_long(store: Store, tmp_path: Path, length: int) -> None:
+    assert length > sys.getrecursionlimit()
+    file = tmp_path / "leaf"
+    file.write_text("one")
+    plan = chain(length, file)
+    first, _ = run(plan, store)
+    assert first.ok
+    assert len(first.nodes) == length
+    assert statuses(first) == {"ran"}
+    assert statuses(run(plan, store)[0]) == {"cached"}
+
+    snapshot = store.local / "snapshot"
+    assert first.wiring is not None
+    assert known.write(snapshot, plan, first.wiring, "0001")
+    file.write_text("two")
+    assert {node.status for node in dryrun.plan(plan, plan.targets["default"], store)} == {"stale", "unknown"}
+    found = known.read(snapshot)
+    assert found.spread([str(file)])
+    edited, _ = run(found.graph, store, known=found)
+    assert statuses(edited) == {"ran"}
+    last = f"n{length - 1}"
+    assert edited.nodes[last].output != first.nodes[last].output

@@ -1,0 +1,78 @@
+"""What workers publish themselves: the same as the scheduler would, and only what it need not judge."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+
+from dextera_build import digest
+from dextera_build.engine.execute import build
+from dextera_build.engine.executors.local import LocalExecutor
+from dextera_build.engine.graph import Graph
+from dextera_build.engine.publish import publish
+from dextera_build.store.actions import ActionResult
+from dextera_build.store.presence import Presence
+from dextera_build.store.store import Store
+from tests.engine.tiny import RUNNER, Record, call, graph, inline, leaf, out, text_header
+
+PLAN = graph(call("a", "blob"), call("b", "print", "hello", a=out("a")), call("c", a=out("a"), b=out("b")))
+
+
+def made(root: Path, pool: bool, plan: Graph = PLAN) -> tuple[dict[str, ActionResult | None], Presence, Store]:
+    store = Store(root)
+    store.actions.presence = presence = Presence(str(root))
+    with LocalExecutor(RUNNER, 1) if pool else nullcontext(inline()) as executor:
+        result = build(plan, plan.targets["default"], store=store, executor=executor, listen=Record())
+    found = Store(root).actions
+    return {name: found.get(node.key or "") for name, node in result.nodes.items()}, presence, store
+
+
+def test_it_is_what_the_scheduler_would_store(tmp_path: Path) -> None:
+    pooled, here = made(tmp_path / "pool", pool=True), made(tmp_path / "inline", pool=False)
+    for name, mine in pooled[0].items():
+        other = here[0][name]
+        assert mine is not None
+        assert other is not None
+        assert (mine.output, mine.line, mine.metrics, mine.key_document) == (
+            other.output,
+            other.line,
+            other.metrics,
+            other.key_document,
+        )
+    log = pooled[0]["b"]
+    assert log is not None
+    assert log.log == digest.of_bytes(b"hello\nand to stderr\n")
+
+
+def test_a_build_notes_what_its_workers_stored(tmp_path: Path) -> None:
+    results, presence, store = made(tmp_path, pool=True)
+    frozen = presence.freeze()
+    assert frozen is not None
+    rows = {frozen[1][place : place + 32].hex() for place in range(0, len(frozen[1]), 40)}
+    for result in results.values():
+        assert result is not None
+        assert {result.output, result.digest, result.key_document} <= rows
+    keys = list(store.actions.keys())
+    assert set(keys) <= rows
+
+
+def test_a_key_that_has_a_result_keeps_it(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    key = digest.of_bytes(b"key")
+    replies = [{"output": store.blobs.put(text_header(text)), "line": text} for text in ("first", "second")]
+    first = publish(store, key, replies[0], 0.5, b"said", b"key")
+    assert first is not None
+    assert publish(store, key, replies[1], 0.5, b"", b"key") is None
+    kept = store.actions.get(key)
+    assert kept is not None
+    assert (kept.line, kept.digest) == ("first", first["result"])
+    assert {name for name, _ in first["needs"]} == {replies[0]["output"], key, kept.log, kept.digest}
+
+
+def test_nothing_is_published_of_a_node_whose_file_changed(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("as it was")
+    plan = graph(call("a", "edit", str(file), x=leaf(file)))
+    results, _, store = made(tmp_path / "store", pool=True, plan=plan)
+    assert results == {"a": None}
+    assert list(store.actions.keys()) == []
