@@ -28,13 +28,22 @@ from dextera_build.store.store import Store
 from tests.engine.tiny import RUNNER, Record, build, call, facts, graph, text_header
 
 _GPUS, _CORES = 8, 64
-_CLIENT = """
-import sys, time
+_GETS = """
+import sys
 from dextera_build.store.remotes.http import HttpCache
 from dextera_build.store.remotes.remote import Digest
 client, digest, count = HttpCache(sys.argv[1]), Digest(sys.argv[2], 0), int(sys.argv[3])
 for _ in range(count):
     client.fetch([digest], lambda digest, pieces: [None for _ in pieces])
+"""
+_PUTS = """
+import hashlib, io, sys
+from dextera_build.store.remotes.http import HttpCache
+from dextera_build.store.remotes.remote import Digest
+client, size, count = HttpCache(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+for number in range(count):
+    data = number.to_bytes(8, "big") * (size // 8)
+    client.send([Digest(hashlib.sha256(data).hexdigest(), size)], lambda digest: io.BytesIO(data))
 """
 
 
@@ -132,18 +141,16 @@ def driver(count: int, folder: Path) -> float:
         return spent(lambda: build(plan, plan.targets["default"], store=store, executor=pool, listen=Record())) / count
 
 
-def serving(size: int, count: int, folder: Path) -> tuple[float, float]:
-    """Give one blob of `size` bytes over and over: (processor time a request, wall-clock time a request) [s]."""
+def serving(program: str, size: int, count: int, folder: Path) -> float:
+    """Give one blob of `size` bytes over and over, or take `count` different ones: processor time a request [s]."""
     store = Store(folder)
-    digest = store.blobs.put(bytes(size))
+    what = store.blobs.put(bytes(size)) if program == _GETS else str(size)
     with CacheServer(store, ("127.0.0.1", 0), secret="x") as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         url = server.url.replace("://", "://dxb:x@")
-        wall = time.perf_counter()
-        used = spent(lambda: subprocess.run([sys.executable, "-c", _CLIENT, url, digest, str(count)], check=True))
-        wall = time.perf_counter() - wall
+        used = spent(lambda: subprocess.run([sys.executable, "-c", program, url, what, str(count)], check=True))
         server.shutdown()
-    return used / count, wall / count
+    return used / count
 
 
 def real(address: str, count: int, folder: Path) -> tuple[float, float]:
@@ -173,9 +180,10 @@ def main() -> None:
             print(f"placement, {nodes} nodes\t{placement(nodes) * 1e6:.0f}\tµs CPU a new worker")
             print(f"admission, {nodes * _GPUS} GPUs\t{admission(nodes * _GPUS) * 1e6:.0f}\tµs CPU a call")
         print(f"build, 1000 GPUs\t{driver(args.count, root / 'd') * 1e6:.0f}\tµs CPU a node")
-        for size, count in ((1 << 10, 1000), (1 << 26, 16)):
-            used, wall = serving(size, count, root / f"s{size}")
-            print(f"server, {size} bytes\t{used * 1e6:.0f}\tµs CPU a request\t{wall * 1e6:.0f}\tµs")
+        for size, count in ((1 << 10, args.count // 4), (1 << 26, 8)):
+            for name, program in (("gives", _GETS), ("takes", _PUTS)):
+                used = serving(program, size, count, root / f"{name}{size}")
+                print(f"server {name} {size} bytes\t{used * 1e6:.0f}\tµs CPU a request")
         if args.address:
             used, wall = real(args.address, args.count // 10, root / "r")
             print(f"on Ray\t{used * 1e6:.0f}\tµs CPU a node\t{wall * 1e6:.0f}\tµs")
