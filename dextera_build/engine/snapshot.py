@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.store import files, presence, signature
 from dextera_build.store.presence import Presence
@@ -182,7 +183,7 @@ def read_head(path: Path) -> dict[str, Any]:
     text = data[65:]
     if hashlib.sha256(text).hexdigest().encode() != data[:64]:
         raise ValueError("the head was damaged")
-    head: dict[str, Any] = json.loads(text)
+    head: dict[str, Any] = digests.plain(text)
     if head["form"] != _FORM:
         raise ValueError("another form")
     return head

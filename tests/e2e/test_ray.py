@@ -335,9 +335,7 @@ def test_a_lost_node_loses_nothing(sites: Space) -> None:
 
 
 def test_without_a_cluster_the_error_says_how_to_start_one(space: Space) -> None:
-    answer = space.dxb(
-        "build", "say/words", "--executor", "ray:127.0.0.1:1", env={"RAY_gcs_rpc_server_reconnect_timeout_s": "1"}
-    )
+    answer = space.dxb("build", "say/words", "--executor", "ray:127.0.0.1:1")
     assert answer.code == 4
     assert "error[DXB-E351]: no Ray cluster answers at `127.0.0.1:1`" in answer.err
     assert "hint: `ray start --head`" in answer.err

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from dextera_build.engine.capacity import Capacity, Gpu, Needs
-from dextera_build.engine.executors import ray_worker, shapes, staging
+from dextera_build.engine.executors import ray_cluster, ray_worker, shapes, staging
 from dextera_build.engine.executors.placement import Idle, Places, Shape
 from dextera_build.engine.executors.ray import RayExecutor
 from dextera_build.engine.executors.ray_cluster import Hand, Heard
@@ -295,3 +295,10 @@ def test_what_the_driver_lacks_is_named(pool: RayExecutor, tmp_path: Path) -> No
     with pytest.raises(MissingBlob) as caught:
         lacking.pull(["1" * 64])
     assert caught.value.digest == "1" * 64
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:1", "127.0.0.1:port", "127.0.0.1:99999"])
+def test_where_no_cluster_answers_it_is_said(address: str) -> None:
+    with pytest.raises(MachineError, match=f"no Ray cluster answers at `{address}`") as caught:
+        ray_cluster._reach(address)
+    assert caught.value.code == "DXB-E351"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,6 +15,8 @@ from dextera_build.engine.executors.ray_worker import RayWorker, Setup, Word
 from dextera_build.engine.executors.shapes import options
 from dextera_build.engine.tasks import Task
 from dextera_build.errors import MachineError, UsageError
+
+_CONNECT_S = 5.0
 
 Heard: TypeAlias = Callable[[list[Word] | Exception], None]
 """Takes what a worker says, or why it says nothing any more; called in any thread."""
@@ -78,17 +81,15 @@ class RayCluster:
                 hint=f"ray start --address={address.partition('://')[2]} --num-cpus=0",
             )
         ray = _imported()
+        known = address or os.environ.get("RAY_ADDRESS", "")
+        if ":" in known:
+            _reach(known)
         # Ray puts its own in place of ours, which lets a build end in order.
         ours = signal.getsignal(signal.SIGTERM)
         try:
             ray.init(address=address or "auto", log_to_driver=False, configure_logging=False, logging_level="ERROR")
         except Exception as error:  # Ray's, gRPC's and the system's own
-            raise MachineError(
-                f"no Ray cluster answers at `{address}`" if address else "no Ray cluster runs here",
-                code="DXB-E351",
-                facts={"ray says": _first_line(error)},
-                hint="`ray start --head` starts one, `ray status` shows it",
-            ) from None
+            raise _no_cluster(address, error) from None
         finally:
             with suppress(ValueError):  # not the main thread
                 signal.signal(signal.SIGTERM, ours)
@@ -162,6 +163,24 @@ def _imported() -> Any:
             hint="pip install 'dextera-build[ray]'",
         ) from None
     return ray
+
+
+def _reach(address: str) -> None:
+    """Raise where nothing answers at `HOST:PORT`: Ray would end this process."""
+    host, _, port = address.rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), _CONNECT_S).close()
+    except (OSError, ValueError, OverflowError) as error:
+        raise _no_cluster(address, error) from None
+
+
+def _no_cluster(address: str, error: Exception) -> MachineError:
+    return MachineError(
+        f"no Ray cluster answers at `{address}`" if address else "no Ray cluster runs here",
+        code="DXB-E351",
+        facts={"because": _first_line(error)},
+        hint="`ray start --head` starts one, `ray status` shows it",
+    )
 
 
 def _first_line(error: Exception) -> str:
