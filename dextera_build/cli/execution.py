@@ -23,6 +23,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
+class Manner:
+    """How to build; see `engine.execute.build`."""
+
+    keep_going: bool = False
+    force: frozenset[str] = frozenset()
+    argv: tuple[str, ...] = ()
+    whole: bool = False
+    bring_from: Exchange | None = None
+    """Nothing runs: what the store lacks comes from these remotes, all of it, or is lacking."""
+
+
+@dataclass(frozen=True)
 class Done:
     """A run that ended."""
 
@@ -52,7 +64,12 @@ def execute(
     force = frozenset(name.partition(":")[2] or name for name in args.force)
     with console("live" if kind == "auto" else kind, sys.stderr, verbose=args.verbose) as shown:
         done = carry_out(
-            session, plan, wanted, shown, keep_going=args.keep_going, force=force, argv=tuple(sys.argv[1:]), known=known
+            session,
+            plan,
+            wanted,
+            shown,
+            Manner(keep_going=args.keep_going, force=force, argv=tuple(sys.argv[1:]), whole=args.whole),
+            known,
         )
     if done.lost:
         print(f"the disk is full: {done.lost} events of run {done.run} are not in its log", file=sys.stderr)
@@ -64,10 +81,7 @@ def carry_out(
     plan: Plan,
     wanted: Sequence[Address],
     listen: Listener,
-    *,
-    keep_going: bool = False,
-    force: frozenset[str] = frozenset(),
-    argv: tuple[str, ...] = (),
+    manner: Manner,
     known: Known | None = None,
 ) -> Done:
     """Build `wanted` with the executor of the settings and an event log; `listen` takes every event, too."""
@@ -76,19 +90,21 @@ def carry_out(
 
     project, store = session.project, session.store
     rules = known.rules if known else [call.rule for _, call in plan.graph.calls()]
-    with EventLog(store) as log, executor(session, rules) as workers:
+    # What is only brought runs nowhere.
+    with EventLog(store) as log, executor(session, rules, idle=manner.bring_from is not None) as workers:
         result = build(
             plan.graph,
             wanted,
             store=store,
             executor=workers,
             listen=fan_out(log, listen),
-            info=RunInfo(log.run, str(project.root), project.profile, __version__, argv),
-            keep_going=keep_going,
-            force=force,
+            info=RunInfo(log.run, str(project.root), project.profile, __version__, manner.argv),
+            keep_going=manner.keep_going,
+            force=manner.force,
             known=known,
-            only=frozenset() if project.remotes.local == "r" else None,
-            exchange=exchange(session),
-            recall=project.asks_again,
+            only=frozenset() if manner.bring_from or project.remotes.local == "r" else None,
+            exchange=manner.bring_from or exchange(session),
+            recall=project.asks_again and not manner.bring_from,
+            whole=manner.whole or manner.bring_from is not None,
         )
     return Done(log.run, result, log.lost)

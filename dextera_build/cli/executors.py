@@ -20,21 +20,22 @@ RUNNER = "dextera_build.runner:run_task"
 
 
 @contextmanager
-def executor(session: Session, rules: Iterable[RuleFacts]) -> Iterator[Executor]:
+def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False) -> Iterator[Executor]:
     """What runs the nodes of one build, as the settings say.
 
     Args:
         session: The recipe that is built.
         rules: Those that may run.
+        idle: Nothing will run, so that no cluster and no device is looked for.
     """
     kind, _, address = session.project.executor.partition(":")
-    if kind == "ray":
+    if kind == "ray" and not idle:
         yield from _ray(session, address, list(rules))
     else:
         from dextera_build.engine.executors.local import LocalExecutor
 
         project = session.project
-        wants_gpu = any(rule.gpus or rule.gpu_gb for rule in rules)
+        wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
         capacity = project.capacity(gpus=wants_gpu)
         with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity) as workers:
             yield workers
