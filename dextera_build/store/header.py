@@ -14,7 +14,7 @@ Read = Callable[[str], bytes]
 """digest -> bytes."""
 
 
-_PARTS = {"$bytes": [str, int], "$array": [str, list, str]}
+_PARTS: dict[str, list[type]] = {"$bytes": [str, int], "$array": [str, list, str]}
 """Tag -> what stands behind it."""
 
 ESCAPES = "DXB-S219"
