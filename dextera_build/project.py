@@ -35,6 +35,8 @@ _DEFAULTS: dict[str, Any] = {
     "require_signed": False,
 }
 PROFILES = ("stub", "cpu", "gpu", "cloud")
+_ON, _OFF = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
+"""What a setting that is true or false may be spelled as, in a file or in the environment."""
 _COUNT = re.compile(r"[0-9]{1,6}")
 
 
@@ -130,7 +132,7 @@ class Project:
     @property
     def durable(self) -> bool:
         """Whether a build waits until what it made is on the disk."""
-        return str(self.config["durable"].value).lower() not in ("false", "0", "no", "off")
+        return self._is_on("durable")
 
     @property
     def calls(self) -> str:
@@ -173,7 +175,18 @@ class Project:
     @property
     def require_signed(self) -> bool:
         """Whether bundles are refused that no trusted key signed."""
-        return str(self.config["require_signed"].value).lower() not in ("", "0", "false", "no")
+        return self._is_on("require_signed")
+
+    def _is_on(self, name: str) -> bool:
+        setting = self.config[name]
+        said = str(setting.value).lower()
+        if said not in (*_ON, *_OFF):
+            raise UsageError(
+                f"`{name}` is true or false, not `{setting.value}`",
+                code="DXB-U103",
+                facts={"from": setting.origin, "words": listing((*_ON, *_OFF))},
+            )
+        return said in _ON
 
     @cached_property
     def library(self) -> Library:

@@ -30,6 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--force", metavar="NODE", action="append", default=[], help="run this node even if it is cached"
     )
+    parser.add_argument("--whole", action="store_true", help="also the bytes of nodes that nobody has to read")
     parser.add_argument("--check", action="store_true", help="run nothing; exit with 3 where something is stale")
     parser.add_argument("--console", metavar="KIND", help="live, plain, jsonl or none (DXB_CONSOLE)")
     parser.add_argument("-v", "--verbose", action="store_true", help="show what nodes log, too")
@@ -44,8 +45,7 @@ def run(args: argparse.Namespace) -> int:
     """Build every recipe that is named, one after the other."""
     started = time.perf_counter()
     project = options.project(args)
-    plain = not (args.input or args.settings or args.backends)
-    args.locking = locking.Locking(project, lock=args.lock, locked=args.locked, plain=plain)
+    args.locking = locking.Locking(project, lock=args.lock, locked=args.locked, added=options.added(args))
     code = 0
     try:
         for recipe, targets in options.by_recipe(args.targets).items():
@@ -74,6 +74,7 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
         "input": {text: os.path.abspath(text.partition("=")[2]) for text in args.input},
         "settings": args.settings,
         "backends": args.backends,
+        "whole": args.whole,
         "lock": args.locking.state(recipe),
     }
     known = None if args.force or project.asks_again else fresh.load(project, fingerprint)

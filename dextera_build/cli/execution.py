@@ -25,6 +25,18 @@ RUNNER = "dextera_build.runner:run_task"
 
 
 @dataclass(frozen=True)
+class Manner:
+    """How to build; see `engine.execute.build`."""
+
+    keep_going: bool = False
+    force: frozenset[str] = frozenset()
+    argv: tuple[str, ...] = ()
+    whole: bool = False
+    bring_from: Exchange | None = None
+    """Nothing runs: what the store lacks comes from these remotes, all of it, or is lacking."""
+
+
+@dataclass(frozen=True)
 class Done:
     """A run that ended."""
 
@@ -54,7 +66,12 @@ def execute(
     force = frozenset(name.partition(":")[2] or name for name in args.force)
     with console("live" if kind == "auto" else kind, sys.stderr, verbose=args.verbose) as shown:
         done = carry_out(
-            session, plan, wanted, shown, keep_going=args.keep_going, force=force, argv=tuple(sys.argv[1:]), known=known
+            session,
+            plan,
+            wanted,
+            shown,
+            Manner(keep_going=args.keep_going, force=force, argv=tuple(sys.argv[1:]), whole=args.whole),
+            known,
         )
     if done.lost:
         print(f"the disk is full: {done.lost} events of run {done.run} are not in its log", file=sys.stderr)
@@ -66,10 +83,7 @@ def carry_out(
     plan: Plan,
     wanted: Sequence[Address],
     listen: Listener,
-    *,
-    keep_going: bool = False,
-    force: frozenset[str] = frozenset(),
-    argv: tuple[str, ...] = (),
+    manner: Manner,
     known: Known | None = None,
 ) -> Done:
     """Build `wanted` with workers on this machine and an event log; `listen` takes every event, too."""
@@ -85,7 +99,7 @@ def carry_out(
         **({"DXB_REMOTES": listed} if (listed := project.remotes.listed) else {}),
     }
     rules = known.rules if known else [call.rule for _, call in plan.graph.calls()]
-    wants_gpu = any(rule.gpus or rule.gpu_gb for rule in rules)
+    wants_gpu = not manner.bring_from and any(rule.gpus or rule.gpu_gb for rule in rules)
     capacity = project.capacity(gpus=wants_gpu)
     with EventLog(store) as log, LocalExecutor(RUNNER, environment=environment, capacity=capacity) as workers:
         result = build(
@@ -94,12 +108,13 @@ def carry_out(
             store=store,
             executor=workers,
             listen=fan_out(log, listen),
-            info=RunInfo(log.run, str(project.root), project.profile, __version__, argv),
-            keep_going=keep_going,
-            force=force,
+            info=RunInfo(log.run, str(project.root), project.profile, __version__, manner.argv),
+            keep_going=manner.keep_going,
+            force=manner.force,
             known=known,
-            only=frozenset() if project.remotes.local == "r" else None,
-            exchange=exchange(session),
-            recall=project.asks_again,
+            only=frozenset() if manner.bring_from or project.remotes.local == "r" else None,
+            exchange=manner.bring_from or exchange(session),
+            recall=project.asks_again and not manner.bring_from,
+            whole=manner.whole or manner.bring_from is not None,
         )
     return Done(log.run, result, log.lost)

@@ -89,6 +89,11 @@ def project(args: argparse.Namespace) -> Project:
     return module.find(flags=flags)
 
 
+def added(args: argparse.Namespace) -> tuple[object, ...]:
+    """What the arguments add to a recipe, as it was written."""
+    return args.input, args.settings, args.backends
+
+
 def request(args: argparse.Namespace, profile: str) -> Request:
     """What the arguments add to a recipe."""
     from dextera_build.recipe import plan, settings

@@ -94,6 +94,18 @@ class NodeLog(Event):
 
 
 @dataclass(frozen=True)
+class BytesMissed(Event):
+    """The result of a node is known, its bytes are not in the store, and `reader` needs them: they are brought or made.
+
+    A node that is asked for itself is its own reader.
+    """
+
+    kind: ClassVar[str] = "bytes_missed"
+    node: str
+    reader: str
+
+
+@dataclass(frozen=True)
 class NodeRetried(Event):
     """A node failed and is tried again in `wait_s` seconds; `log` is the digest of what it printed."""
 
