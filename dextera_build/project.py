@@ -28,12 +28,14 @@ _DEFAULTS: dict[str, Any] = {
     "profile": "cpu",
     "jobs": 0,
     "resources": {},
+    "executor": "local",
     "console": "auto",
     "calls": "record",
     "durable": True,
     "trusted_keys": "",
     "require_signed": False,
 }
+EXECUTORS = ("local", "ray")
 PROFILES = ("stub", "cpu", "gpu", "cloud")
 _ON, _OFF = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
 """What a setting that is true or false may be spelled as, in a file or in the environment."""
@@ -119,6 +121,24 @@ class Project:
         if not _COUNT.fullmatch(str(value)):
             raise UsageError(f"`jobs` is a number, not `{value}`", code="DXB-U103")
         return int(value) or len(os.sched_getaffinity(0))
+
+    @property
+    def executor(self) -> str:
+        """Where nodes run: `local`, `ray`, or `ray:HOST:PORT`.
+
+        Raises:
+            UsageError: There is no such executor.
+        """
+        setting = self.config["executor"]
+        kind, colon, address = str(setting.value).partition(":")
+        if kind not in EXECUTORS or bool(colon) != bool(address) or (address and kind != "ray"):
+            raise UsageError(
+                f"`{setting.value}` is not an executor",
+                code="DXB-U181",
+                facts={"executors": "local, ray, ray:HOST:PORT", "from": setting.origin},
+                hint=did_you_mean(kind, EXECUTORS),
+            )
+        return str(setting.value)
 
     def capacity(self, *, gpus: bool) -> Capacity:
         """What this machine has to share out, or what the settings say that it has; `gpus`: look for devices."""

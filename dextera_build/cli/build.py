@@ -36,6 +36,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-v", "--verbose", action="store_true", help="show what nodes log, too")
     locking.arguments(parser)
     options.resources_argument(parser)
+    options.executor_argument(parser)
     options.calls_argument(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from dextera_build import __version__
 from dextera_build.cli.consoles import console
+from dextera_build.cli.executors import executor
 from dextera_build.cli.session import Session
 from dextera_build.engine.events import Listener, fan_out
 from dextera_build.engine.graph import Address
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from dextera_build.engine.known import Known
     from dextera_build.recipe.plan import Plan
     from dextera_build.store.remotes.exchange import Exchange
-
-RUNNER = "dextera_build.runner:run_task"
 
 
 @dataclass(frozen=True)
@@ -86,22 +84,14 @@ def carry_out(
     manner: Manner,
     known: Known | None = None,
 ) -> Done:
-    """Build `wanted` with workers on this machine and an event log; `listen` takes every event, too."""
+    """Build `wanted` with the executor of the settings and an event log; `listen` takes every event, too."""
     from dextera_build.engine.eventlog import EventLog
     from dextera_build.engine.execute import RunInfo, build
-    from dextera_build.engine.executors.local import LocalExecutor
 
     project, store = session.project, session.store
-    # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
-    environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    environment |= {
-        "DXB_CALLS": project.calls,
-        **({"DXB_REMOTES": listed} if (listed := project.remotes.listed) else {}),
-    }
     rules = known.rules if known else [call.rule for _, call in plan.graph.calls()]
-    wants_gpu = not manner.bring_from and any(rule.gpus or rule.gpu_gb for rule in rules)
-    capacity = project.capacity(gpus=wants_gpu)
-    with EventLog(store) as log, LocalExecutor(RUNNER, environment=environment, capacity=capacity) as workers:
+    # What is only brought runs nowhere.
+    with EventLog(store) as log, executor(session, rules, idle=manner.bring_from is not None) as workers:
         result = build(
             plan.graph,
             wanted,
