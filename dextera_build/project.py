@@ -252,9 +252,20 @@ def find(start: Path | None = None, flags: Mapping[str, Any] | None = None) -> P
     """The project that `start` (the current folder) lies in; the folder itself where there is none."""
     here = (start or Path.cwd()).absolute()
     for folder in (here, *here.parents):
-        if (folder / MARKER).is_file() or _declares(folder / "pyproject.toml"):
+        if _is_project(folder):
             return Project(folder, flags)
     return Project(here, flags, declared=False)
+
+
+def deciding_files() -> list[str]:
+    """Files that say to which project the current folder belongs and what its settings and pins are, there or not."""
+    here = Path.cwd()
+    found = [os.fspath(_user_folder() / "config.toml")]
+    for folder in (here, *here.parents):
+        found += [os.fspath(folder / name) for name in (MARKER, "dxb.local.toml", "pyproject.toml", LOCK)]
+        if _is_project(folder):
+            break
+    return found
 
 
 def _user_folder() -> Path:
@@ -263,6 +274,10 @@ def _user_folder() -> Path:
 
 def _project_files(root: Path) -> list[Path]:
     return [root / "pyproject.toml", root / MARKER]
+
+
+def _is_project(folder: Path) -> bool:
+    return (folder / MARKER).is_file() or _declares(folder / "pyproject.toml")
 
 
 def _declares(file: Path) -> bool:
