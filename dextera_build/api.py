@@ -19,6 +19,7 @@ from dextera_build.cli.options import wish
 from dextera_build.cli.session import Session, addresses
 from dextera_build.engine.events import Listener
 from dextera_build.errors import UsageError, did_you_mean, listing
+from dextera_build.store import header
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
@@ -63,7 +64,8 @@ class Result:
                 hint=did_you_mean(node, known),
             )
         kind: Any = self._session.project.library.find(record.rule).rule.returns
-        decoded: Artifact = kind.decode(record.output, self._session.store.reader)
+        with header.reading(f"`{node}`"):
+            decoded: Artifact = kind.decode(record.output, self._session.store.reader)
         return decoded
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
+from typing import Any
 
 _CHUNK = 1 << 20
 _ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
@@ -34,6 +35,18 @@ def canonical(value: object) -> bytes:
         TypeError: `value` holds something that is not plain data.
     """
     return _ENCODER.encode(value).encode()
+
+
+def plain(text: bytes | str) -> Any:
+    """The plain data that a JSON text spells, which anybody may have written.
+
+    Raises:
+        ValueError: It is no JSON, or is nested deeper than can be read.
+    """
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
 
 
 def of_value(value: object) -> str:

@@ -129,6 +129,10 @@ def _parsed(text: str, where: Place) -> dict[str, Any]:
         place = _PLACE.search(str(error))
         at = Place(where.file, int(place[1]), int(place[2])) if place else where
         raise _wrong(f"not valid TOML: {_PLACE.sub('', str(error))}", at) from None
+    except RecursionError:
+        raise _wrong("not valid TOML: values are nested too deep", where) from None
+    except ValueError as error:  # a number of thousands of digits
+        raise _wrong(f"not valid TOML: {error}", where) from None
 
 
 def _pins(profile: str, block: object, where: Place) -> list[tuple[tuple[str, str], Pin]]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-import tomllib
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dextera_build import settings_file
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.store.remotes.choice import Choice
 
@@ -34,6 +35,7 @@ _DEFAULTS: dict[str, Any] = {
     "require_signed": False,
 }
 PROFILES = ("stub", "cpu", "gpu", "cloud")
+_COUNT = re.compile(r"[0-9]{1,6}")
 
 
 @dataclass(frozen=True)
@@ -66,8 +68,8 @@ class Project:
         """Every setting: flags > `DXB_*` > `dxb.local.toml` > project > user > defaults."""
         found = {name: Setting(value, "default") for name, value in _DEFAULTS.items()}
         if not self.declared:
-            home = Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser()
-            found["cache"] = Setting(str(home / "dxb"), "default outside a project")
+            home = os.path.expanduser(os.environ.get("XDG_CACHE_HOME", "~/.cache"))
+            found["cache"] = Setting(f"{home}/dxb", "default outside a project")
         for origin, values in self._layers():
             for name, value in self.remotes.take(values, origin).items():
                 if name not in _DEFAULTS:
@@ -78,6 +80,7 @@ class Project:
                         facts={"settings": listing(_DEFAULTS)},
                         hint=did_you_mean(name, _DEFAULTS),
                     )
+                settings_file.check(name, value, origin)
                 found[name] = Setting(self._over(found, name, value, origin), origin)
         if found["profile"].value not in PROFILES:
             raise UsageError(
@@ -100,7 +103,7 @@ class Project:
     @property
     def cache(self) -> Path:
         """The store's folder."""
-        return (self.root / Path(str(self.config["cache"].value)).expanduser()).absolute()
+        return self._path(str(self.config["cache"].value))
 
     @property
     def profile(self) -> str:
@@ -111,7 +114,7 @@ class Project:
     def jobs(self) -> int:
         """Cores to share out among nodes; 0 in the settings means all that this process may use."""
         value = self.config["jobs"].value
-        if not str(value).isdigit():
+        if not _COUNT.fullmatch(str(value)):
             raise UsageError(f"`jobs` is a number, not `{value}`", code="DXB-U103")
         return int(value) or len(os.sched_getaffinity(0))
 
@@ -155,16 +158,16 @@ class Project:
         """
         setting = self.config["trusted_keys"]
         named = setting.value if isinstance(setting.value, list) else [setting.value] if setting.value else []
-        found = [self.root / Path(str(name)).expanduser() for name in named]
+        found = [self._path(str(name)) for name in named]
         for path in found:
-            if not path.exists():
+            if not os.path.exists(path):
                 raise UsageError(
                     f"`trusted_keys` names `{path}`, which is not there",
                     code="DXB-U149",
                     facts={"from": setting.origin},
                     hint=f"mkdir -p {path}",
                 )
-        user = _user_folder() / "trusted_keys"
+        user = settings_file.user_folder() / "trusted_keys"
         return [*found, user] if user.is_dir() else found
 
     @property
@@ -185,10 +188,13 @@ class Project:
         Raises:
             RecipeError: It is wrong, or extends what does not exist, or itself.
         """
+        from dextera_build.recipe import limits
+
         own = self._read(address)
         if own is None or own.extends is None:
             return own
         base, trail = str(own.extends.value), (*extending, address)
+        limits.refuse_deep(trail, own.extends.place)
         found = self.recipe(base, trail) if base not in trail else None
         if found is None:
             message = f"no recipe is called `{base}`" if base not in trail else "the recipe extends itself"
@@ -198,9 +204,13 @@ class Project:
     def _read(self, address: str) -> Recipe | None:
         from dextera_build.recipe.schema import read
 
+        # Targets are written below a folder of the recipe's address, so that has one spelling.
+        if {"", ".", ".."} & set(address.split("/")) or not address.isprintable():
+            return None
         for folder in self._recipe_folders():
             file = folder / f"{address}.yaml"
-            if file.is_file() and file.resolve().is_relative_to(folder.resolve()):
+            # `Path.is_file` raises where a name is too long.
+            if os.path.isfile(file) and file.resolve().is_relative_to(folder.resolve()):
                 state = file.stat()
                 # A recipe is asked for several times in one command; it is read once.
                 place = (file, state.st_mtime_ns, state.st_size, state.st_ino)
@@ -219,7 +229,7 @@ class Project:
         for folder in self._recipe_folders():
             for file in sorted(folder.rglob("*.yaml")):
                 address = file.relative_to(folder).with_suffix("").as_posix()
-                if "." not in address and address not in seen:
+                if "." not in address and address.isprintable() and address not in seen:
                     seen.add(address)
                     yield address, file
 
@@ -228,6 +238,10 @@ class Project:
         here = Path.cwd()
         return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
 
+    def _path(self, text: str) -> Path:
+        """A path of the settings; unlike `Path.expanduser`, one of an unknown user is a name like any other."""
+        return (self.root / os.path.expanduser(text)).absolute()
+
     def _recipe_folders(self) -> list[Path]:
         from dextera_build.loader import bundled
 
@@ -235,12 +249,10 @@ class Project:
         return [folder for number, folder in enumerate(folders) if folder.is_dir() and folder not in folders[:number]]
 
     def _layers(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
-        for file in (_user_folder() / "config.toml", *_project_files(self.root), self.root / "dxb.local.toml"):
+        own = [self.root / name for name in (settings_file.PYPROJECT, MARKER, "dxb.local.toml")]
+        for file in (settings_file.user_folder() / "config.toml", *own):
             if file.is_file():
-                values = _toml(file)
-                if file.name == "pyproject.toml":
-                    values = values.get("tool", {}).get("dxb", {})
-                yield self.shown(file), values
+                yield self.shown(file), settings_file.read(file)
         yield (
             "environment",
             {name: os.environ[f"DXB_{name.upper()}"] for name in _DEFAULTS if os.environ.get(f"DXB_{name.upper()}")},
@@ -260,32 +272,13 @@ def find(start: Path | None = None, flags: Mapping[str, Any] | None = None) -> P
 def deciding_files() -> list[str]:
     """Files that say to which project the current folder belongs and what its settings and pins are, there or not."""
     here = Path.cwd()
-    found = [os.fspath(_user_folder() / "config.toml")]
+    found = [os.fspath(settings_file.user_folder() / "config.toml")]
     for folder in (here, *here.parents):
-        found += [os.fspath(folder / name) for name in (MARKER, "dxb.local.toml", "pyproject.toml", LOCK)]
+        found += [os.fspath(folder / name) for name in (MARKER, "dxb.local.toml", settings_file.PYPROJECT, LOCK)]
         if _is_project(folder):
             break
     return found
 
 
-def _user_folder() -> Path:
-    return Path(os.environ.get("XDG_CONFIG_HOME", "~/.config")).expanduser() / "dxb"
-
-
-def _project_files(root: Path) -> list[Path]:
-    return [root / "pyproject.toml", root / MARKER]
-
-
 def _is_project(folder: Path) -> bool:
-    return (folder / MARKER).is_file() or _declares(folder / "pyproject.toml")
-
-
-def _declares(file: Path) -> bool:
-    return file.is_file() and "[tool.dxb]" in file.read_text()
-
-
-def _toml(file: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(file.read_text())
-    except tomllib.TOMLDecodeError as error:
-        raise RecipeError(f"not valid TOML: {error}", code="DXB-R402", where=Place(str(file))) from None
+    return (folder / MARKER).is_file() or settings_file.declares(folder / settings_file.PYPROJECT)

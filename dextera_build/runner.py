@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.errors import DxbError, RuleError
 from dextera_build.loader import Library, RuleFile
-from dextera_build.store import space
+from dextera_build.store import header, space
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import Blobs
 from dextera_build.store.store import Store
@@ -50,11 +50,10 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     backend = found.backends[task["backend"]].load() if task["backend"] else None
     store, read = _store(task["store"])
     rule = found.rule
-    inputs = {
-        name: slot.annotation.decode(task["inputs"][name], read)
-        for name, slot in rule.slots.items()
-        if name in task["inputs"]
-    }
+    inputs = {}
+    for name in (name for name in rule.slots if name in task["inputs"]):
+        with header.reading(f"the input `{name}`"):
+            inputs[name] = rule.slots[name].annotation.decode(task["inputs"][name], read)
     # JSON mode takes a list for a tuple, and the engine speaks JSON.
     options = rule.options.model_validate_json(json.dumps(task["options"]))
     keep = store.keep.path(task["key"]) if task.get("key") else None

@@ -18,7 +18,19 @@ TOP = {
     *("pyproject.toml", "Makefile", "README.md", "LICENSE", "CHANGELOG.md"),
 }
 BANNED_STEMS = {"utils", "util", "helpers", "helper", "common", "misc", "manager"}
-TEST_FOLDERS = {"benchmarks", "chaos", "docs", "e2e", "gpu", "oracle", "packaging", "recipes", "robots", "rules"}
+TEST_FOLDERS = {
+    "benchmarks",
+    "chaos",
+    "docs",
+    "e2e",
+    "gpu",
+    "hostile",
+    "oracle",
+    "packaging",
+    "recipes",
+    "robots",
+    "rules",
+}
 
 FILE_LINES = 400
 MEDIAN_FILE_LINES = 130

@@ -116,12 +116,12 @@ class _Place:
     def runs(self) -> Iterator[tuple[str, str]]:
         """(id, recipe), the newest first."""
         folder = self._folder
-        names = sorted((n for n in os.listdir(folder) if n.isdigit()), key=int) if folder.is_dir() else []
+        names = sorted((n for n in os.listdir(folder) if n.isdecimal()), key=int) if folder.is_dir() else []
         for name in names[: -_LOOK - 1 : -1]:
             try:
                 with (folder / name / "events.jsonl").open("rb") as lines:
                     yield name, json.loads(lines.readline())["recipe"]
-            except (OSError, ValueError, KeyError):
+            except (OSError, ValueError, KeyError, TypeError, RecursionError):
                 continue
 
     def nodes(self, recipe: str) -> list[str]:

@@ -18,6 +18,12 @@ Lines = Callable[[str], Sequence[str] | None]
 
 _RED, _CYAN, _DIM, _BOLD = "31;1", "36", "2", "1"
 _WORD = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,{}\[\]]+")
+_UNSEEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff]")
+"""What steers a terminal, or turns the order of what it shows."""
+_LONGEST = 1000
+"""Characters of a message, a hint or a place; files that others wrote may make them as long as they like."""
+_LONGEST_FACT = 8000
+_LONGEST_LINE = 300
 
 
 def read_lines(file: str) -> list[str] | None:
@@ -46,7 +52,7 @@ def render(error: DxbError, *, colour: bool = False, lines: Lines = read_lines) 
         colour: Use ANSI colours.
         lines: How the source line is found; a file that cannot be read is named but not quoted.
     """
-    head = f"{paint(f'error[{error.code}]', _RED, colour)}: {paint(error.message, _BOLD, colour)}"
+    head = f"{paint(f'error[{error.code}]', _RED, colour)}: {paint(_clean(error.message), _BOLD, colour)}"
     if error.where is None:
         body = _aligned(list(error.facts.items()), colour)
     else:
@@ -65,7 +71,7 @@ def render_node(node: NodeFinished, waiting: Sequence[str], run: str, *, colour:
     """
     error = from_json(node.error or {"message": "it ended without a result"})
     verb = "failed its check" if error.code == "DXB-B201" else "failed"
-    message = paint(f"{node.node} {verb}: {error.message}", _BOLD, colour)
+    message = paint(_clean(f"{node.node} {verb}: {error.message}"), _BOLD, colour)
     backend = f", backend {node.backend}" if node.backend else ""
     rows = [("rule", f"{node.rule}{backend}")]
     if error.where is not None:
@@ -82,25 +88,42 @@ def _aligned(rows: list[tuple[str, str]], colour: bool) -> list[str]:
     width = max((len(name) for name, _ in rows), default=0)
     indent = " " * (width + 6)
     return [
-        f"   {paint(name.ljust(width), _DIM, colour)}   {_indented(value, indent)}".rstrip() for name, value in rows
+        f"   {paint(_clean(name.ljust(width)), _DIM, colour)}   {_indented(value, indent)}".rstrip()
+        for name, value in rows
     ]
 
 
 def _quoted(error: DxbError, where: Place, colour: bool, lines: Lines) -> list[str]:
     gutter = " " * max(len(str(where.line)), 2)
-    out = [f"{gutter}{paint('-->', _CYAN, colour)} {where}"]
+    out = [f"{gutter}{paint('-->', _CYAN, colour)} {_clean(str(where))}"]
     text = _line(where, lines)
     if text is not None:
+        text, column = _window(text, where.column)
         bar = paint("|", _CYAN, colour)
         out += [f"{gutter} {bar}", f"{paint(str(where.line).rjust(len(gutter)), _CYAN, colour)} {bar} {text}".rstrip()]
-        if where.column:
+        if column:
             # Tabs stand in the blank part too, so that the marks sit under the word whatever a tab is worth.
-            blank = re.sub(r"[^\t]", " ", text[: where.column - 1])
-            marks = "^" * _length(text, where.column, error.message)
+            blank = re.sub(r"[^\t]", " ", text[: column - 1])
+            marks = "^" * _length(text, column, error.message)
             out.append(f"{gutter} {bar} {blank}{paint(marks, _RED, colour)}")
     equals = paint("=", _CYAN, colour)
     indent = gutter + "   "
-    return out + [f"{gutter} {equals} {name}: {_indented(value, indent)}" for name, value in error.facts.items()]
+    return out + [
+        f"{gutter} {equals} {_clean(name)}: {_indented(value, indent)}" for name, value in error.facts.items()
+    ]
+
+
+def _window(text: str, column: int) -> tuple[str, int]:
+    """The part of a line around a column, and where the column is in it; each character takes one place."""
+    start = max(column - _LONGEST_LINE // 2, 0) if len(text) > _LONGEST_LINE else 0
+    return _UNSEEN.sub("\ufffd", text[start : start + _LONGEST_LINE]), max(column - start, 0)
+
+
+def _clean(text: str, longest: int = _LONGEST) -> str:
+    """Text that a terminal shows and does nothing else with, shortened where it is too long to be read."""
+    if len(text) > longest:
+        text = f"{text[: longest // 2]} ... {text[-longest // 2 :]}"
+    return _UNSEEN.sub(lambda found: found.group().encode("unicode_escape").decode(), text)
 
 
 def _line(where: Place, lines: Lines) -> str | None:
@@ -122,8 +145,8 @@ def _length(text: str, column: int, message: str) -> int:
 
 
 def _indented(value: str, indent: str) -> str:
-    return value.replace("\n", "\n" + indent)
+    return _clean(value, _LONGEST_FACT).replace("\n", "\n" + indent)
 
 
 def _hint(error: DxbError, colour: bool) -> list[str]:
-    return ["", f"{paint('hint', _CYAN, colour)}: {error.hint}"] if error.hint else []
+    return ["", f"{paint('hint', _CYAN, colour)}: {_clean(error.hint)}"] if error.hint else []

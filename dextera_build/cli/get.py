@@ -27,6 +27,14 @@ def run(args: argparse.Namespace) -> int:
             "name a node", code="DXB-U111", hint=f"`dxb get {wanted.recipe}:NODE`; `dxb ls {wanted.recipe}`"
         )
     session = Session(options.project(args), wanted.recipe)
-    for path in session.artifact(wanted.target).export(Path(args.out), stem_of(wanted.target)):
+    try:
+        written = session.artifact(wanted.target).export(Path(args.out), stem_of(wanted.target))
+    except OSError as error:
+        place = error.filename or args.out
+        facts = {"system says": error.strerror}
+        raise UsageError(
+            f"`{place}` cannot be written", code="DXB-U182", facts=facts, hint=f"ls -ld {args.out}"
+        ) from None
+    for path in written:
         print(path)
     return 0

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.cli.session import Session
-from dextera_build.store import durable, files, sharing
+from dextera_build.store import durable, files, header, sharing
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
@@ -36,7 +36,8 @@ def place(session: Session, result: RunResult) -> list[str]:
         if output is not None:
             folder = f"{base}/{node.replace('/', '.').replace(':', '.')}"
             try:
-                main = _export(session, folder, node, rule, output, stamps)
+                with header.reading(f"`{node}`"):
+                    main = _export(session, folder, node, rule, output, stamps)
             except OSError as error:
                 raise files.store_error(error, error.filename or folder) from None
             lines.append(f"{node}\t{main.removeprefix(here)}")
@@ -55,7 +56,7 @@ def stem_of(node: str) -> str:
 
 
 def _export(session: Session, folder: str, node: str, rule: str, output: str, stamps: dict[str, str]) -> str:
-    with suppress(OSError):
+    with suppress(OSError, UnicodeDecodeError):
         digest, _, name = files.read(f"{folder}/{_STAMP}").decode().partition("\n")
         if digest == output and os.path.exists(f"{folder}/{name}"):
             return _joined(folder, name)
@@ -77,10 +78,10 @@ def _joined(folder: str, name: str) -> str:
 
 def _export_file(session: Session, folder: str, stem: str, output: str) -> str | None:
     """What `File.restore` does, without what takes longer to import than a thousand files to write; the file's name."""
-    header = json.loads(session.store.blobs.get(output))
-    if header["artifact"] != "File":
+    stored = json.loads(session.store.blobs.get(output))
+    if stored["artifact"] != "File":
         return None
-    digest, size = header["fields"]["data"]["$bytes"]
+    digest, size = stored["fields"]["data"]["$bytes"]
     if size > _SMALL:
         session.store.reader.place(digest, Path(folder) / stem)
         return stem

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.engine.graph import Address, Graph, parse_address
 from dextera_build.errors import RuleError, UsageError, did_you_mean, listing
 from dextera_build.project import Project
+from dextera_build.store import header
 from dextera_build.store.store import Store
 
 if TYPE_CHECKING:
@@ -114,7 +115,8 @@ class Session:
         """What a node returned last, decoded."""
         document = self.document(node)
         kind: Any = self.project.library.find(str(document["rule"])).rule.returns
-        decoded: Artifact = kind.decode(self.output(node), self.store.reader)
+        with header.reading(f"`{node}`"):
+            decoded: Artifact = kind.decode(self.output(node), self.store.reader)
         return decoded
 
     def document(self, node: str) -> dict[str, Any]:

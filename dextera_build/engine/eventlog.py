@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 from collections.abc import Iterator
 from contextlib import suppress
@@ -11,6 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from dextera_build import digest as digests
+from dextera_build.engine import events
 from dextera_build.engine.events import Event, NodeFinished, NodeProgress, NodesKept
 from dextera_build.errors import UsageError, listing
 from dextera_build.store import files, sharing, space
@@ -95,7 +96,7 @@ class EventLog:
 def runs(store: Store) -> list[str]:
     """Ids of all runs, the oldest first."""
     folder = store.root / "runs"
-    names = [name for name in os.listdir(folder) if name.isdigit()] if folder.is_dir() else []
+    names = [name for name in os.listdir(folder) if name.isdecimal()] if folder.is_dir() else []
     return sorted(names, key=int)
 
 
@@ -134,7 +135,9 @@ def _events(store: Store, run: str) -> Iterator[dict[str, Any]]:
             for line in lines:
                 if line.endswith(b"\n"):
                     with suppress(ValueError):  # a power cut may leave a hole in the middle
-                        yield json.loads(line)
+                        event = digests.plain(line)
+                        if events.is_event(event):
+                            yield event
     except (FileNotFoundError, NotADirectoryError):
         if not path.parent.is_dir() or not run:
             raise UsageError(
@@ -149,8 +152,10 @@ def _kept(store: Store, kept: dict[str, Any], own: set[str]) -> list[dict[str, A
     """What older logs say of the nodes that a run did not look at."""
     said: dict[str, dict[str, Any]] = {}
     run: str | None = kept["run"]
-    while run:
+    looked: set[str] = set()
+    while run and run not in looked:
         following = None
+        looked.add(run)
         with suppress(UsageError):
             for event in _events(store, run):
                 if event["event"] == NodeFinished.kind and event["node"] not in own:
@@ -165,7 +170,7 @@ def _kept(store: Store, kept: dict[str, Any], own: set[str]) -> list[dict[str, A
 
 
 def _allocate(folder: Path) -> str:
-    known = [int(name) for name in os.listdir(folder) if name.isdigit()]
+    known = [int(name) for name in os.listdir(folder) if name.isdecimal()]
     number = max(known, default=0) + 1
     while True:
         try:

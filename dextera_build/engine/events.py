@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, TypeAlias
+import types
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from functools import cache
+from typing import Any, ClassVar, Literal, TypeAlias, get_args, get_origin, get_type_hints
 
 Status: TypeAlias = Literal["cached", "ran", "fetched", "failed", "waits", "cancelled"]
 
@@ -201,6 +203,41 @@ class RunFinished(Event):
 
 
 Listener: TypeAlias = Callable[[Event], None]
+
+
+def is_event(plain: object) -> bool:
+    """Whether this is the plain data of an event: a known one has all fields that it must have, each of its form."""
+    if not isinstance(plain, dict) or not isinstance(plain.get("event"), str):
+        return False
+    return all(
+        isinstance(plain[name], forms) if name in plain else not needed
+        for name, needed, forms in _forms().get(plain["event"], ())
+    )
+
+
+@cache
+def _forms() -> dict[str, list[tuple[str, bool, tuple[type, ...]]]]:
+    """Kind -> (field, whether it must be there, what JSON has for it)."""
+    found = {}
+    for kind in Event.__subclasses__():
+        hints = get_type_hints(kind)
+        found[kind.kind] = [
+            (one.name, one.default is one.default_factory is MISSING, tuple(_plain_types(hints[one.name])))
+            for one in fields(kind)
+        ]
+    return found
+
+
+def _plain_types(hint: Any) -> Iterator[type]:
+    if get_origin(hint) is types.UnionType:
+        for part in get_args(hint):
+            yield from _plain_types(part)
+    elif get_origin(hint) is Literal:
+        yield str
+    elif hint is float:
+        yield from (int, float)
+    else:
+        yield {Mapping: dict, list: list}.get(get_origin(hint), hint)
 
 
 def fan_out(*listeners: Listener) -> Listener:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
@@ -100,9 +101,9 @@ class History:
 
     def _read(self, path: Path) -> dict[str, Entry]:
         with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-            stored = json.loads(files.read(str(path)))
+            stored = digests.plain(files.read(str(path)))
             if stored["form"] == _FORM:
-                return {address: Entry(*row) for address, row in stored["nodes"].items()}
+                return {address: _entry(row) for address, row in stored["nodes"].items()}
         return {}
 
     def _write(self, path: Path, entries: Mapping[str, Entry]) -> bool:
@@ -118,6 +119,21 @@ class History:
         except StoreError:
             return False
         return True
+
+
+def _entry(row: list[Any]) -> Entry:
+    """The entry of a row.
+
+    Raises:
+        TypeError: It is none.
+    """
+    match row:
+        case [str(), str(), str(), int() | float(), int() | float()]:
+            return Entry(*row)
+        case [str(), str(), str(), int() | float(), int() | float(), dict(usage)]:
+            if all(isinstance(value, int | float) for value in usage.values()):
+                return Entry(*row)
+    raise TypeError("not a row of a history")
 
 
 def _row(entry: Entry) -> list[object]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import time
 from collections.abc import Iterator
@@ -10,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dextera_build import digest as digests
 from dextera_build.engine import snapshot
 from dextera_build.store import files
 from dextera_build.store.store import Store
@@ -61,8 +61,8 @@ def find(store: Store) -> Roots:
 
 def _histories(folder: Path) -> Iterator[tuple[str, set[str], set[str]]]:
     for path in _files(folder):
-        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-            stored = json.loads(files.read(str(path)))
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
+            stored = digests.plain(files.read(str(path)))
             rows = [row for row in stored["nodes"].values() if isinstance(row, list)]
             yield str(stored.get("project", "")), {str(row[0]) for row in rows}, {str(row[2]) for row in rows}
 

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.store import files, presence, signature
 from dextera_build.store.presence import Presence
@@ -175,7 +176,7 @@ def read_head(path: Path) -> Head:
     text = data[65:]
     if hashlib.sha256(text).hexdigest().encode() != data[:64]:
         raise ValueError("the head was damaged")
-    head: Head = json.loads(text)
+    head: Head = digests.plain(text)
     if head["form"] != _FORM:
         raise ValueError("another form")
     return head

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from dextera_build.engine.graph import Call, Fixed, Item, Output
 from dextera_build.errors import RecipeError
+from dextera_build.recipe import matrix
 from dextera_build.recipe.schema import CallDecl, GroupDecl, MatrixDecl
 
 if TYPE_CHECKING:
@@ -31,6 +33,20 @@ def collection(decl: GroupDecl | MatrixDecl, over: Over | None) -> Output | Item
     if not isinstance(found, Output | Item):
         raise RecipeError("`each` takes what a node returns", code="DXB-R105", where=decl.each.place)
     return found
+
+
+def refuse_many(around: Sequence[GroupDecl | MatrixDecl]) -> None:
+    """Copies of a matrix in a matrix multiply; they are counted before anything opens them.
+
+    Args:
+        around: The groups and matrices that hold one another, the innermost last.
+
+    Raises:
+        RecipeError: There are too many copies of the innermost.
+    """
+    copies = [(decl.name, len(decl.copies)) for decl in around if isinstance(decl, MatrixDecl)]
+    facts = {name: f"{count} copies" for name, count in copies}
+    matrix.refuse_many(math.prod(count for _, count in copies), around[-1].place, facts)
 
 
 def swept(

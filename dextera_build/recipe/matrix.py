@@ -36,18 +36,33 @@ def copies(lists: Mapping[str, Node], place: Place) -> dict[str, dict[str, Node]
     if not lists:
         raise RecipeError("a matrix has at least one list of values", code="DXB-R505", where=place)
     choices = [[(name, *choice) for choice in _values(name, node)] for name, node in lists.items()]
-    number = math.prod(len(values) for values in choices)
-    if number > _MOST:
-        raise RecipeError(
-            f"the matrix has {number:,} copies, {_MOST:,} are allowed",
-            code="DXB-R506",
-            where=place,
-            facts={name: f"{len(values)} values" for (name, _), values in zip(lists.items(), choices, strict=True)},
-        )
+    counts = dict(zip(lists, (len(values) for values in choices), strict=True))
+    refuse_many(math.prod(counts.values()), place, {name: f"{count} values" for name, count in counts.items()})
     return {
         ",".join(f"{name}={text}" for name, text, _ in combination): {name: node for name, _, node in combination}
         for combination in itertools.product(*choices)
     }
+
+
+def refuse_many(number: int, place: Place, facts: Mapping[str, object]) -> None:
+    """A matrix, with those that it stands in, has a bounded number of copies.
+
+    Args:
+        number: Of copies.
+        place: Where the matrix stands.
+        facts: Where they come from.
+
+    Raises:
+        RecipeError: There are too many.
+    """
+    if number > _MOST:
+        shown = f"{number:,}" if number < 10**15 else "more than 10^15"
+        raise RecipeError(
+            f"the matrix has {shown} copies, {_MOST:,} are allowed",
+            code="DXB-R506",
+            where=place,
+            facts=dict(itertools.islice(facts.items(), 12)),
+        )
 
 
 def _values(name: str, node: Node) -> list[tuple[str, Node]]:

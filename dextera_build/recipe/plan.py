@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +12,7 @@ from dextera_build.engine.graph import Call, Graph, Group, Leaf
 from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.loader import Library
-from dextera_build.recipe import cycles, groups
+from dextera_build.recipe import cycles, groups, limits
 from dextera_build.recipe.calls import CallMaker
 from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, MatrixDecl, Recipe, UseDecl
 from dextera_build.recipe.scope import Alias, Bound, CallName, GroupName, Scope, UseName, item
@@ -78,6 +79,8 @@ class _Planner:
         self._groups: dict[tuple[str, ...], tuple[GroupDecl | MatrixDecl, groups.Over | None]] = {}
         """Address -> declaration, and what an `each` opens over."""
         self._opening: list[str] = []
+        self._used = 0
+        """Nodes of recipes that the recipe uses."""
         self.calls: dict[tuple[str, ...], Call] = {}
         self._overrides: dict[tuple[str, ...], dict[str, dict[str, Call]]] = {}
 
@@ -151,6 +154,7 @@ class _Planner:
                 "the recipe uses itself", code="DXB-R108", where=Place(str(recipe.file)), facts={"cycle": loop}
             )
         self._opening.append(recipe.address)
+        limits.refuse_deep(self._opening, Place(str(recipe.file)))
         scope = Scope(None)
         for name, decl in recipe.inputs.items():
             text = given.get(name, decl.default)
@@ -175,6 +179,8 @@ class _Planner:
     def _declare(self, nodes: Mapping[str, Decl], scope: Scope, prefix: str, group: tuple[str, ...]) -> None:
         for name, decl in nodes.items():
             address = (*group, prefix + name)
+            self._used += len(self._opening) > 1
+            limits.refuse_many(self._used, decl.place)
             if isinstance(decl, CallDecl):
                 found = self.maker.rule_file(decl)
                 scope.names[name] = CallName(address, lambda found=found: found.rule.returns)  # type: ignore[misc]
@@ -183,6 +189,7 @@ class _Planner:
                 scope.names[name] = UseName(self._use(decl, scope, f"{address[-1]}/", group))
             elif isinstance(decl, MatrixDecl):
                 self._groups[address] = (decl, None)
+                groups.refuse_many([self._groups[address[: depth + 1]][0] for depth in range(len(address))])
                 inner = Scope(scope)
                 self._declare(decl.nodes, inner, "", address)
                 scope.names[name] = GroupName(address, inner)
@@ -191,7 +198,7 @@ class _Planner:
 
     def _group(self, address: tuple[str, ...], decl: GroupDecl, scope: Scope) -> GroupName:
         def over() -> Bound:
-            return scope.resolve(str(decl.each.value), decl.each.place)
+            return scope.resolve(decl.each.value, decl.each.place)
 
         self._groups[address] = (decl, over)
         # The item stands in a scope of its own, so that `$body.object` from outside names nothing.
@@ -201,7 +208,7 @@ class _Planner:
         return GroupName(address, inner)
 
     def _use(self, decl: UseDecl, outer: Scope, prefix: str, group: tuple[str, ...]) -> Scope:
-        recipe = self.recipe(str(decl.recipe.value), decl.recipe.place)
+        recipe = self.recipe(decl.recipe.value, decl.recipe.place)
         for key, node in decl.arguments.items():
             if key not in recipe.inputs:
                 raise RecipeError(
@@ -224,9 +231,10 @@ class _Planner:
         """An input's text: a target of another recipe (`robot/kuka_leap`, `reference/x:capture`), or a path."""
         address, _, target = text.partition(":")
         path = self._path(text, where, from_cli)
-        if (target or not path.exists()) and self._read(address) is not None:
+        is_there = os.path.exists(path)  # False for what cannot be a path; `Path.exists` raises where it is too long
+        if (target or not is_there) and self._read(address) is not None:
             return self._foreign_target(address, target, where)
-        if not path.exists():
+        if not is_there:
             raise RecipeError(
                 f"`{text}` is neither a file nor a recipe",
                 code="DXB-R301",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
-from dextera_build.recipe import matrix, strict_yaml
+from dextera_build.recipe import limits, matrix, strict_yaml
 from dextera_build.recipe.strict_yaml import Node
 
 _NAME = "abcdefghijklmnopqrstuvwxyz0123456789_"
@@ -118,12 +118,16 @@ def read(file: Path, address: str, shown: str | None = None) -> Recipe:
         RecipeError: With the place of what is wrong.
     """
     try:
+        if file.stat().st_size > limits.MOST_BYTES:
+            raise OSError(f"it is larger than {limits.MOST_BYTES >> 20} MiB")
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise RecipeError(f"cannot read the recipe: {error}", code="DXB-R100", where=Place(str(file))) from None
     root = strict_yaml.parse(text, shown or str(file))
     parts = _mapping(root, "a recipe", {"summary", "extends", "inputs", "nodes", "targets"})
     extends = parts.get("extends")
+    if extends is not None:
+        _text(extends, "extends")
     nodes = {} if extends and "nodes" not in parts else _nodes(parts.get("nodes"), root.place)
     inputs = {name: _input(name, node) for name, node in _entries(parts.get("inputs"), "inputs").items()}
     for name in nodes:
@@ -156,14 +160,18 @@ def _entries(node: Node | None, what: str) -> dict[str, Node]:
     if not isinstance(node.value, dict):
         raise RecipeError(f"`{what}` is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
     for key, place in node.keys.items():
-        if not key or set(key) - set(_NAME) or key[0].isdigit():
-            raise RecipeError(
-                f"`{key}` is not a name",
-                code="DXB-R112",
-                where=place,
-                hint="lower-case letters, digits and `_`, not starting with a digit",
-            )
+        _check_name(key, place)
     return node.value
+
+
+def _check_name(name: str, place: Place) -> None:
+    if not name or set(name) - set(_NAME) or name[0].isdigit():
+        raise RecipeError(
+            f"`{name}` is not a name",
+            code="DXB-R112",
+            where=place,
+            hint="lower-case letters, digits and `_`, not starting with a digit",
+        )
 
 
 def _text(node: Node, what: str) -> str:
@@ -214,15 +222,21 @@ def _node(name: str, node: Node, place: Place) -> Decl:
         return MatrixDecl(name, copies, _nodes(parts.get("nodes"), place), place)
     rest = {key: inner for key, inner in node.value.items() if key not in ("rule", "recipe", "backend", "salt")}
     if kinds == ["recipe"]:
+        _text(node.value["recipe"], "recipe")
         return UseDecl(name, node.value["recipe"], rest, place)
     salt = _text(node.value["salt"], "salt") if "salt" in node.value else ""
     rule = _text(node.value["rule"], "rule")
-    return CallDecl(name, rule, node.value.get("backend"), salt, rest, node, node.value["rule"].place)
+    backend = node.value.get("backend")
+    if backend is not None:
+        _text(backend, "backend")
+    return CallDecl(name, rule, backend, salt, rest, node, node.value["rule"].place)
 
 
 def _group(name: str, node: Node, place: Place) -> GroupDecl:
     parts = _mapping(node, f"the group `{name}`", {"each", "as", "nodes", "overrides"})
+    _text(parts["each"], "each")
     item = _text(parts["as"], "as") if "as" in parts else "item"
+    _check_name(item, parts["as"].place if "as" in parts else place)
     overrides = {
         label: _entries(members, f"overrides.{label}")
         for label, members in _entries(parts.get("overrides"), "overrides").items()

@@ -34,6 +34,10 @@ _CORE = "tag:yaml.org,2002:"
 _DEEPEST = 100
 _MOST_ALIASED = 100_000
 """How many values aliases may stand for in one file: a few lines of them can say a billion."""
+_MOST_DIGITS = 400
+"""The largest number of the longest float has fewer; to read and write long ones takes the square of their length."""
+_MOST_REREAD = 1 << 20
+"""A text up to this length [characters] is read once more by the slower parser, for a better message."""
 
 
 def parse(text: str, file: str) -> Node:
@@ -105,7 +109,7 @@ class _Builder:
         if event.tag is not None and event.tag != "!":
             value = _tagged(event.tag, text, place_of(self._file, mark))
         else:
-            value = _plain(text) if event.implicit[0] else text
+            value = _plain(text, self._file, mark) if event.implicit[0] else text
         node = Node(value, self._file, mark)
         if event.anchor is not None:
             self._anchors[event.anchor] = (node, 1, 0)
@@ -191,19 +195,24 @@ class _Builder:
             self._key[-1] = None
 
 
-def _plain(text: str) -> Any:
+def _plain(text: str, file: str, mark: int) -> Any:
     if not text:
         return None
     for kind, form in _PLAIN.get(text[0], ()):
         if form.match(text):
+            if len(text) > _MOST_DIGITS:
+                raise _no_value(f"a number has more than {_MOST_DIGITS} digits", place_of(file, mark))
             return _value(kind, text)
     return text
 
 
 def _tagged(tag: str, text: str, place: Place) -> Any:
     kind = tag.removeprefix(_CORE)
-    if tag == kind or kind not in ("str", "null", "bool", "int", "float"):
+    forms = {name: form for name, form, _ in _SCALARS}
+    if tag == kind or kind not in ("str", *forms):
         raise _unknown_tag(tag, place)
+    if kind != "str" and not (len(text) <= _MOST_DIGITS and forms[kind].match(text)):
+        raise _no_value(f"a value with the tag `{kind}` is none", place)
     return _value(kind, text)
 
 
@@ -224,12 +233,17 @@ def _unknown_tag(tag: str, place: Place) -> RecipeError:
     return RecipeError(f"the tag `{tag}` is not known here", code="DXB-R102", where=place)
 
 
+def _no_value(message: str, place: Place) -> RecipeError:
+    """A scalar cannot be what it is said to be."""
+    return RecipeError(message, code="DXB-R102", where=place, hint="quote it where it is text")
+
+
 def _no_text(key: object, place: Place) -> RecipeError:
     return RecipeError(f"a key must be text, this one is {key!r}", code="DXB-R102", where=place)
 
 
 def _syntax_error(error: yaml.YAMLError, text: str, file: str) -> RecipeError:
-    if PARSER is not yaml.SafeLoader:
+    if PARSER is not yaml.SafeLoader and len(text) <= _MOST_REREAD:
         # libyaml says less well what is wrong than the parser in Python.
         try:
             _Builder(file).build(yaml.SafeLoader(text))

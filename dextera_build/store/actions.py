@@ -7,7 +7,6 @@ header and all that it refers to, previews, log, key document, and `result.json`
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -24,6 +23,8 @@ from dextera_build.store.reapi import OutputFile, decode, encode
 
 _RESULT = "result.json"
 _MOST_DIRECT = 4096
+_MOST_HEADER = 1 << 30
+"""A folder of ten million files has a header of this length [bytes]; what is longer came from elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +89,7 @@ class ActionResult:
     @classmethod
     def from_document(cls, data: bytes) -> ActionResult:
         """The result that `document` described."""
-        raw: dict[str, Any] = json.loads(data)
+        raw: dict[str, Any] = digests.plain(data)
         return cls(
             output=raw["output"],
             line=raw["line"],
@@ -285,6 +286,8 @@ class Actions:
         if digest not in self._direct:
             if len(self._direct) >= _MOST_DIRECT:
                 self._direct.clear()
+            if (self._blobs.size(digest) or 0) > _MOST_HEADER:
+                raise ValueError("a header is too long")
             self._direct[digest] = header.closure(self._blobs.get(digest))
         return self._direct[digest]
 

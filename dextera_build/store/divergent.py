@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.store import files
 from dextera_build.store.cas import is_digest
@@ -54,10 +55,15 @@ class Divergent:
     def get(self, key: str) -> Divergence | None:
         """What is known of a key, or None."""
         try:
-            raw = json.loads(files.read(str(self.root / key)))
-            return Divergence(**{**raw, "again": tuple(raw["again"])})
-        except (OSError, ValueError, KeyError, TypeError):
+            raw = digests.plain(files.read(str(self.root / key)))
+        except (OSError, ValueError):
             return None
+        match raw:
+            case {"key": str(), "node": str(), "first": str(), "again": [*again], "time": int() | float()} if len(
+                raw
+            ) == 5 and all(isinstance(output, str) for output in again):
+                return Divergence(**{**raw, "again": tuple(again)})
+        return None
 
     def all(self) -> Iterator[Divergence]:
         """Every one, the newest first."""

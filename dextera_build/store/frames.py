@@ -9,6 +9,7 @@ from array import array
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from dextera_build import digest as digests
 from dextera_build.store import files
 
 _FORM = 1
@@ -54,7 +55,7 @@ def read(path: str) -> tuple[dict[str, Any], list[memoryview], memoryview]:
     if magic != _MAGIC or zlib.crc32(data[_FRAME.size :]) != check:
         raise ValueError("damaged")
     place = _FRAME.size + size
-    head: dict[str, Any] = json.loads(bytes(data[_FRAME.size : place]))
+    head: dict[str, Any] = digests.plain(bytes(data[_FRAME.size : place]))
     if head["form"] != _FORM:
         raise ValueError("another form")
     parts = []

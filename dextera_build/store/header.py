@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from dextera_build import digest as digests
-from dextera_build.errors import RuleError, StoreError, did_you_mean, listing
+from dextera_build.errors import ArtifactError, RuleError, StoreError, did_you_mean, listing
 
 Read = Callable[[str], bytes]
 """digest -> bytes."""
@@ -17,32 +18,73 @@ ESCAPES = "DXB-S219"
 """Code of the error for a label that leads out of its folder."""
 
 
+@contextmanager
+def reading(what: str) -> Iterator[None]:
+    """For the block that decodes an artifact: a bundle or another machine may have brought any header.
+
+    Args:
+        what: Names the artifact in the error.
+
+    Raises:
+        ArtifactError: What is stored is not what its type says.
+    """
+    try:
+        yield
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        why = f"{type(error).__name__}: {error}"
+        raise ArtifactError(
+            f"what is stored of {what} is not of its type", code="DXB-A111", facts={"why": why}
+        ) from None
+
+
 def closure(header: bytes) -> tuple[list[str], list[str]]:
     """What one header refers to directly: (artifacts, blobs) by digest, in the order in which they stand.
 
     Raises:
         StoreError: A label would lead out of the folder that the artifact is written to.
+        ValueError: It is no header.
     """
     refs: list[str] = []
     blobs: list[str] = []
-    stack: list[Any] = [*reversed(json.loads(header)["fields"].values())]
+    stack: list[Any] = [*reversed(_fields(digests.plain(header)).values())]
     while stack:
         value = stack.pop()
         if isinstance(value, list):
             stack += reversed(value)
         elif isinstance(value, dict):
-            ((tag, body),) = value.items()
-            if tag == "$ref":
-                refs.append(body)
-            elif tag == "$bytes":
-                blobs.append(body[0])
-            elif tag == "$array":
-                blobs.append(body[2])
-            else:
-                if tag == "$map":
-                    _refuse_escapes(body)
-                stack += reversed(body.values())
+            match value.popitem() if len(value) == 1 else ("", None):
+                case "$ref", str(digest):
+                    refs.append(digest)
+                case ("$bytes", [str(digest), int()]) | ("$array", [str(), list(), str(digest)]):
+                    blobs.append(digest)
+                case "$value" | "$map" as tag, dict(body):
+                    if tag == "$map":
+                        _refuse_escapes(body)
+                    stack += reversed(body.values())
+                case _:
+                    raise ValueError("a value has a form that no header has")
     return refs, blobs
+
+
+def _fields(stored: Any) -> dict[str, Any]:
+    """The fields of a header; those of the two types that are read without being decoded have their form.
+
+    Raises:
+        ValueError: It is no header.
+    """
+    match stored:
+        case {"artifact": "File", "fields": {"data": {"$bytes": _}, **more}}:
+            right = not more
+        case {"artifact": "Folder", "fields": {"files": {"$map": dict(files)}, **more}}:
+            right = not more and all(isinstance(file, dict) and "$bytes" in file for file in files.values())
+        case {"artifact": str(kind), "fields": dict()}:
+            right = kind not in ("File", "Folder")
+        case _:
+            right = False
+    if not right or len(stored) != 2:
+        raise ValueError("it is no header")
+    fields: dict[str, Any] = stored["fields"]
+    return fields
 
 
 def project(read: Read, digest: str, fields: Sequence[str]) -> str:

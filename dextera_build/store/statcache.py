@@ -16,9 +16,10 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
+from dextera_build import digest as digests
 from dextera_build.errors import RecipeError, StoreError
 from dextera_build.store import files, header, signature
-from dextera_build.store.cas import Blobs
+from dextera_build.store.cas import Blobs, is_digest
 
 _FORM = 1
 _TRIES = 3
@@ -94,9 +95,11 @@ class StatCache:
     def _recall(self, path: str, state: os.stat_result) -> tuple[str, int] | None:
         known = self._load().get(path)
         seen = signature.of(state)
-        if known is not None and tuple(known[:4]) == seen and not signature.is_racy(seen, int(known[4])):
+        if known is None or tuple(known[:4]) != seen or not isinstance(known[4], int):
+            return None
+        if not signature.is_racy(seen, known[4]):
             digest = str(known[5])
-            if self._blobs.holds(digest, seen[2]):
+            if is_digest(digest) and self._blobs.holds(digest, seen[2]):
                 self._note(path, seen)
                 return digest, seen[2]
         return None
@@ -152,7 +155,7 @@ class StatCache:
         if self._known is None:
             self._known = {}
             with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-                stored = json.loads(files.read(str(self._table)))
+                stored = digests.plain(files.read(str(self._table)))
                 if stored["form"] == _FORM:
                     self._known = {name: row for name, row in stored["files"].items() if len(row) == 6}
         return self._known

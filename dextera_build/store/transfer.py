@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 from dextera_build.errors import StoreError
-from dextera_build.store import header
+from dextera_build.store import header, space
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.remotes import entry as entries
@@ -67,6 +67,8 @@ class Transfer:
         wanted = [blob for blob in entry.blobs if self._store.blobs.size(blob.hash) != blob.size]
         if not entry.inline and self._store.blobs.size(entry.document.hash) != entry.document.size:
             wanted.append(entry.document)
+        if sum(blob.size for blob in wanted) > space.free_bytes(str(self._store.root)):
+            return None  # an entry may say any size; what cannot fit is not begun
         if not self.blobs(remote, wanted):
             return None
         try:

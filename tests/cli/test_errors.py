@@ -146,3 +146,28 @@ def test_read_lines(tmp_path: Path) -> None:
     assert read_lines(str(tmp_path / "b.yaml")) is None
     assert read_lines(str(tmp_path / "none.yaml")) is None
     assert read_lines("nul\0byte") is None
+
+
+STEERING = "a\x1b[2Jb\x07\x9b1m\u202edcba\u2066\ufeff\ud800\x00"
+
+
+def test_what_others_wrote_cannot_steer_the_terminal() -> None:
+    error = RecipeError(
+        f"`{STEERING}` names nothing",
+        where=Place(f"{STEERING}.yaml", 1, 4),
+        facts={STEERING: STEERING},
+        hint=f"`{STEERING}`",
+    )
+    shown = render(error, lines=lambda file: [f"a: ${STEERING}"])
+    assert all(c.isprintable() or c == "\n" for c in shown)
+    assert "a\\x1b[2Jb\\x07\\x9b1m\\u202edcba" in shown
+    bare = render(RecipeError(STEERING, facts={"b": STEERING}))
+    assert all(c.isprintable() or c == "\n" for c in bare)
+
+
+def test_a_message_of_megabytes_is_shortened_and_the_marks_stay_under_the_word() -> None:
+    error = RecipeError("x" * 1_000_000, where=Place("r.yaml", 1, 500_001), facts={"f": "y" * 1_000_000})
+    shown = render(error, lines=lambda file: [" " * 500_000 + "word" + " " * 500_000])
+    assert len(shown) < 12_000
+    line, marks = shown.splitlines()[3:5]
+    assert line.index("word") == marks.index("^^^^")

@@ -6,7 +6,7 @@ import json
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dextera_build.errors import RecipeError
@@ -49,6 +49,7 @@ plain_data = st.recursive(
 )
 
 
+@settings(deadline=None)
 @given(plain_data)
 def test_json_is_yaml(value):
     assert parse(json.dumps({"x": value}), "f").plain() == {"x": value}
@@ -123,6 +124,7 @@ def test_what_would_fill_memory_or_stack_is_refused(text, message, place):
     assert str(caught.value.where) == place
 
 
+@settings(deadline=None)
 @given(plain_data)
 def test_both_parsers_read_the_same(value):
     text = yaml.safe_dump({"x": value}, allow_unicode=True)

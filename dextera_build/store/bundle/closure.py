@@ -19,6 +19,21 @@ from dextera_build.store.bundle.documents import Read
 from dextera_build.store.bundle.refusal import BundleRefused, ill_formed, wrong_result
 from dextera_build.store.cas import is_digest
 
+_KEY: dict[str, type | tuple[type, ...]] = {
+    "schema": int,
+    "rule": str,
+    "version": int,
+    "code": dict,
+    "packages": dict,
+    "backend": (str, type(None)),
+    "weights": list,
+    "types": dict,
+    "options": dict,
+    "salt": str,
+    "inputs": list,
+}
+"""Fields of a key document; `engine/key.py` writes them."""
+
 
 class Closure:
     """Blobs that nodes need.
@@ -57,7 +72,10 @@ class Closure:
 
     def _call(self, address: str, key: str, digest: str) -> None:
         """Take in a recorded call: request, answer, and when and how it was asked."""
-        documents.parse(self._read(key), f"a call of `{address}`")
+        what = f"a call of `{address}`"
+        asked = documents.Reader(documents.parse(self._read(key), what), what)
+        documents.Reader(asked.raw.get("request"), f"the request of {what}")
+        asked.text("service")
         called = read_result(self._read(digest), address)
         if called.key_document != key or called.digest != digest or called.calls or called.previews or called.log:
             raise wrong_result(address, "a call that it names is not one")
@@ -70,6 +88,13 @@ class Closure:
         reader = documents.Reader(document, what)
         if reader.text("rule") != node.rule or reader.maybe("backend") != node.backend:
             raise wrong_result(address, "its key document is that of another rule or backend")
+        if document.keys() != _KEY.keys() or not all(isinstance(document[name], form) for name, form in _KEY.items()):
+            raise ill_formed(what, "it does not have the fields of a key document")
+        for source in document["code"]:
+            documents.Reader(document["code"], what).table(source)
+        for name in ("packages", "types"):
+            reader.table(name)
+        reader.texts("weights")
         for pair in reader.items("inputs"):
             if not (isinstance(pair, list) and len(pair) == 2 and all(isinstance(part, str) for part in pair)):
                 raise ill_formed(what, "`inputs` are not pairs of slot and digest")

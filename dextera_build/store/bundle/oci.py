@@ -35,6 +35,8 @@ MOST_MANIFEST = 4 << 20
 """Bytes of a manifest or an index; registries take no more."""
 MOST_CONFIG = 128 << 20
 MOST_LAYERS = 10_000
+MOST_MANIFESTS = 256
+"""Entries of an index: a bundle, and what is said of it."""
 EMPTY_BYTES = b"{}"
 
 
@@ -151,7 +153,13 @@ def read_index(data: bytes) -> list[Descriptor]:
     reader = documents.Reader(documents.parse(data, "the index"), "the index")
     if reader.raw.get("schemaVersion") != 2:
         raise ill_formed("the index", f"it is not of type `{INDEX}`")
-    return [Descriptor.read(raw, "an entry of the index") for raw in reader.items("manifests")]
+    entries = reader.items("manifests")
+    if len(entries) > MOST_MANIFESTS:
+        raise too_large("the index", len(entries), MOST_MANIFESTS)
+    # Each once: whoever reads the manifests reads up to 4 MiB an entry.
+    return list(
+        {found.digest: found for found in (Descriptor.read(raw, "an entry of the index") for raw in entries)}.values()
+    )
 
 
 class Source(Protocol):

@@ -22,6 +22,7 @@ Doing = Literal["read", "write"]
 _FAULTS = 3
 _PAUSE_S = 0.2
 _SLOWEST = 16 << 10  # bytes a second; what is slower counts as standing still
+_UNDER_WAY = 4 << 20  # bytes that parallel transfers may hold before the first piece of any is handed on
 _PATIENCE = 3  # an answer may take so many times the time-out, however it drips
 _EACH_S = 0.05  # more for each blob of a long list
 
@@ -70,33 +71,37 @@ class Guarded:
 
     def get_action(self, key: Digest) -> bytes | None:
         """As `Remote`."""
-        return self._call("read", lambda remote: remote.get_action(key))
+        return self._call("read", lambda remote, _: remote.get_action(key))
 
     def put_action(self, key: Digest, message: bytes) -> None:
         """As `Remote`."""
-        self._call("write", lambda remote: remote.put_action(key, message), len(message))
+        self._call("write", lambda remote, _: remote.put_action(key, message), len(message))
 
     def missing(self, digests: Sequence[Digest]) -> set[Digest]:
         """As `Remote`; asked before writing."""
-        return self._call("write", lambda remote: remote.missing(digests), 0, len(digests))
+        return self._call("write", lambda remote, _: remote.missing(digests), 0, len(digests))
 
     def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
-        """As `Remote`; the second try asks for what has not come."""
+        """As `Remote`; the second try asks for what has not come.
+
+        Sizes are what the remote says, so its time grows with what came and not with what it promised.
+        """
         came: set[Digest] = set()
 
-        def note(digest: Digest, pieces: Iterator[bytes]) -> None:
-            take(digest, pieces)
-            came.add(digest)
+        def work(remote: Remote, number: int) -> None:
+            def note(digest: Digest, pieces: Iterator[bytes]) -> None:
+                take(digest, self._timed(number, pieces))
+                came.add(digest)
 
-        def work(remote: Remote) -> None:
             remote.fetch([digest for digest in digests if digest not in came], note)
 
-        self._call("read", work, sum(digest.size for digest in digests), len(digests))
+        octets = sum(digest.size for digest in digests)
+        self._call("read", work, min(octets, _UNDER_WAY), len(digests))
 
     def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
         """As `Remote`."""
         octets = sum(digest.size for digest in digests)
-        self._call("write", lambda remote: remote.send(digests, give), octets, len(digests))
+        self._call("write", lambda remote, _: remote.send(digests, give), octets, len(digests))
 
     def close(self) -> None:
         """Ask the remote nothing more, and let connections go."""
@@ -121,7 +126,14 @@ class Guarded:
         if late:
             self.close()
 
-    def _call(self, doing: Doing, work: Callable[[Remote], T], octets: int = 0, parts: int = 1) -> T:
+    def _timed(self, number: int, pieces: Iterator[bytes]) -> Iterator[bytes]:
+        for piece in pieces:
+            with self._guard:
+                if number in self._under_way:  # else the call was given up meanwhile
+                    self._under_way[number] += len(piece) / _SLOWEST
+            yield piece
+
+    def _call(self, doing: Doing, work: Callable[[Remote, int], T], octets: int = 0, parts: int = 1) -> T:
         patience = _PATIENCE * self._timeout_s + octets / _SLOWEST + parts * _EACH_S
         for last in (False, True):
             if not self._may[doing]:
@@ -139,12 +151,12 @@ class Guarded:
                 return done
         raise AssertionError("a second try returns or raises")
 
-    def _watched(self, work: Callable[[Remote], T], patience_s: float) -> T:
+    def _watched(self, work: Callable[[Remote, int], T], patience_s: float) -> T:
         number = next(self._numbers)
         with self._guard:
             self._under_way[number] = time.monotonic() + patience_s
         try:
-            return work(self._connected())
+            return work(self._connected(), number)
         except (RemoteFault, StoreError):
             raise
         except Exception as error:  # a library that raises what it does not declare must not end a build

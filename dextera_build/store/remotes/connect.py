@@ -50,7 +50,7 @@ def guarded(spec: Spec) -> Guarded:
 def _directory(address: str, spec: Spec) -> Remote:
     from dextera_build.store.remotes.directory import Directory
 
-    return Directory(Path(address.removeprefix("file://")).expanduser().absolute())
+    return Directory(Path(os.path.expanduser(address.removeprefix("file://"))).absolute())
 
 
 def _http(address: str, spec: Spec) -> Remote:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import BinaryIO
 
@@ -56,7 +56,7 @@ class HttpCache:
                 return None
             self._expect(answer, 200)
             found = bytearray()
-            for piece in answer.iter_bytes(_CHUNK):
+            for piece in answer.iter_raw(_CHUNK):
                 found += piece
                 if len(found) > MOST_ENTRY:
                     raise RemoteFault(self.address, f"the entry of `{key.hash[:12]}` does not end")
@@ -64,8 +64,7 @@ class HttpCache:
 
     def put_action(self, key: Digest, message: bytes) -> None:
         """Publish a result, all of whose blobs the server holds."""
-        with self._faults():
-            self._expect(self._client.put(self._url("ac", key), content=message), 200, 201, 202, 204)
+        self._put("ac", key, message, {})
 
     def missing(self, digests: Sequence[Digest]) -> set[Digest]:
         """Those that the server lacks, or holds with another size."""
@@ -99,10 +98,8 @@ class HttpCache:
         def send_one(digest: Digest) -> None:
             # With its length said, so that it is not sent in chunks, which not every server takes.
             size = {"Content-Length": str(digest.size)}
-            with give(digest) as file, self._faults():
-                content = iter(lambda: file.read(_CHUNK), b"")
-                answer = self._client.put(self._url("cas", digest), content=content, headers=size)
-                self._expect(answer, 200, 201, 202, 204)
+            with give(digest) as file:
+                self._put("cas", digest, iter(lambda: file.read(_CHUNK), b""), size)
 
         self._crew.each(send_one, digests)
 
@@ -111,9 +108,20 @@ class HttpCache:
         self._client.close()
         self._crew.dismiss()
 
+    def _put(self, kind: str, digest: Digest, content: bytes | Iterator[bytes], headers: Mapping[str, str]) -> None:
+        url = self._url(kind, digest)
+        with self._faults(), self._client.stream("PUT", url, content=content, headers=headers) as answer:
+            self._expect(answer, 200, 201, 202, 204)
+            said = 0
+            for piece in answer.iter_raw(_CHUNK):  # to its end, so that the connection serves again
+                said += len(piece)
+                if said > _CHUNK:
+                    break
+
     def _pieces(self, answer: httpx.Response) -> Iterator[bytes]:
+        # Not decoded: nothing unpacks to more than was sent.
         with self._faults():
-            yield from answer.iter_bytes(_CHUNK)
+            yield from answer.iter_raw(_CHUNK)
 
     def _url(self, kind: str, digest: Digest) -> str:
         return f"{self.address}/{kind}/{digest.hash}"

@@ -17,6 +17,7 @@ LOCAL, EVERY = "local", "remote"
 _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 _SECRET = re.compile(r"key|secret|token|password|credential|sas", re.IGNORECASE)
 _TIMEOUT_S = 10.0
+_LONGEST_S = 1e6
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def from_table(table: Mapping[str, Any], where: str) -> dict[str, Spec]:
         address, mode, patience = body.pop("address", None), body.pop("mode", "r"), body.pop("timeout_s", _TIMEOUT_S)
         if not isinstance(address, str) or not address:
             raise UsageError(f"remote `{name}` has no address", code="DXB-U131", facts={"from": where})
-        if not isinstance(patience, int | float) or isinstance(patience, bool) or patience <= 0:
+        if not isinstance(patience, int | float) or isinstance(patience, bool) or not 0 < patience < _LONGEST_S:
             raise UsageError(f"`timeout_s` of remote `{name}` is not a time", code="DXB-U131", facts={"from": where})
         options = {option: str(setting) for option, setting in body.items()}
         found[name] = Spec(name, _checked(address), _mode(str(mode), name), float(patience), options)

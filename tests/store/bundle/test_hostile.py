@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
 import pytest
 
-from dextera_build.digest import of_bytes
+from dextera_build.digest import canonical, of_bytes
 from dextera_build.store.bundle import layout, oci, receive, tar
 from dextera_build.store.bundle.refusal import BundleRefused
 from tests.store.bundle.conftest import bundle
@@ -273,12 +274,44 @@ def test_a_result_that_is_wrong_is_refused(folder, other, change, code, word):
         b'{"artifact":"A","fields":{"a":{"$ref":["' + b'a","' * 63 + b'a"]}}}',
         b'{"artifact":"A","fields":{"a":{"$bytes":[]}}}',
         b'{"artifact":"A","fields":{"a":{"$map":[]}}}',
+        b'{"artifact":"A","fields":{"a":{"$value":3}}}',
+        b'{"artifact":"A","fields":{"a":{"$other":{}}}}',
+        b'{"artifact":"A","fields":{"a":{"$array":["f8"]}}}',
+        b'{"artifact":3,"fields":{}}',
+        b'{"artifact":"A","fields":{},"more":1}',
+        b'{"artifact":"File","fields":{}}',
+        b'{"artifact":"File","fields":{"data":"text"}}',
+        b'{"artifact":"Folder","fields":{"files":{"$map":{"a":1}}}}',
         b'{"artifact":"A","fields":{"a":' + b"[" * 99 + b"]" * 99 + b"}}",
         b"\x80\x04\x95pickle",
     ],
 )
 def test_an_output_that_is_no_artifact_is_refused(folder, other, header):
     refused(Forgery(folder).replace_output("scene", header).write(), other, "DXB-S306", "header")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda raw: raw.pop("version"),
+        lambda raw: raw.update(more=1),
+        lambda raw: raw.update(options=[]),
+        lambda raw: raw.update(version="1"),
+        lambda raw: raw.update(code={"rules/a.py": ["f"]}),
+        lambda raw: raw.update(packages={"numpy": 2}),
+        lambda raw: raw.update(weights=[1]),
+        lambda raw: raw.update(types=3),
+        lambda raw: raw.update(inputs={"a": "b"}),
+    ],
+)
+def test_a_key_document_of_another_form_is_refused(folder, other, change):
+    forged = Forgery(folder)
+    node = forged.node("scene")
+    document = json.loads(forged.pop(node["key"]))
+    change(document)
+    node["key"] = forged.put(canonical(document))
+    forged.edit_result("scene", lambda raw: raw.update(key_document=node["key"]))
+    refused(forged.write(), other, "DXB-S306", "")
 
 
 def test_a_header_as_large_as_a_film_is_not_read(folder, other, monkeypatch):

@@ -1,0 +1,229 @@
+"""What dxb wrote down for itself and finds changed: it is forgotten or passed over, and the build is right."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from dextera_build.engine import eventlog, events, roots, snapshot
+from dextera_build.engine.graph import Address
+from dextera_build.engine.history import Entry, History
+from dextera_build.engine.survey import survey
+from dextera_build.store import frames
+from dextera_build.store.store import Store
+from tests.engine.tiny import run
+from tests.hostile.values import BYTES, mutate, torn
+from tests.store.bundle.conftest import small
+
+MANY = settings(
+    max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
+FEW = settings(MANY, max_examples=25)
+ENTRY = Entry("0" * 64, "1" * 64, "0001", 1.0, 2.0, {"memory_bytes": 3})
+
+
+@pytest.fixture
+def built(tmp_path: Path) -> Store:
+    """A store with one small build in it."""
+    (tmp_path / "photo.bin").write_bytes(b"photo")
+    store = Store(tmp_path / "store")
+    assert run(small(tmp_path / "photo.bin"), store)[0].ok
+    return store
+
+
+def local(store: Store) -> list[Path]:
+    """Every file of its own that the build left."""
+    folders = [store.local, store.root / "runs"]
+    return sorted(path for folder in folders for path in folder.rglob("*") if path.is_file())
+
+
+@pytest.mark.parametrize("name", BYTES)
+def test_whatever_stands_in_its_own_files_a_build_goes_on(built, tmp_path, name):
+    plan = small(tmp_path / "photo.bin")
+    assert local(built)
+    for path in local(built):
+        path.chmod(0o644)
+        path.write_bytes(BYTES[name])
+    again, record = run(plan, Store(built.root))
+    assert again.ok
+    assert record.with_status("ran") == []
+    store = Store(built.root)
+    assert roots.find(store).vanished == [] or name in ("a number", "nothing in JSON", "a list", "a table")
+    for each in eventlog.runs(store):
+        eventlog.read(store, each)
+    assert list(store.divergent.all()) == []
+
+
+ROWS = [
+    {"form": 1, "nodes": {"a": ["k"]}},
+    {"form": 1, "nodes": {"a": [1, 2, 3, 4, 5, 6]}},
+    {"form": 1, "nodes": {"a": ["k", "d", "r", "soon", 1.0]}},
+    {"form": 1, "nodes": {"a": ["k", "d", "r", 1.0, 1.0, ["memory_bytes"]]}},
+    {"form": 1, "nodes": {"a": ["k", "d", "r", 1.0, 1.0, {"memory_bytes": "much"}]}},
+    {"form": 1, "nodes": {"a": {"key": "k"}}},
+    {"form": 1, "nodes": [["k", "d", "r", 1.0, 1.0]]},
+]
+
+
+@pytest.mark.parametrize("stored", ROWS)
+def test_a_history_of_another_form_is_forgotten(tmp_path, stored):
+    store = Store(tmp_path)
+    kept = History(store, "a/b")
+    kept.note("x", ENTRY)
+    kept.save()
+    (path,) = (store.local / "history").iterdir()
+    path.chmod(0o644)
+    path.write_text(json.dumps(stored))
+    fresh = History(store, "a/b")
+    assert fresh.all() == {}
+    assert fresh.peak_gb("a") is None
+    roots.find(store)
+
+
+def test_a_good_history_is_read(tmp_path):
+    store = Store(tmp_path)
+    kept = History(store, "a/b")
+    kept.note("x", ENTRY)
+    kept.save()
+    assert History(store, "a/b").all() == {"x": ENTRY}
+
+
+WRONG_EVENTS = [
+    {"event": "node_finished"},
+    {"event": "node_finished", "time": 1.0, "node": 3, "rule": "r"},
+    {"event": "run_started", "time": "now"},
+    {"event": 3},
+    {"time": 1.0},
+    ["event"],
+    3,
+    {"event": "nodes_kept", "run": ["0001"], "nodes": 1, "time": 1.0},
+]
+
+
+@pytest.mark.parametrize("event", WRONG_EVENTS)
+def test_a_line_that_is_no_event_is_left_out(tmp_path, event):
+    store = Store(tmp_path)
+    folder = store.root / "runs" / "0001"
+    folder.mkdir(parents=True)
+    good = events.NodeLog(1.0, "a", "said").to_line()
+    (folder / "events.jsonl").write_text(f"{json.dumps(event)}\n{good}\n")
+    assert [found["event"] for found in eventlog.read(store, "0001")] == ["node_log"]
+
+
+def test_every_event_that_dxb_writes_is_read_back(built):
+    for each in eventlog.runs(built):
+        lines = (built.root / "runs" / each / "events.jsonl").read_bytes().splitlines()
+        assert len(eventlog.read(built, each)) == len(lines)
+
+
+def test_names_of_runs_that_are_no_numbers_are_passed_over(tmp_path):
+    store = Store(tmp_path)
+    for name in ("²", "٣x", "-1", "1e5", "a\nb", "0001"):
+        (store.root / "runs" / name).mkdir(parents=True)
+    assert eventlog.runs(store) == ["0001"]
+    assert eventlog.EventLog(store).run == "0002"
+
+
+def test_a_chain_of_logs_that_lean_on_one_another_ends(tmp_path):
+    store = Store(tmp_path)
+    for name, other in (("0001", "0002"), ("0002", "0001")):
+        folder = store.root / "runs" / name
+        folder.mkdir(parents=True)
+        (folder / "events.jsonl").write_text(events.NodesKept(1.0, other, 3).to_line() + "\n")
+    assert eventlog.read(store, "0001") == []
+
+
+@pytest.mark.parametrize("field", ["key", "node", "first", "again", "time"])
+def test_a_divergence_of_another_form_is_passed_over(tmp_path, field):
+    store = Store(tmp_path)
+    key = "0" * 64
+    store.divergent.note(key, "a", "1" * 64, "2" * 64, time.time())
+    path = store.divergent.root / key
+    path.chmod(0o644)
+    path.write_text(json.dumps({**json.loads(path.read_bytes()), field: [3] if field != "again" else 3}))
+    assert list(store.divergent.all()) == []
+
+
+def test_a_table_of_signatures_that_names_other_places_is_not_believed(tmp_path):
+    file, secret = tmp_path / "photo.bin", tmp_path / "secret"
+    file.write_bytes(b"photo")
+    secret.write_bytes(b"photo")
+    store = Store(tmp_path / "store")
+    plan = small(file)
+    run(plan, store)
+    table = next(path for path in local(store) if b'"files"' in path.read_bytes() and path.suffix != ".jsonl")
+    known = json.loads(table.read_bytes())
+    known["files"] = {name: [*row[:5], "../../../secret"] for name, row in known["files"].items()}
+    table.chmod(0o644)
+    table.write_text(json.dumps(known))
+    found = survey(plan, [Address(name) for name in plan.targets["default"]], Store(store.root))
+    assert found.stale == ()
+
+
+@pytest.mark.slow
+@MANY
+@given(data=st.data())
+def test_changed_documents_are_read_or_forgotten(tmp_path, data):
+    """History, log, divergences: no exception, whatever one value became."""
+    root = tmp_path / "store"
+    shutil.rmtree(root, ignore_errors=True)
+    store = Store(root)
+    kept = History(store, "a/b")
+    kept.note("x", ENTRY)
+    kept.save()
+    store.divergent.note("0" * 64, "a", "1" * 64, "2" * 64, 1.0)
+    folder = store.root / "runs" / "0001"
+    folder.mkdir(parents=True)
+    started = events.RunStarted(1.0, "0001", "a/b", ["x"], "cpu", "1", 1, 0)
+    ended = events.NodeFinished(1.0, "x", "r", None, "ran", "k", "o", 1.0)
+    (folder / "events.jsonl").write_text(f"{started.to_line()}\n{ended.to_line()}\n")
+    path = data.draw(st.sampled_from(local(store)))
+    text = path.read_bytes()
+    if data.draw(st.booleans()):
+        text = torn(text, data)
+    else:
+        parts = [json.loads(line) for line in text.splitlines()]
+        mutate(parts, data)
+        text = b"".join(json.dumps(part).encode() + b"\n" for part in parts)
+    path.chmod(0o644)
+    path.write_bytes(text)
+    for entry in History(store, "a/b").all().values():
+        assert isinstance(entry.key, str)
+    assert all(isinstance(found["event"], str) for found in eventlog.read(store, "0001"))
+    eventlog.latest(store, "a/b")
+    list(store.divergent.all())
+    roots.find(store)
+
+
+def _reads(read, path: Path, good: bytes, data: st.DataObject) -> None:
+    path.write_bytes(torn(good, data))
+    # What callers of these readers take for "there is none".
+    with suppress(OSError, ValueError, KeyError, TypeError, IndexError):
+        read(path)
+
+
+@FEW
+@given(data=st.data())
+def test_a_torn_snapshot_is_none(tmp_path, data):
+    path = tmp_path / "snapshot"
+    if not (tmp_path / "good").exists():
+        snapshot.save(path, {"root": "x"}, snapshot.Watch(), ["line"])
+        shutil.copy(path, tmp_path / "good")
+    path.write_bytes(torn((tmp_path / "good").read_bytes(), data))
+    found = snapshot.load_if_fresh(path, {"root": "x"})
+    assert found is None or found.lines == ("line",)
+
+
+@FEW
+@given(data=st.data())
+def test_a_torn_plan_is_none(tmp_path, data):
+    path = tmp_path / "plan"
+    frames.write(str(path), {"a": 1}, [b"one", b"two", b"heap"], 2)
+    _reads(lambda place: frames.read(str(place)), path, path.read_bytes(), data)
