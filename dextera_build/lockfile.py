@@ -24,7 +24,7 @@ from typing import Any
 
 from dextera_build.errors import Place, RecipeError, StoreError, did_you_mean, listing
 from dextera_build.project import PROFILES
-from dextera_build.store import files
+from dextera_build.store import failpoints, files
 from dextera_build.store.cas import is_digest
 
 _VERSION = 1
@@ -91,9 +91,11 @@ def write(path: Path, pins: Pins) -> bool:
     Raises:
         RecipeError: It cannot be written.
     """
+    files.clear(str(path.parent))
     text = spell(pins)
     if path.is_file() and path.read_bytes() == text.encode():
         return False
+    failpoints.reach("pins.write")
     try:
         files.write(str(path), text.encode(), 0o644)
     except StoreError as error:

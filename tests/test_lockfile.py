@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 
 import pytest
@@ -122,3 +123,13 @@ def test_what_cannot_be_read_or_written_is_said(tmp_path):
     with pytest.raises(RecipeError, match="cannot be written") as caught:
         lockfile.write(tmp_path / "file" / LOCK, {})
     assert caught.value.code == "DXB-R504"
+
+
+def test_what_a_killed_process_left_beside_the_lock_file_goes(tmp_path):
+    dead, fresh, own = (tmp_path / name for name in (".tmp-0a1b2c3d-7-0", ".tmp-0a1b2c3d-7-1", ".tmp-notes"))
+    for path in (dead, fresh, own):
+        path.write_text("half")
+    for path in (dead, own):
+        os.utime(path, (1.0, 1.0))
+    lockfile.write(tmp_path / LOCK, {})
+    assert [path.exists() for path in (dead, fresh, own)] == [False, True, True]

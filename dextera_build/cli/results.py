@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.cli.session import Session
-from dextera_build.store import durable, files, header, sharing
+from dextera_build.store import durable, failpoints, files, header, sharing
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
@@ -45,6 +45,7 @@ def place(session: Session, result: RunResult) -> list[str]:
     if session.project.durable and (stamps or any(record.status == "ran" for record in result.own.values())):
         durable.settle(session.store.root)
     for folder, text in stamps.items():
+        failpoints.reach("export.stamp")
         files.write(f"{folder}/{_STAMP}", text.encode(), 0o644)
         sharing.share_tree(folder)
     return lines
@@ -62,12 +63,14 @@ def _export(session: Session, folder: str, node: str, rule: str, output: str, st
             return _joined(folder, name)
     if os.path.exists(folder):
         shutil.rmtree(folder, ignore_errors=True)
+        failpoints.reach("export.cleared")
     sharing.make_folder(folder)
     main = _export_file(session, folder, stem_of(node), output)
     if main is None:
         kind, where = session.project.library.find(rule).rule.returns, Path(folder)
         written = kind.restore(output, session.store.reader, where, stem_of(node))
         main = written[0].relative_to(where).as_posix() if written else "."
+    failpoints.reach("export.written")
     stamps[folder] = f"{output}\n{main}"
     return _joined(folder, main)
 

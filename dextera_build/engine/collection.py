@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build.engine import eventlog, roots
+from dextera_build.store import failpoints
 from dextera_build.store.choose import Limits
 from dextera_build.store.collect import Collection
 from dextera_build.store.collect import collect as collect_store
@@ -56,6 +57,7 @@ def collect(store: Store, *, size: int | None = None, age_s: float | None = None
     if not dry:
         for path in (*logs, *held.snapshots):
             with suppress(OSError):
+                failpoints.reach("collect.log")
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
     return Answer(said, tuple(held.vanished))
 

@@ -14,7 +14,7 @@ from dextera_build import digest as digests
 from dextera_build.engine import events
 from dextera_build.engine.events import Event, NodeFinished, NodeProgress, NodesKept
 from dextera_build.errors import UsageError, listing
-from dextera_build.store import files, sharing, space
+from dextera_build.store import failpoints, files, sharing, space
 from dextera_build.store.store import Store
 
 _FILE = "events.jsonl"
@@ -47,6 +47,7 @@ class EventLog:
             sharing.make_folder(str(folder))
             self.run = _allocate(folder)
             sharing.share_tree(str(folder / self.run))
+            failpoints.reach("log.made")
             path = folder / self.run / _FILE
             self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
             sharing.share_file(self._descriptor, str(folder), 0o644)
@@ -62,6 +63,7 @@ class EventLog:
             return
         line = event.to_line().encode() + b"\n"
         try:
+            failpoints.reach("log.event")
             files.write_all(self._descriptor, line)
         except OSError:
             self.lost += 1

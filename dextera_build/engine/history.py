@@ -11,7 +11,7 @@ from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import files
+from dextera_build.store import failpoints, files
 from dextera_build.store.store import Store
 
 _FORM = 1
@@ -90,6 +90,7 @@ class History:
             self._write(self._more, _over(self._read(self._more), self._fresh))
         elif self._dirty and self._write(self._path, self._load()):
             self._dirty = False
+            failpoints.reach("history.saved")
             self._more.unlink(missing_ok=True)
 
     def _load(self) -> dict[str, Entry]:

@@ -22,7 +22,7 @@ from typing import Any, TypeAlias
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import files, presence, signature
+from dextera_build.store import failpoints, files, presence, signature
 from dextera_build.store.presence import Presence
 from dextera_build.store.signature import Watch
 
@@ -96,9 +96,11 @@ def save(
     }
     try:
         files.write(f"{path}.rows", frozen[1], 0o644)
+        failpoints.reach("snapshot.rows")
         _write(path, head)
     except StoreError:
         return None
+    failpoints.reach("snapshot.saved")
     return head
 
 
@@ -106,6 +108,7 @@ def forget(path: Path) -> None:
     """There is no snapshot any more."""
     with suppress(OSError):
         path.unlink()
+    failpoints.reach("snapshot.forgotten")
 
 
 def load_if_near(path: Path, request: Mapping[str, object]) -> Stale | None:
@@ -227,6 +230,7 @@ def _use(path: Path) -> None:
     That comes before the look at the store, or a collection could find it unused after we found the store whole.
     """
     with suppress(OSError):
+        failpoints.reach("snapshot.used")
         os.utime(path)
 
 

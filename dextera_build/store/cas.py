@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from dextera_build.errors import StoreError
-from dextera_build.store import files, sharing
+from dextera_build.store import failpoints, files, sharing
 from dextera_build.store.locks import Locks
 from dextera_build.store.use import Use
 
@@ -176,6 +176,7 @@ class Blobs:
         # A store that cannot be written keeps it: readers check the bytes anyway.
         with suppress(OSError):
             sharing.make_folder(str(self._quarantine))
+            failpoints.reach("blob.aside")
             os.replace(self._file(digest), self._quarantine / digest)
 
     def all(self) -> Iterator[tuple[str, int]]:

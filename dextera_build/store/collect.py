@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import math
 import os
-import shutil
 import time
 from collections.abc import Callable, Mapping, Set
 from contextlib import suppress
 from dataclasses import dataclass, field
 
 from dextera_build.errors import StoreError
-from dextera_build.store import files, inventory, use
+from dextera_build.store import failpoints, files, inventory, use
 from dextera_build.store.choose import Choice, Horizon, Limits, choose
 from dextera_build.store.inventory import Inventory
 from dextera_build.store.store import Store
@@ -119,6 +118,7 @@ class _Collector:
         """Take it."""
         said = self.plan()
         spared = self._drop_results()
+        failpoints.reach("collect.results")
         needed = self._needed(spared)
         for digest in sorted(self._choice.blobs - needed):
             path = str(self._store.blobs.path(digest))
@@ -129,9 +129,11 @@ class _Collector:
             if self._store.locks.take(key):
                 self._store.keep.drop(key)
                 self._store.locks.release(key)
+        failpoints.reach("collect.blobs")
         for path, _, used in inventory.leftovers(self._store):
             if used < self._horizon.blobs:
-                _remove(path)
+                with suppress(OSError):
+                    inventory.remove(path)
         if spared or needed & self._choice.blobs:
             said.after = inventory.read(self._store).bytes()
         return said
@@ -202,11 +204,3 @@ def _refuse_unwritable(store: Store) -> None:
                 facts={"folder": str(place)},
                 hint="ask whoever owns it, or set `DXB_CACHE` to a store of your own",
             )
-
-
-def _remove(path: str) -> None:
-    with suppress(OSError):
-        if os.path.isdir(path):
-            shutil.rmtree(path, ignore_errors=True)
-        else:
-            os.unlink(path)

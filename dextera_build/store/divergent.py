@@ -10,7 +10,7 @@ from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import files
+from dextera_build.store import failpoints, files
 from dextera_build.store.cas import is_digest
 
 _MOST = 16
@@ -51,6 +51,7 @@ class Divergent:
         found = Divergence(key, node, first, others, time)
         with suppress(StoreError):
             files.write(str(self.root / key), json.dumps(asdict(found)).encode(), 0o644)
+        failpoints.reach("result.diverged")
 
     def get(self, key: str) -> Divergence | None:
         """What is known of a key, or None."""

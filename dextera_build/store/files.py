@@ -9,11 +9,13 @@ from __future__ import annotations
 import fcntl
 import itertools
 import os
+import re
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from dextera_build.errors import StoreError
-from dextera_build.store import sharing, space
+from dextera_build.store import failpoints, sharing, space
 
 _FICLONE = 0x40049409
 _CHUNK = 1 << 20
@@ -21,6 +23,7 @@ _TOKEN = os.urandom(4).hex()  # two machines may write to one folder with equal 
 _COUNTER = itertools.count()
 TEMPORARY = ".tmp"
 """How the names of unfinished files, and of folders for them, begin."""
+_UNFINISHED = re.compile(rf"{re.escape(TEMPORARY)}-[0-9a-f]{{8}}-\d+-\d+")
 
 
 def store_error(error: OSError, path: str) -> StoreError:
@@ -58,10 +61,13 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
     descriptor = -1
     try:
         descriptor = _create(folder, temporary, mode)
+        failpoints.reach("file.made")
         yield descriptor
+        failpoints.reach("file.written")
         os.close(descriptor)
         descriptor = -1
         _move(temporary, path)
+        failpoints.reach("file.moved")
     except BaseException as error:
         _give_up(error, path, temporary, descriptor)
         raise
@@ -84,13 +90,24 @@ def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None
     descriptor = -1
     try:
         descriptor = _create(folder, temporary, mode)
+        failpoints.reach("file.made")
         write_all(descriptor, data)
+        failpoints.reach("file.written")
         os.close(descriptor)
         descriptor = -1
         _move(temporary, path)
+        failpoints.reach("file.moved")
     except BaseException as error:
         _give_up(error, path, temporary, descriptor)
         raise
+
+
+def clear(folder: str, age_s: float = 60.0) -> None:
+    """Remove unfinished files of this age [s], left by killed processes where no collection looks after them."""
+    with suppress(OSError):
+        for entry in os.scandir(folder):
+            if _UNFINISHED.fullmatch(entry.name) and entry.stat().st_mtime < time.time() - age_s:
+                os.unlink(entry.path)
 
 
 def append(path: str, size: int, data: bytes) -> None:
@@ -103,8 +120,10 @@ def append(path: str, size: int, data: bytes) -> None:
         descriptor = os.open(path, os.O_WRONLY | os.O_CLOEXEC)
         try:
             os.ftruncate(descriptor, size)
+            failpoints.reach("rows.cut")
             os.lseek(descriptor, size, os.SEEK_SET)
             write_all(descriptor, data)
+            failpoints.reach("rows.added")
         finally:
             os.close(descriptor)
     except OSError as error:

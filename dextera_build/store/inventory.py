@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -88,12 +89,14 @@ def listing(root: Path) -> Iterator[tuple[str, int, float]]:
 def leftovers(store: Store) -> Iterator[tuple[str, int, float]]:
     """Unfinished files of processes that were killed, and damaged blobs set aside: (path, bytes, last change)."""
     for folder, below, names in os.walk(store.root):
-        if folder == str(store.root):
-            below[:] = [name for name in below if name in ("cas", "ac", "local")]
         aside = folder == str(store.local / "quarantine")
+        begun = [name for name in below if name.startswith(f"{files.TEMPORARY}-")]
+        below[:] = [name for name in below if name not in begun]
+        if folder == str(store.root):
+            below[:] = [name for name in below if name in ("cas", "ac", "foreign", "local")]
         if folder == str(store.local):
             below[:] = [name for name in below if name != "keep"]
-        for name in names:
+        for name in (*begun, *names):
             if aside or name.startswith(files.TEMPORARY):
                 path = os.path.join(folder, name)
                 with suppress(FileNotFoundError):
@@ -103,6 +106,18 @@ def leftovers(store: Store) -> Iterator[tuple[str, int, float]]:
     for left in store.keep.root.glob(f"{files.TEMPORARY}-*"):
         with suppress(FileNotFoundError):
             yield str(left), 0, os.lstat(left).st_mtime
+
+
+def remove(path: str) -> None:
+    """Remove what is left over, a file or a folder.
+
+    Raises:
+        OSError: It cannot be removed.
+    """
+    if os.path.isdir(path):
+        shutil.rmtree(path)
+    else:
+        os.unlink(path)
 
 
 def _last_change(folder: Path) -> float:

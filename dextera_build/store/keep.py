@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from dextera_build.store import files
+from dextera_build.store import failpoints, files
 from dextera_build.store.locks import Locks
 
 
@@ -40,6 +40,7 @@ class Keep:
         # A store that cannot be written keeps it: nothing can be published there either.
         with suppress(OSError):
             os.rename(folder, aside)
+            failpoints.reach("keep.aside")
             shutil.rmtree(aside, ignore_errors=True)
 
     def all(self) -> Iterator[tuple[str, int]]:

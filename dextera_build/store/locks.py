@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from dextera_build.store import sharing
+from dextera_build.store import failpoints, sharing
 
 _FLOCK = struct.Struct("hhqqi4x")
 """`struct flock` of Linux on 64 bits: type, whence, start, length, pid."""
@@ -64,6 +64,7 @@ class Locks:
             except OSError:
                 return True
             _held.add(place)
+        failpoints.reach("lock.taken")
         return True
 
     def release(self, key: str) -> None:
@@ -126,6 +127,7 @@ class Locks:
                 try:
                     sharing.make_folder(str(self._path.parent))
                     _open[name] = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+                    failpoints.reach("lock.made")
                     sharing.share_file(_open[name], str(self._path.parent), 0o644)
                 except OSError:
                     return -1

@@ -6,7 +6,7 @@ import hashlib
 import os
 from pathlib import Path
 
-from dextera_build.store import files
+from dextera_build.store import failpoints, files
 from dextera_build.store.cas import Blobs, MissingBlob
 
 
@@ -24,6 +24,7 @@ def place(blobs: Blobs, digest: str, target: Path) -> None:
     try:
         with files.new_file(str(target), 0o644) as descriptor:
             _copy(blobs, digest, source, descriptor)
+            failpoints.reach("place.copied")
     finally:
         os.close(source)
 

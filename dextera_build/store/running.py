@@ -16,7 +16,7 @@ from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import files
+from dextera_build.store import failpoints, files
 from dextera_build.store.locks import Locks
 
 _ALONE = digests.of_bytes(b"a collection that no build may disturb")
@@ -51,11 +51,13 @@ class Running:
             # Without a blob's mode: whoever collects may have to remove it.
             with suppress(StoreError):
                 files.write(path, json.dumps({"pid": os.getpid(), "host": socket.gethostname()}).encode(), 0o644)
+            failpoints.reach("running.announced")
             while self._locks.is_held_elsewhere(_ALONE):
                 time.sleep(_PATIENCE_S)
             yield
         finally:
             with suppress(OSError):
+                failpoints.reach("running.ended")
                 os.unlink(path)
             self._locks.release(lock)
 
@@ -69,6 +71,7 @@ class Running:
             with suppress(OSError):
                 began = path.stat().st_mtime
                 if self._is_dead(path.name, began):
+                    failpoints.reach("running.forgotten")
                     path.unlink()
                 else:
                     found.append(began)

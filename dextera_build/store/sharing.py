@@ -12,6 +12,8 @@ import tempfile
 from contextlib import suppress
 from functools import cache
 
+from dextera_build.store import failpoints
+
 
 def make_folder(path: str) -> None:
     """Make a folder and those above it that are not there, each shared as the one that it is made in.
@@ -31,6 +33,7 @@ def make_folder(path: str) -> None:
         else:
             with suppress(FileExistsError):
                 os.mkdir(folder)
+        failpoints.reach("folder.made")
 
 
 def share_file(descriptor: int, folder: str, mode: int) -> None:
@@ -72,6 +75,7 @@ def _make_shared(folder: str, shared: int) -> None:
     # Aside first: others find it with its final permissions, or not at all.
     aside = tempfile.mkdtemp(prefix=".tmp-", dir=os.path.dirname(folder))
     try:
+        failpoints.reach("folder.aside")
         os.chmod(aside, 0o700 | shared)
         os.rename(aside, folder)
     except OSError:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import RecipeError, StoreError
-from dextera_build.store import files, header, signature
+from dextera_build.store import failpoints, files, header, signature
 from dextera_build.store.cas import Blobs, is_digest
 
 _FORM = 1
@@ -70,6 +70,7 @@ class StatCache:
         """Write the table, all or nothing; a store that cannot be written keeps the old one."""
         if self._dirty and self._known is not None:
             data = json.dumps({"form": _FORM, "files": self._known}).encode()
+            failpoints.reach("leaves.save")
             with suppress(StoreError):
                 files.write(str(self._table), data, 0o644)
                 self._dirty = False

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 from dextera_build.errors import StoreError
-from dextera_build.store import header, space
+from dextera_build.store import failpoints, header, space
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.remotes import entry as entries
@@ -76,6 +76,7 @@ class Transfer:
             result = entries.result(entry, document)
             if result is None or not all(entries.is_record(self._store.blobs.get(name)) for _, name in result.calls):
                 return None
+            failpoints.reach("fetch.blobs")
             self._store.actions.put(key.hash, result)
         except (MissingBlob, ValueError, KeyError, TypeError, AttributeError, RecursionError):
             # A header is not one, or names what the entry does not.

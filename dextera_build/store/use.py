@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from dextera_build import digest as digests
+from dextera_build.store import failpoints
 from dextera_build.store.locks import Locks
 
 STEP_S = 3600.0
@@ -47,6 +48,7 @@ class Use:
             return True
         with self.gate(path):
             try:
+                failpoints.reach("use.noted")
                 os.utime(path)
             except OSError as error:
                 if error.errno in (errno.EACCES, errno.EPERM) and os.access(os.path.dirname(path), os.W_OK):
@@ -59,14 +61,20 @@ class Use:
         return stamp > time.time() - STEP_S
 
     def drop(self, path: str, older_than: float) -> bool:
-        """Remove `path` if it was last used before `older_than` (seconds since the epoch); whether it is gone."""
+        """Remove `path` if it was last used before `older_than` (seconds since the epoch); whether it is gone.
+
+        What the system does not let go of stays.
+        """
         with self.gate(path):
             try:
                 if os.stat(path).st_mtime >= older_than:
                     return False
+                failpoints.reach("collect.file")
                 os.unlink(path)
             except FileNotFoundError:
                 pass
+            except OSError:
+                return False
         return True
 
     @contextmanager

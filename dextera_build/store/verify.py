@@ -14,7 +14,7 @@ from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import files, inventory, sharing, use
+from dextera_build.store import failpoints, files, inventory, sharing, use
 from dextera_build.store.cas import is_digest
 from dextera_build.store.reapi import decode
 from dextera_build.store.store import Store
@@ -158,12 +158,13 @@ class _Verifier:
         aside = str(self._store.local / "quarantine")
         for path, size, used in inventory.leftovers(self._store):
             if used < horizon and os.path.dirname(path) != aside:
-                self._find("leftover", path, f"{size} bytes", lambda path=path: os.unlink(path))  # type: ignore[misc]
+                self._find("leftover", path, f"{size} bytes", lambda path=path: inventory.remove(path))  # type: ignore[misc]
 
     def _find(self, kind: str, name: str, detail: str, repair: Callable[[], None]) -> None:
         repaired = False
         if self._repair:
             with suppress(OSError):
+                failpoints.reach("repair.found")
                 repair()
                 repaired = True
         with self._guard:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import files
+from dextera_build.store import failpoints, files
 
 
 class Workspaces:
@@ -24,6 +24,7 @@ class Workspaces:
         """Register a project folder, unless it is known."""
         path = self._folder / digests.of_bytes(project.encode())[:32]
         if not path.exists():
+            failpoints.reach("workspace.note")
             with suppress(StoreError):
                 files.write(str(path), project.encode(), 0o644)
 

@@ -21,6 +21,8 @@ from dextera_build.project import Project
 from dextera_build.runner import run_task
 from dextera_build.store import space as disk
 from dextera_build.store.store import Store
+from tests.chaos.children import dxb
+from tests.chaos.scenarios import PLAIN, assert_as_clean, project
 from tests.e2e.space import Space
 from tests.recipe.conftest import RULES
 
@@ -117,6 +119,22 @@ def test_a_store_that_fills_up_fails_one_node_and_the_next_build_goes_on(space, 
     assert again.code == 0, again.err
     assert again.nodes("cached") == {"start"}
     assert again.nodes("ran") == {"much", "after"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kib", [8, 24, 48, 96, 160, 240, 320, 400, 480, 560, 800, 1600, 3500, 4200, 6400, 7200])
+def test_wherever_a_small_disk_gets_full_the_next_build_is_as_a_clean_one(kib, tmp_path, small, clean):
+    """Promise: whatever had no room, there is one error, and with room the build goes on."""
+    made = project(tmp_path / "project")
+    (made.root / "cache").symlink_to(small)
+    assert mount(small, "-o", f"remount,size={kib}k")
+    said = dxb(made.root, *PLAIN)
+    assert said.code in (0, 1), said.text
+    assert said.text.count("error[DXB-S10") == said.text.count("error[") == said.code, said.text
+    assert "Traceback" not in said.text
+    assert unfinished(small) == []
+    grow(small)
+    assert_as_clean(made, clean(made))
 
 
 def test_a_full_disk_for_temporary_files_names_tmpdir(space, small):

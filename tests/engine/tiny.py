@@ -66,6 +66,8 @@ def _output(options: Mapping[str, Any], inputs: Mapping[str, str], store: Store)
         count = 2 + int(seen, 16) % 2
         parts = {f"i{n}": {"$ref": store.blobs.put(text_header(f"{seen[:4]}{n}"))} for n in range(count)}
         return digest.canonical({"artifact": "Many", "fields": {"items": {"$map": parts}}})
+    if do == "dice":  # what no key tells of
+        return text_header(seen + Path(os.environ["TINY_DICE"]).read_text())
     if do == "blob":
         return text_header(seen, store.blobs.put(seen.encode()))
     return text_header(seen)

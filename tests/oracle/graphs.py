@@ -19,13 +19,19 @@ class RandomGraph:
     Args:
         seed: Of the generator.
         folder: Where the files lie that the graph reads.
+        wild: Read a folder, too, and call a rule whose output its key does not tell.
     """
 
-    def __init__(self, seed: int, folder: Path) -> None:
+    def __init__(self, seed: int, folder: Path, *, wild: bool = False) -> None:
         self.random = random.Random(seed)
         self.files = [folder / f"leaf{n}" for n in range(3)]
         for number, path in enumerate(self.files):
             path.write_text(f"content {number}")
+        self.tree = folder / "tree" if wild else None
+        self._does = (*_DOES, "dice", "dice") if wild else _DOES
+        if self.tree is not None:
+            self.plant("a", "content 0")
+        self._broken: list[tuple[tuple[str, ...], str]] = []
         self.members: dict[str, Call | Group] = {}
         self._grow()
 
@@ -48,8 +54,27 @@ class RandomGraph:
 
     def break_one(self) -> None:
         """Let one call fail."""
-        paths = [path for path, found in self.graph().calls() if found.options["do"] not in ("items", "labels")]
-        self._replace(self.random.choice(paths), lambda old: _with(old, do="fail"))
+        kept = ("items", "labels", "fail")
+        found = [(path, call.options["do"]) for path, call in self.graph().calls() if call.options["do"] not in kept]
+        if found:
+            self._broken.append(self.random.choice(found))
+            self._replace(self._broken[-1][0], lambda old: _with(old, do="fail"))
+
+    def mend(self) -> None:
+        """Let every call that was broken do what it did."""
+        for path, do in self._broken:
+            self._replace(path, lambda old, do=do: _with(old, do=do))
+        self._broken.clear()
+
+    def plant(self, name: str, text: str | None) -> None:
+        """Write a file below the folder that the graph reads, or remove it."""
+        assert self.tree is not None
+        path = self.tree / name
+        if text is None:
+            path.unlink(missing_ok=True)
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
 
     def _change(self, path: tuple[str, ...]) -> None:
         kind = self.random.randrange(4)
@@ -100,7 +125,7 @@ class RandomGraph:
         self.members[path[0]] = new
 
     def _grow(self) -> None:
-        pool: list[Input] = [leaf(path) for path in self.files]
+        pool: list[Input] = [leaf(path) for path in (*self.files, *([self.tree] if self.tree else []))]
         for number in range(self.random.randint(2, 12)):
             kind = self.random.random() if number else 1.0
             if kind < 0.3:
@@ -109,12 +134,12 @@ class RandomGraph:
                 self._grow_matrix(f"x{number}", pool)
             else:
                 name = f"n{number}"
-                self.members[name] = self._call(name, self.random.choice(_DOES), pool)
+                self.members[name] = self._call(name, self.random.choice(self._does), pool)
                 pool.append(out(name))
 
     def _grow_matrix(self, name: str, pool: list[Input]) -> None:
-        first = self._call("first", self.random.choice(_DOES), pool)
-        second = self._call("second", self.random.choice(_DOES), [*pool, out(f"{name}.first")])
+        first = self._call("first", self.random.choice(self._does), pool)
+        second = self._call("second", self.random.choice(self._does), [*pool, out(f"{name}.first")])
         labels = self.random.sample("pqrs", self.random.randint(1, 3))
         own = {label: _with(first, value=f"own {label}") for label in labels}
         self.members[name] = group(name, Fixed(tuple(labels)), first, second, **own)
@@ -131,7 +156,7 @@ class RandomGraph:
             if number and self.random.random() < 0.4:
                 members += self._nested(name, member, inside, gathered)
             else:
-                members.append(self._call(member, self.random.choice(_DOES), inside))
+                members.append(self._call(member, self.random.choice(self._does), inside))
                 inside.append(out(f"{name}.{member}"))
                 gathered.append(every(f"{name}.{member}"))
         self.members[name] = group(name, out(source), *members)
@@ -140,7 +165,7 @@ class RandomGraph:
     def _nested(self, name: str, member: str, inside: list[Input], gathered: list[Input]) -> list[Call | Group]:
         source = self._source(f"{member}s", inside)
         path = f"{name}.{member}"
-        deepest = self._call("deep", self.random.choice(_DOES), [*inside, item(path), item(path), item(name)])
+        deepest = self._call("deep", self.random.choice(self._does), [*inside, item(path), item(path), item(name)])
         over = Output((name, source.name))
         inside += [every(f"{path}.deep"), out(f"{name}.{source.name}")]
         gathered.append(every(f"{path}.deep"))

@@ -9,10 +9,17 @@ from typing import Any
 
 from dextera_build import digest
 from dextera_build.engine.graph import Address, Call, Fixed, Graph, Input, Item, Leaf, Output, node_address
-from dextera_build.store.header import collection_header, file_header
+from dextera_build.store.header import collection_header, file_header, folder_header
 from tests.engine.tiny import _output
 
 Labels = tuple[str, ...]
+
+
+def _leaf(path: Path) -> bytes:
+    if path.is_file():
+        return file_header(digest.of_bytes(path.read_bytes()), path.stat().st_size)
+    files = {file.relative_to(path).as_posix(): file.read_bytes() for file in path.rglob("*") if file.is_file()}
+    return folder_header({name: (digest.of_bytes(data), len(data)) for name, data in files.items()})
 
 
 @dataclass
@@ -81,8 +88,7 @@ class Reference:
 
     def value(self, source: Input, scope: tuple[str, ...], labels: Labels) -> str | None:
         if isinstance(source, Leaf):
-            data = Path(source.path).read_bytes()
-            return self.put(file_header(digest.of_bytes(data), len(data)))
+            return self.put(_leaf(Path(source.path)))
         if isinstance(source, Item):
             level = len(source.group)
             found = self.items(source.group, labels[: level - 1])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import tempfile
 import time
 from collections.abc import Callable
@@ -183,6 +185,33 @@ def test_leftovers_go_but_not_those_of_now(store: Store) -> None:
         age(path, time.time() - DAY)
     assert rows(collect(store, nobody, dry=False)) == {"leftovers": 2}
     assert [path.exists() for path in (dead, living, aside)] == [False, True, False]
+
+
+def test_folders_that_were_made_aside_and_what_others_brought_count_as_leftovers(store: Store) -> None:
+    folder = store.blobs.root / ".tmp-made-aside"
+    brought = store.root / "foreign" / "ab" / ".tmp-dead-1-1"
+    for path in (folder, brought.parent):
+        path.mkdir(parents=True)
+    brought.write_bytes(b"half")
+    for path in (folder, brought):
+        age(path, time.time() - DAY)
+    assert rows(collect(store, nobody, dry=False)) == {"leftovers": 2}
+    assert not folder.exists()
+    assert not brought.exists()
+
+
+def test_what_the_system_does_not_let_go_of_stays(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    key = publish(store, "old")
+    age(entry(store, key), time.time() - DAY)
+
+    def refuse(path: str) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted", path)
+
+    monkeypatch.setattr(os, "unlink", refuse)
+    collect(store, nobody, Limits(size=0), dry=False)
+    monkeypatch.undo()
+    assert keys(store) == {key}
+    assert store.actions.get(key) is not None
 
 
 def test_saved_progress_goes_by_age_unless_the_call_runs(store: Store) -> None:

@@ -137,10 +137,13 @@ def test_leftovers_of_the_dead_are_removed_and_those_of_now_are_not(store: Store
     dead, living = workshop / ".tmp-dead-1-1", workshop / ".tmp-living-1-1"
     for path in (dead, living):
         path.write_bytes(b"half")
-    age(dead, time.time() - 90_000)
-    assert kinds(verify(store)) == ["leftover"]
-    verify(store, repair=True)
-    assert (dead.exists(), living.exists()) == (False, True)
+    folder = store.blobs.root / ".tmp-made-aside"
+    folder.mkdir()
+    for path in (dead, folder):
+        age(path, time.time() - 90_000)
+    assert kinds(verify(store)) == ["leftover", "leftover"]
+    assert all(finding.repaired for finding in verify(store, repair=True).findings)
+    assert (dead.exists(), folder.exists(), living.exists()) == (False, False, True)
 
 
 def test_progress_is_told(store: Store) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from dextera_build.errors import UsageError
-from dextera_build.store import files
+from dextera_build.store import failpoints, files
 from dextera_build.store.bundle import checked, oci, tar
 from dextera_build.store.bundle.oci import Descriptor, Manifest, Source
 from dextera_build.store.bundle.refusal import MAGIC, BundleRefused, archive, lacking, not_a_bundle, too_large
@@ -167,6 +167,7 @@ class FolderSink:
     def close(self) -> None:
         """Write what makes it a layout."""
         files.write(str(self._root / "oci-layout"), _VERSION, 0o644)
+        failpoints.reach("bundle.index")
         files.write(str(self._root / "index.json"), _index(self._manifests), 0o644)
 
 

@@ -11,7 +11,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from dextera_build.store import files, space
+from dextera_build.store import failpoints, files, space
 from dextera_build.store.bundle import checked, closure, oci, tar
 from dextera_build.store.bundle.contents import Contents
 from dextera_build.store.bundle.oci import Descriptor, Manifest, Source
@@ -103,6 +103,7 @@ def take(bundle: Opened, store: Store) -> Taken:
 
 def _publish(contents: Contents, found: closure.Closure, store: Store) -> Taken:
     """Write the results that the store does not have."""
+    failpoints.reach("import.blobs")
     new = known = 0
     other: list[str] = []
     done: set[str] = set()

@@ -13,12 +13,14 @@ from pathlib import Path
 from typing import BinaryIO
 
 from dextera_build.errors import StoreError
-from dextera_build.store import files
+from dextera_build.store import failpoints, files
 from dextera_build.store.remotes.crew import Crew
 from dextera_build.store.remotes.remote import MOST_ENTRY, Digest, RemoteFault
 
 _CHUNK = 1 << 20
 _THREADS = 8
+_ABANDONED_S = 86400.0
+"""Age from which what somebody did not write to its end counts as left by a killed process [s]."""
 
 
 class Directory:
@@ -32,6 +34,7 @@ class Directory:
         self.address = str(root)
         self._root = root
         self._crew = Crew(_THREADS, f"dxb {root.name}")
+        self._tidied = False
 
     def get_action(self, key: Digest) -> bytes | None:
         """The `ActionResult` message under a key, or None."""
@@ -49,6 +52,7 @@ class Directory:
     def put_action(self, key: Digest, message: bytes) -> None:
         """Publish a result, all of whose blobs the folder holds."""
         with self._writing("ac", key) as target:
+            failpoints.reach("remote.entry")
             files.write_all(target, message)
 
     def missing(self, digests: Sequence[Digest]) -> set[Digest]:
@@ -81,6 +85,7 @@ class Directory:
                 self._writing("cas", digest) as target,
                 open(target, "wb", closefd=False) as to,
             ):
+                failpoints.reach("remote.blob")
                 shutil.copyfileobj(source, to, _CHUNK)
 
         self._crew.each(send_one, digests)
@@ -114,6 +119,10 @@ class Directory:
         if not self._root.parent.is_dir():
             raise RemoteFault(self.address, f"there is no folder `{self._root.parent}`", refused=True)
         workshop = f"{self._root}/{kind}/{files.TEMPORARY}"
+        if not self._tidied:
+            self._tidied = True
+            for each in ("cas", "ac"):
+                files.clear(f"{self._root}/{each}/{files.TEMPORARY}", _ABANDONED_S)
         try:
             with files.new_file(self._file(kind, digest), workshop=workshop) as target:
                 yield target

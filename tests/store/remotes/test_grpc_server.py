@@ -249,7 +249,8 @@ def test_a_full_disk_is_said(client: Connection, monkeypatch: pytest.MonkeyPatch
     def full(*_: object, **__: object) -> None:
         raise StoreError("the store is full", code="DXB-S101")
 
-    monkeypatch.setattr("dextera_build.store.files.new_file", full)
+    for way in ("new_file", "write"):
+        monkeypatch.setattr(f"dextera_build.store.files.{way}", full)
     assert refused(client, resource.to_write("", digest_of(b"x")), (0, b"x")) == "RESOURCE_EXHAUSTED"
     stored = client.ask(
         f"{api.CAS}/BatchUpdateBlobs",

@@ -1,0 +1,89 @@
+"""The command line in children of the test process: what a new process of `dxb` does, without its start-up time.
+
+Nodes run in the child itself, so that a failpoint anywhere in a build is reached in one process.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import signal
+import sys
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from dextera_build.cli.main import main
+from dextera_build.engine.executors import local
+from dextera_build.engine.executors.inline import InlineExecutor
+from dextera_build.runner import run_task
+from dextera_build.store import failpoints
+
+for _name in ("build", "cache", "check", "execution", "fresh", "results"):
+    importlib.import_module(f"dextera_build.cli.{_name}")  # here, once, rather than in every child
+for _name in ("numpy", "pydantic", "dextera_build.engine.execute", "dextera_build.recipe.plan"):
+    importlib.import_module(_name)
+
+
+@dataclass(frozen=True)
+class Said:
+    """How a child ended."""
+
+    code: int
+    """Exit code; the negative number of the signal that ended it."""
+    text: str
+    """What it printed."""
+
+
+class _Inline(InlineExecutor):
+    def __init__(self, runner: str, **settings: object) -> None:
+        super().__init__(run_task)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.stop()
+
+
+def dxb(root: Path, *words: str, failpoint: str = "") -> Said:
+    """Run one command in the project at `root`.
+
+    Args:
+        root: The project's folder.
+        words: The command line.
+        failpoint: As `DXB_FAILPOINT` has it.
+    """
+    printed = root / ".printed"
+    pid = os.fork()
+    if pid == 0:
+        _become(root, words, failpoint, printed)
+    code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    text = printed.read_text()
+    printed.unlink()
+    return Said(code, text)
+
+
+def _become(root: Path, words: tuple[str, ...], failpoint: str, printed: Path) -> None:
+    code = 99
+    try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        output = os.open(printed, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(output, 1)
+        os.dup2(output, 2)
+        sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
+        os.chdir(root)
+        for name in [name for name in os.environ if name.startswith("DXB_")]:
+            del os.environ[name]
+        os.environ |= {"NO_COLOR": "1", "DXB_DURABLE": "0", "DXB_CONSOLE": "plain"}
+        os.environ |= {"XDG_CONFIG_HOME": str(root / ".config"), "XDG_CACHE_HOME": str(root / ".cache")}
+        local.LocalExecutor = _Inline  # type: ignore[misc,assignment]
+        failpoints.arm(failpoint)
+        code = main(words)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)

@@ -1,0 +1,113 @@
+"""Every file of a store cut short at any byte, and with any byte changed: the next build is right all the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from dextera_build.engine import eventlog, known, snapshot
+from dextera_build.engine.eventlog import EventLog
+from dextera_build.engine.events import fan_out
+from dextera_build.engine.execute import RunResult, build
+from dextera_build.engine.graph import Graph
+from dextera_build.store.store import Store
+from dextera_build.store.verify import verify
+from tests.chaos.children import dxb
+from tests.chaos.scenarios import PLAIN, project
+from tests.engine.tiny import Record, call, graph, group, inline, item, leaf, out
+
+STEPS = [pytest.param(1, marks=[pytest.mark.slow, pytest.mark.timeout(3000)], id="every byte"), 149]
+
+
+def scene(photo: Path) -> Graph:
+    return graph(
+        call("seg", "items", {"box": "b"}, photo=leaf(photo)),
+        group("body", out("seg"), call("mesh", "blob", seen=item("body"))),
+        call("say", "print", "words", photo=leaf(photo)),
+        call("end", "blob", photo=leaf(photo), say=out("say"), mesh=out("seg")),
+        default=("end", "body.mesh"),
+    )
+
+
+def run(plan: Graph, root: Path) -> RunResult:
+    """Build in a process that remembers nothing; `end` runs and reads all that it stands on."""
+    store = Store(root)
+    targets = plan.targets["default"]
+    return build(plan, targets, store=store, executor=inline(), listen=Record(), force=frozenset({"end"}))
+
+
+def variants(data: bytes, step: int, first: int) -> Iterator[tuple[int, bytes]]:
+    """The bytes cut at every `step`-th place, and with one bit flipped there."""
+    for place in range(first % step, len(data), step):
+        yield place, data[:place]
+        yield place, data[:place] + bytes([data[place] ^ (1 << place % 8)]) + data[place + 1 :]
+
+
+def replace(path: Path, data: bytes) -> None:
+    """Put something in the place of a file, which a build may have set aside since."""
+    path.unlink(missing_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_damage_at_any_byte_of_a_store_costs_a_rebuild_at_most(tmp_path: Path, step: int) -> None:
+    """Promise: no damaged byte of the store reaches a result, and none stops a build."""
+    root, photo = tmp_path / "store", tmp_path / "photo"
+    photo.write_bytes(b"pixels")
+    with EventLog(Store(root)) as log:
+        plan = scene(photo)
+        build(plan, plan.targets["default"], store=Store(root), executor=inline(), listen=fan_out(log, Record()))
+    right = {name: node.output for name, node in run(plan, root).nodes.items()}
+    files = sorted(path for path in root.rglob("*") if path.is_file() and path.name != "locks")
+    assert {path.relative_to(root).parts[0] for path in files} == {"CACHEDIR.TAG", "ac", "cas", "local", "runs"}
+    for number, path in enumerate(files):
+        data = path.read_bytes()
+        for place, damaged in variants(data, step, number * 31):
+            replace(path, damaged)
+            if path.name == "events.jsonl":
+                eventlog.read(Store(root), path.parent.name)
+                continue
+            again = run(plan, root)
+            assert again.ok, (path, place)
+            assert {name: node.output for name, node in again.nodes.items()} == right, (path, place)
+        replace(path, data)
+    verify(Store(root), repair=True)
+    assert run(plan, root).ok
+    assert verify(Store(root)).is_whole
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_damage_at_any_byte_of_a_snapshot_is_seen(tmp_path: Path, step: int) -> None:
+    """Promise: a build that goes on from the last one believes no damaged byte of what the last one wrote down."""
+    space = project(tmp_path / "project")
+    for _ in range(3):  # a build of files that are not at rest yet leaves no snapshot
+        assert dxb(space.root, *PLAIN).code == 0
+    (head,) = (path for path in (space.root / "cache/local/snapshots").iterdir() if not path.suffix)
+    request = snapshot.read_head(head)["request"]
+
+    def fresh() -> object:
+        found = snapshot.load_if_fresh(head, request)
+        return found and found.lines
+
+    right, near, told = fresh(), snapshot.load_if_near(head, request), known.read(head)
+    assert right
+    assert near
+    for path in (head, *(Path(f"{head}.{kind}") for kind in ("rows", "plan", "known"))):
+        data, whole = path.read_bytes(), head.read_bytes()
+        for place, damaged in variants(data, step, 7):
+            if path != head:
+                # The store moved, so that the rows are looked at.
+                (space.root / "cache/cas" / next(iter(near.head["shards"])).partition("/")[2]).touch()
+                replace(head, whole)
+            replace(path, damaged)
+            assert fresh() in (None, right), (path, place)
+            assert (snapshot.load_if_near(head, request) or near).changed == near.changed, (path, place)
+            if path.suffix in (".plan", ".known"):
+                with pytest.raises((ValueError, KeyError)):
+                    known.read(head)
+        replace(path, data)
+        replace(head, whole)
+    assert known.read(head).graph == told.graph
