@@ -6,7 +6,6 @@ anything.
 
 from __future__ import annotations
 
-import marshal
 import os
 import time
 import zlib
@@ -24,8 +23,7 @@ from dextera_build.store import files, presence, signature
 
 _MOST = 64
 """So many notes are kept; each stands for one command line in one folder."""
-Stamps: TypeAlias = list[tuple[str, tuple[int, int]]]
-"""Folder, (time stamp, inode)."""
+Rows: TypeAlias = list[list[str]]
 
 
 class Notes:
@@ -55,13 +53,13 @@ class Notes:
         """
         if len(self._found) != recipes or not self._settled():
             return
-        note: dict[str, Any] = {"request": self._asked, "told": told, "answers": [], "snapshots": []}
-        note |= {"contents": [], "files": [], "absent": [], "folders": [], "shards": []}
+        note: dict[str, Rows] = {name: [] for name in quick.SECTIONS}
+        note |= {"request": [[self._asked]], "told": [["yes" if told else "no"]]}
         # A file that nobody may write to is no reason to fail, and neither is one that vanished just now.
         with suppress(OSError, ValueError, StoreError):
             _put(note, self._settings)
             if all(_add(note, *found) for found in self._found):
-                self._keep(marshal.dumps(note))
+                self._keep(quick.spell(note))
 
     def _settled(self) -> bool:
         return all(
@@ -78,12 +76,12 @@ class Notes:
             os.unlink(name)
 
 
-def _add(note: dict[str, Any], recipe: str, path: Path, head: dict[str, Any]) -> bool:
+def _add(note: dict[str, Rows], recipe: str, path: Path, head: dict[str, Any]) -> bool:
     """Add what one snapshot says; False where a folder is too young for its time stamp to be trusted."""
     nodes, *lines = head["lines"]
-    note["answers"].append((recipe, nodes, "".join(f"{line}\n" for line in lines)))
-    note["snapshots"].append(os.fspath(path))
-    note["contents"] += [(presence.BOOT, f"{head['boot']}\n".encode())] if head["boot"] else []
+    note["answers"].append([recipe, nodes, "".join(f"{line}\n" for line in lines)])
+    note["snapshots"].append([os.fspath(path)])
+    note["contents"] += [[presence.BOOT, f"{head['boot']}\n"]] if head["boot"] else []
     _put(note, head["files"])
     _put(note, head["present"])
     folders, shards = _folders(note, head), _shards(path, head)
@@ -94,30 +92,30 @@ def _add(note: dict[str, Any], recipe: str, path: Path, head: dict[str, Any]) ->
     return True
 
 
-def _put(note: dict[str, Any], watched: Mapping[str, Sequence[int] | None]) -> None:
-    note["files"] += [(path, tuple(known)) for path, known in watched.items() if known]
-    note["absent"] += [path for path, known in watched.items() if not known]
+def _put(note: dict[str, Rows], watched: Mapping[str, Sequence[int] | None]) -> None:
+    note["files"] += [[path, " ".join(map(str, known))] for path, known in watched.items() if known]
+    note["absent"] += [[path] for path, known in watched.items() if not known]
 
 
-def _folders(note: dict[str, Any], head: Mapping[str, Any]) -> Stamps | None:
-    found: Stamps = []
+def _folders(note: dict[str, Rows], head: Mapping[str, Any]) -> Rows | None:
+    found: Rows = []
     for kind, names in (("folders", signature.names), ("paths", signature.modules)):
         for path, known in head[kind].items():
             now, state = time.time_ns(), signature.look(path)
             if state is None or not os.path.isdir(path):
                 _put(note, {path: state})
             else:
-                found.append((path, (state[0], state[3])))
+                found.append([path, f"{state[0]} {state[3]}"])
             # The stamp was taken first, so a name that comes now moves it, unless the clock has not.
             if names(path) != known or (state and signature.is_racy(state, now)):
                 return None
     return found
 
 
-def _shards(path: Path, head: dict[str, Any]) -> Stamps | None:
+def _shards(path: Path, head: dict[str, Any]) -> Rows | None:
     if any(not row[0] for row in head["shards"].values()) and not snapshot.is_present(path, head):
         return None
     shards = head["shards"]
     if not all(row[0] for row in shards.values()):
         return None
-    return [(f"{head['store']}/{shard}", (row[0], row[1])) for shard, row in shards.items()]
+    return [[f"{head['store']}/{shard}", f"{row[0]} {row[1]}"] for shard, row in shards.items()]
