@@ -34,9 +34,9 @@ test: setup ## Run the tests that take less than ten seconds each
 
 test-all: setup servers $(VENV)/.robots ## Run every test, those in a browser and those on published robot meshes included
 	@.ci/system browser
-	PYTHONPATH=$(VENV)/robots $(BIN)/python -m pytest -n 2 $(ARGS)
+	PYTHONPATH=$(VENV)/robots:$(CURDIR)/$(VENV)/ray $(BIN)/python -m pytest -n 2 $(ARGS)
 
-servers: setup $(VENV)/servers/.installed ## Install the servers that the slow tests of remotes start
+servers: setup $(VENV)/servers/.installed $(VENV)/ray/.installed ## Install the servers and the Ray that slow tests start
 	@.ci/system servers
 
 check: setup lint type layers docs examples package ## Run what CI runs beside `make test`
@@ -104,6 +104,11 @@ $(VENV)/.robots: pyproject.toml $(VENV)/.created
 $(VENV)/servers/.installed: $(VENV)/.created
 	$(PYTHON) -m venv $(VENV)/servers
 	$(VENV)/servers/bin/python -m pip install --quiet 'moto[server]>=5.1,<6' 'buildgrid==0.4.4'
+	@touch $@
+
+# Beside the environment, so that `make setup` need not fetch its 245 MB; what it asks for else is locked.
+$(VENV)/ray/.installed: Makefile $(VENV)/.created
+	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(VENV)/ray ray==2.60.0 msgpack==1.2.4 protobuf==7.36.2
 	@touch $@
 
 # Build tools to measure against, in an environment of their own.

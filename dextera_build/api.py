@@ -105,6 +105,7 @@ class Project(settings_of.Project):
         jobs: int | None = None,
         force: Iterable[str] = (),
         keep_going: bool = False,
+        whole: bool = False,
         lock: bool = False,
         locked: bool = False,
         listen: Listener | None = None,
@@ -121,6 +122,7 @@ class Project(settings_of.Project):
             jobs: Cores to share out; most nodes take one.
             force: Addresses of nodes that run although they are cached.
             keep_going: After a failure go on with what does not depend on it.
+            whole: Also the bytes of nodes that nobody has to read.
             lock: Pin the targets in dxb.lock.
             locked: Refuse what is not as pinned.
             listen: Takes every event as it happens, in the calling thread.
@@ -138,11 +140,10 @@ class Project(settings_of.Project):
         forced = frozenset(name.partition(":")[2] or name for name in force)
         for name in forced:
             addresses(plan.graph, name)
-        locking = Locking(here, lock=lock, locked=locked, plain=not (inputs or settings or backends))
+        locking = Locking(here, lock=lock, locked=locked, added=(inputs, settings, backends))
         locking.refuse(session, plan, wanted)
-        done = execution.carry_out(
-            session, plan, wanted, listen or (lambda event: None), keep_going=keep_going, force=forced
-        )
+        manner = execution.Manner(keep_going=keep_going, force=forced, whole=whole)
+        done = execution.carry_out(session, plan, wanted, listen or (lambda event: None), manner)
         if done.result.ok:
             locking.refuse(session, plan, wanted)
             locking.note(session, plan, wanted, done.result)

@@ -28,13 +28,17 @@ _DEFAULTS: dict[str, Any] = {
     "profile": "cpu",
     "jobs": 0,
     "resources": {},
+    "executor": "local",
     "console": "auto",
     "calls": "record",
     "durable": True,
     "trusted_keys": "",
     "require_signed": False,
 }
+EXECUTORS = ("local", "ray")
 PROFILES = ("stub", "cpu", "gpu", "cloud")
+_ON, _OFF = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
+"""What a setting that is true or false may be spelled as, in a file or in the environment."""
 _COUNT = re.compile(r"[0-9]{1,6}")
 
 
@@ -118,6 +122,24 @@ class Project:
             raise UsageError(f"`jobs` is a number, not `{value}`", code="DXB-U103")
         return int(value) or len(os.sched_getaffinity(0))
 
+    @property
+    def executor(self) -> str:
+        """Where nodes run: `local`, `ray`, or `ray:HOST:PORT`.
+
+        Raises:
+            UsageError: There is no such executor.
+        """
+        setting = self.config["executor"]
+        kind, colon, address = str(setting.value).partition(":")
+        if kind not in EXECUTORS or bool(colon) != bool(address) or (address and kind != "ray"):
+            raise UsageError(
+                f"`{setting.value}` is not an executor",
+                code="DXB-U181",
+                facts={"executors": "local, ray, ray:HOST:PORT", "from": setting.origin},
+                hint=did_you_mean(kind, EXECUTORS),
+            )
+        return str(setting.value)
+
     def capacity(self, *, gpus: bool) -> Capacity:
         """What this machine has to share out, or what the settings say that it has; `gpus`: look for devices."""
         from dextera_build.engine.capacity import measure
@@ -130,7 +152,7 @@ class Project:
     @property
     def durable(self) -> bool:
         """Whether a build waits until what it made is on the disk."""
-        return str(self.config["durable"].value).lower() not in ("false", "0", "no", "off")
+        return self._is_on("durable")
 
     @property
     def calls(self) -> str:
@@ -173,7 +195,18 @@ class Project:
     @property
     def require_signed(self) -> bool:
         """Whether bundles are refused that no trusted key signed."""
-        return str(self.config["require_signed"].value).lower() not in ("", "0", "false", "no")
+        return self._is_on("require_signed")
+
+    def _is_on(self, name: str) -> bool:
+        setting = self.config[name]
+        said = str(setting.value).lower()
+        if said not in (*_ON, *_OFF):
+            raise UsageError(
+                f"`{name}` is true or false, not `{setting.value}`",
+                code="DXB-U103",
+                facts={"from": setting.origin, "words": listing((*_ON, *_OFF))},
+            )
+        return said in _ON
 
     @cached_property
     def library(self) -> Library:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import tempfile
@@ -23,6 +24,7 @@ from dextera_build.store.streams import Reader
 
 if TYPE_CHECKING:
     from dextera_build.rule import Context
+    from dextera_build.store.remotes.exchange import Exchange
 
 _SMALL = 1 << 14
 _MOST_KNOWN = 1 << 10
@@ -98,16 +100,28 @@ def _fetcher(task: Mapping[str, Any], store: Store) -> Callable[[str, int], Acti
     """Looks for a recorded answer on the remotes of the project."""
 
     def fetch(key: str, size: int) -> ActionResult | None:
-        from dextera_build.project import Project
-        from dextera_build.store.remotes.connect import guarded
-        from dextera_build.store.remotes.exchange import Exchange
         from dextera_build.store.remotes.remote import Digest
 
-        project = Project(Path(task["project"]))
-        used = project.remotes.used if project.config else []
-        return Exchange(store, [guarded(spec) for spec in used]).fetch(Digest(key, size)).result if used else None
+        exchange = _exchange(store, task["project"], os.environ.get("DXB_REMOTES", ""))
+        return exchange.fetch(Digest(key, size)).result if exchange is not None else None
 
     return fetch
+
+
+@lru_cache(maxsize=1)
+def _exchange(store: Store, project: str, listed: str) -> Exchange | None:
+    """The remotes of this worker, opened once; `listed` is what the environment says of them."""
+    from dextera_build.project import Project
+    from dextera_build.store.remotes.connect import guarded
+    from dextera_build.store.remotes.exchange import Exchange
+
+    known = Project(Path(project))
+    used = known.remotes.used if known.config else []
+    if not used:
+        return None
+    exchange = Exchange(store, [guarded(spec) for spec in used])
+    atexit.register(exchange.close)  # a worker that ends at once has its connections closed by the system
+    return exchange
 
 
 def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[str, Any]:

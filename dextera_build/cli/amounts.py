@@ -32,15 +32,6 @@ def seconds(text: str) -> float:
     return _read(text, TIMES, "a time", "30d")
 
 
-def shown(count: int) -> str:
-    """Bytes for people: `1.5 GB`."""
-    for unit in ("TB", "GB", "MB", "kB"):
-        factor = SIZES[unit.upper()]
-        if count >= factor:
-            return f"{count / factor:.1f} {unit}"
-    return f"{count} B"
-
-
 def _read(text: str, units: dict[str, int], what: str, example: str) -> float:
     found = _FORM.fullmatch(text.strip())
     known = {unit.lower(): factor for unit, factor in units.items()}

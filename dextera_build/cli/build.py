@@ -30,11 +30,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--force", metavar="NODE", action="append", default=[], help="run this node even if it is cached"
     )
+    parser.add_argument("--whole", action="store_true", help="also the bytes of nodes that nobody has to read")
     parser.add_argument("--check", action="store_true", help="run nothing; exit with 3 where something is stale")
     parser.add_argument("--console", metavar="KIND", help="live, plain, jsonl or none (DXB_CONSOLE)")
     parser.add_argument("-v", "--verbose", action="store_true", help="show what nodes log, too")
     locking.arguments(parser)
     options.resources_argument(parser)
+    options.executor_argument(parser)
     options.calls_argument(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)
@@ -47,8 +49,7 @@ def run(args: argparse.Namespace) -> int:
     started = time.perf_counter()
     args.notes = Notes(args.words)
     project = options.project(args)
-    plain = not (args.input or args.settings or args.backends)
-    args.locking = locking.Locking(project, lock=args.lock, locked=args.locked, plain=plain)
+    args.locking = locking.Locking(project, lock=args.lock, locked=args.locked, added=options.added(args))
     code = 0
     recipes = options.by_recipe(args.targets)
     try:
@@ -81,6 +82,7 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
         "input": {text: os.path.abspath(text.partition("=")[2]) for text in args.input},
         "settings": args.settings,
         "backends": args.backends,
+        "whole": args.whole,
         "lock": args.locking.state(recipe),
     }
     known = None if args.force or project.asks_again else fresh.load(project, fingerprint)

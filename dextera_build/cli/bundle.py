@@ -60,7 +60,7 @@ def _making(parser: argparse.ArgumentParser) -> None:
         "--closure",
         choices=("targets", "full"),
         default="targets",
-        help="targets: their results and how they came about; full: the results of all nodes",
+        help="targets: their bytes, and the results of all other nodes without; full: the bytes of all nodes",
     )
     parser.add_argument("--sign", metavar="KEY", help="sign with this private ed25519 key (PEM or OpenSSH)")
     options.project_arguments(parser)

@@ -117,7 +117,7 @@ def _remember(project: Project, store: Store, build: Build, bundle: Opened) -> N
             )
         )
         for node in build.nodes:
-            result = store.actions.get(node.key) if node.result else None
+            result = store.actions.known(node.key) if node.result else None
             history.note(node.node, Entry(node.key, node.key, log.run, node.seconds, now))
             log(
                 events.NodeFinished(
@@ -147,8 +147,8 @@ def _inputs(store: Store, key: str) -> dict[str, str]:
 
 def _say(bundle: Opened, voucher: trust.Voucher, taken: receive.Taken) -> None:
     nodes = [node for _, node in bundle.contents.nodes()]
-    held = sum(node.result is not None for node in nodes)
-    counts = f"{len(nodes)} nodes, {held} with results: {taken.new} new, {taken.known} known"
+    bare = f" ({taken.bare} without their bytes)" if taken.bare else ""
+    counts = f"{len(nodes)} nodes: {taken.new} results new{bare}, {taken.known} known"
     print(f"{bundle.source.name}   {counts}   {voucher}", file=sys.stderr)
     if taken.other:
         print(

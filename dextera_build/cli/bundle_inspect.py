@@ -43,6 +43,7 @@ def _rows(bundle: Opened, voucher: Voucher) -> list[tuple[str, object]]:
         ("closure", bundle.contents.closure),
         ("nodes", len(nodes)),
         ("results", len({node.key for node in nodes if node.result})),
+        ("with bytes", len({node.key for node in nodes if node.is_whole})),
         ("layers", len(layers)),
         ("bytes", bundle.size),
         *(("recipe", f"{name}\tsha256:{digest}") for name, digest in bundle.contents.recipes.items()),

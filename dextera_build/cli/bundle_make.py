@@ -97,13 +97,15 @@ def _survey(
     session = Session(project, recipe)
     plan = session.plan(options.request(args, project.profile))
     asked = [address for name in names for address in addresses(plan.graph, name)]
-    found = survey(plan.graph, asked, session.store)
+    full = args.closure == "full"
+    found = survey(plan.graph, asked, session.store, whole=full)
     if found.stale:
+        wanted = " ".join(f"{recipe}:{name}" if name else recipe for name in names)
         raise UsageError(
             f"`{recipe}` is not built as it stands now",
             code="DXB-U142",
             facts={"stale": listing(found.stale)},
-            hint=f"`dxb build {' '.join(f'{recipe}:{name}' if name else recipe for name in names)}`",
+            hint=f"`dxb build {'--whole ' if full else ''}{wanted}`",
         )
     build = as_build(found, recipe, project.profile, args.closure, partial(_shown, project))
     return build, plan, _past(session, found)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options
-from dextera_build.errors import DxbError, RuleError, UsageError
+from dextera_build.errors import DxbError, RuleError, UsageError, listing
 
 if TYPE_CHECKING:
     from dextera_build.cli.session import Session
@@ -76,6 +76,14 @@ def _repeat(args: argparse.Namespace, project: Project, recipe: str, node: str) 
         "store": str(project.cache),
         "project": str(project.root),
     }
+    absent = [slot for slot, digest in document["inputs"] if not session.store.actions.references.are_here(digest)]
+    if absent:
+        raise RuleError(
+            f"`{recipe}:{node}` cannot be run again: bytes of what it reads are not in the store",
+            code="DXB-B403",
+            facts={"inputs": listing(absent)},
+            hint=f"`dxb build --whole '{recipe}:{node}'`",
+        )
     reply = run_task(task, lambda kind, data: None)
     after = reply["output"]
     rows = list(_rows(session, str(document["rule"]), key, before, reply))
@@ -117,7 +125,7 @@ def _rows(session: Session, rule: str, key: str, before: str, reply: Mapping[str
     tolerance = session.project.library.find(rule).rule.tolerance
     for field, largest in by_field(differences(before, reply["output"], session.store.blobs.get)).items():
         yield _Row(field or "type", largest, tolerance.fields.get(field, 0.0))
-    known = session.store.actions.get(key)
+    known = session.store.actions.known(key)
     for name, allowed in tolerance.metrics.items():
         values = [(known.metrics if known else {}).get(name), reply["metrics"].get(name)]
         if values[0] is None or values[1] is None:

@@ -8,8 +8,8 @@ import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import options
-from dextera_build.cli.amounts import seconds, shown, size
+from dextera_build.cli import amounts, options
+from dextera_build.report import wording
 
 if TYPE_CHECKING:
     from dextera_build.engine.collection import Answer
@@ -24,8 +24,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print one line per kind and reason: `drop` or `keep`, the kind, count, bytes, why."""
-    limit = size(args.max_size) if args.max_size is not None else None
-    age_s = seconds(args.max_age) if args.max_age is not None else None
+    limit = amounts.size(args.max_size) if args.max_size is not None else None
+    age_s = amounts.seconds(args.max_age) if args.max_age is not None else None
 
     from dextera_build.engine.collection import collect
     from dextera_build.store.store import Store
@@ -48,9 +48,12 @@ def _explain(answer: Answer, limit: int | None, *, dry: bool) -> None:
         print(f"`{workspace}` is not there any more: what it built last is not held", file=sys.stderr)
     if said.running:
         print(f"{said.running} builds run now; all that they may need stays", file=sys.stderr)
-    verb = "would shrink" if dry else "shrank"
-    print(f"the store {verb} from {shown(said.before)} to {shown(said.after)}", file=sys.stderr)
+    before, after = wording.size(said.before), wording.size(said.after)
+    if said.gone:
+        print(f"the store {'would shrink' if dry else 'shrank'} from {before} to {after}", file=sys.stderr)
+    else:
+        print(f"nothing {'would go' if dry else 'went'}: the store holds {after}", file=sys.stderr)
     if limit is not None and said.after > limit:
-        print(f"that is above {shown(limit)}: the rest is held, see the lines `keep`", file=sys.stderr)
+        print(f"that is above {wording.size(limit)}: the rest is held, see the lines `keep`", file=sys.stderr)
     if dry and said.gone:
         print("nothing was dropped; add `--yes`", file=sys.stderr)

@@ -114,7 +114,7 @@ def _value(metric: tuple[float, str] | None) -> str:
 
 
 def _measured(store: Store, side: Side) -> Mapping[str, tuple[float, str]]:
-    found = store.actions.get(side.key) if side.key else None
+    found = store.actions.known(side.key) if side.key else None
     return found.metrics if found is not None and found.output == side.output else {}
 
 

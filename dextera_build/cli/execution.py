@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from dextera_build import __version__
 from dextera_build.cli.consoles import console
+from dextera_build.cli.executors import executor
 from dextera_build.cli.session import Session
 from dextera_build.engine.events import Listener, fan_out
 from dextera_build.engine.graph import Address
@@ -21,7 +21,17 @@ if TYPE_CHECKING:
     from dextera_build.recipe.plan import Plan
     from dextera_build.store.remotes.exchange import Exchange
 
-RUNNER = "dextera_build.runner:run_task"
+
+@dataclass(frozen=True)
+class Manner:
+    """How to build; see `engine.execute.build`."""
+
+    keep_going: bool = False
+    force: frozenset[str] = frozenset()
+    argv: tuple[str, ...] = ()
+    whole: bool = False
+    bring_from: Exchange | None = None
+    """Nothing runs: what the store lacks comes from these remotes, all of it, or is lacking."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +64,12 @@ def execute(
     force = frozenset(name.partition(":")[2] or name for name in args.force)
     with console("live" if kind == "auto" else kind, sys.stderr, verbose=args.verbose) as shown:
         done = carry_out(
-            session, plan, wanted, shown, keep_going=args.keep_going, force=force, argv=tuple(sys.argv[1:]), known=known
+            session,
+            plan,
+            wanted,
+            shown,
+            Manner(keep_going=args.keep_going, force=force, argv=tuple(sys.argv[1:]), whole=args.whole),
+            known,
         )
     if done.lost:
         print(f"the disk is full: {done.lost} events of run {done.run} are not in its log", file=sys.stderr)
@@ -66,40 +81,30 @@ def carry_out(
     plan: Plan,
     wanted: Sequence[Address],
     listen: Listener,
-    *,
-    keep_going: bool = False,
-    force: frozenset[str] = frozenset(),
-    argv: tuple[str, ...] = (),
+    manner: Manner,
     known: Known | None = None,
 ) -> Done:
-    """Build `wanted` with workers on this machine and an event log; `listen` takes every event, too."""
+    """Build `wanted` with the executor of the settings and an event log; `listen` takes every event, too."""
     from dextera_build.engine.eventlog import EventLog
     from dextera_build.engine.execute import RunInfo, build
-    from dextera_build.engine.executors.local import LocalExecutor
 
     project, store = session.project, session.store
-    # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
-    environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    environment |= {
-        "DXB_CALLS": project.calls,
-        **({"DXB_REMOTES": listed} if (listed := project.remotes.listed) else {}),
-    }
     rules = known.rules if known else [call.rule for _, call in plan.graph.calls()]
-    wants_gpu = any(rule.gpus or rule.gpu_gb for rule in rules)
-    capacity = project.capacity(gpus=wants_gpu)
-    with EventLog(store) as log, LocalExecutor(RUNNER, environment=environment, capacity=capacity) as workers:
+    # What is only brought runs nowhere.
+    with EventLog(store) as log, executor(session, rules, idle=manner.bring_from is not None) as workers:
         result = build(
             plan.graph,
             wanted,
             store=store,
             executor=workers,
             listen=fan_out(log, listen),
-            info=RunInfo(log.run, str(project.root), project.profile, __version__, argv),
-            keep_going=keep_going,
-            force=force,
+            info=RunInfo(log.run, str(project.root), project.profile, __version__, manner.argv),
+            keep_going=manner.keep_going,
+            force=manner.force,
             known=known,
-            only=frozenset() if project.remotes.local == "r" else None,
-            exchange=exchange(session),
-            recall=project.asks_again,
+            only=frozenset() if manner.bring_from or project.remotes.local == "r" else None,
+            exchange=manner.bring_from or exchange(session),
+            recall=project.asks_again and not manner.bring_from,
+            whole=manner.whole or manner.bring_from is not None,
         )
     return Done(log.run, result, log.lost)

@@ -106,7 +106,7 @@ def _node(session: Session, key: str, node: str, document: Row | None) -> Row:
     if known is None:
         row["missing"] = f"its result is not in the store; {again}"
     else:
-        result = session.store.actions.get(key)
+        result = session.store.actions.known(key)
         row["line"] = result.line if result else ""
         row["calls"] = calls.of_result(session.store, result) if result else []
     options = _flat(document["options"])

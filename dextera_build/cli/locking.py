@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from dextera_build import digest
@@ -39,26 +39,26 @@ class Locking:
         project: Whose lock file.
         lock: Pin what is built.
         locked: Refuse what differs.
-        plain: Whether nothing is added to the recipes.
+        added: What the request adds to the recipes: inputs, settings, backends.
 
     Raises:
         UsageError: The arguments do not go together.
         RecipeError: The lock file is not valid.
     """
 
-    def __init__(self, project: Project, *, lock: bool, locked: bool, plain: bool) -> None:
-        self._project, self._plain = project, plain
+    def __init__(self, project: Project, *, lock: bool, locked: bool, added: Iterable[object]) -> None:
+        self._project, self._plain = project, not any(added)
         self.lock, self.locked = lock, locked
         self.path = project.root / LOCK
         if lock and locked:
             raise UsageError("`--lock` and `--locked` do not go together", code="DXB-U160", hint="give one of them")
-        if (lock or locked) and not plain:
+        if (lock or locked) and not self._plain:
             raise UsageError(
                 "what `--input`, `--set` or `--backend` makes is not pinned",
                 code="DXB-U161",
                 hint="write it into a recipe, which can extend this one, and lock that",
             )
-        pins = self._read() if plain else None
+        pins = self._read() if self._plain else None
         self._exists = pins is not None
         self._old = pins or {}
         self._new: dict[Name, Pin | None] = {}

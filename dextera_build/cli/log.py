@@ -52,7 +52,9 @@ def _stored(project: Project, key: str | None) -> str:
     from dextera_build.store.store import Store
 
     store = Store(project.cache)
-    found = store.actions.get(key) if key else None
-    return (
-        store.blobs.get(found.log).decode(errors="replace").rstrip() if found and found.log else "(it printed nothing)"
-    )
+    found = store.actions.known(key) if key else None
+    if found is None or not found.log:
+        return "(it printed nothing)"
+    if not store.blobs.has(found.log):
+        return "(what it printed is not in the store)"
+    return store.blobs.get(found.log).decode(errors="replace").rstrip()

@@ -100,7 +100,7 @@ def _by_digest(store: Store, text: str) -> Side:
     if isinstance(content, dict) and {"artifact", "fields"} == set(content):
         return Side(text, None, digest)
     if isinstance(content, dict) and {"rule", "options", "code"} <= set(content):
-        result = store.actions.get(digest)
+        result = store.actions.known(digest)
         return Side(text, digest, result.output if result else None)
     raise UsageError(
         f"`{text}` is the beginning of a blob that is neither a key nor an artifact",

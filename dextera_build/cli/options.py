@@ -70,6 +70,12 @@ def resources_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resources", metavar="NAME=AMOUNT,...", help=text)
 
 
+def executor_argument(parser: argparse.ArgumentParser) -> None:
+    """Where nodes run."""
+    text = "where nodes run: local (default), ray, or ray:HOST:PORT, the head of a Ray cluster (DXB_EXECUTOR)"
+    parser.add_argument("--executor", metavar="KIND", help=text)
+
+
 def calls_argument(parser: argparse.ArgumentParser) -> None:
     """What becomes of calls of services."""
     text = "calls of services: record (default), replay (nothing is asked), refresh, replace or off (DXB_CALLS)"
@@ -85,8 +91,16 @@ def project(args: argparse.Namespace) -> Project:
     """The project that the arguments name."""
     from dextera_build import project as module
 
-    flags = {name: getattr(args, name, None) for name in ("cache", "profile", "jobs", "console", "resources", "calls")}
+    flags = {
+        name: getattr(args, name, None)
+        for name in ("cache", "profile", "jobs", "console", "resources", "calls", "executor")
+    }
     return module.find(flags=flags)
+
+
+def added(args: argparse.Namespace) -> tuple[object, ...]:
+    """What the arguments add to a recipe, as it was written."""
+    return args.input, args.settings, args.backends
 
 
 def request(args: argparse.Namespace, profile: str) -> Request:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Container
 from typing import TYPE_CHECKING
 
 from dextera_build.cli import options, remotes
 
 if TYPE_CHECKING:
     from dextera_build.engine.capacity import Capacity
+    from dextera_build.engine.dryrun import Planned
     from dextera_build.engine.graph import RuleFacts
 
 
@@ -34,7 +36,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print one node a line: address, status, rule, backend, seconds of the last time.
 
-    `cached` is up to date, `stale` would run, `remote` would be fetched, `unknown` reads what one of these will return.
+    `cached` is up to date, and so is `bare`, whose bytes are not in the store and are not needed; `stale` would run,
+    `remote` would be fetched, `unknown` reads what one of these will return.
     With `--resources` there follow cores, memory that the rule declares, memory that was measured the last time, memory
     that the node is admitted by [GiB each], GPUs, GPU memory [GiB], named resources, and what this machine lacks of
     them.
@@ -60,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         rule = calls[parse_address(node.address).call].rule
         row = {
             "node": node.address,
-            "status": "remote" if node.address in elsewhere else node.status,
+            "status": _status(node, elsewhere),
             "rule": rule.path,
             "backend": rule.backend or "-",
             "last_seconds": f"{node.seconds_last:.1f}" if node.seconds_last is not None else "-",
@@ -70,6 +73,12 @@ def run(args: argparse.Namespace) -> int:
         rows.append(row)
     print(json.dumps(rows, indent=1) if args.json else "\n".join("\t".join(row.values()) for row in rows))
     return 0
+
+
+def _status(node: Planned, elsewhere: Container[str]) -> str:
+    if node.address in elsewhere:
+        return "remote"
+    return "bare" if node.bare and node.status == "cached" else node.status
 
 
 def _resources(rule: RuleFacts, peak_gb: float | None, capacity: Capacity) -> dict[str, str]:

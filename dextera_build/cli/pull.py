@@ -6,7 +6,6 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from dextera_build import __version__
 from dextera_build.cli import options, remotes
 from dextera_build.errors import StoreError, listing
 
@@ -52,28 +51,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _bring(session: Session, target: str, args: argparse.Namespace) -> RunResult:
-    from dextera_build.cli.execution import RUNNER
+    from dextera_build.cli.execution import Manner, carry_out
     from dextera_build.cli.session import addresses
-    from dextera_build.engine.eventlog import EventLog
-    from dextera_build.engine.events import fan_out
-    from dextera_build.engine.execute import RunInfo, build
-    from dextera_build.engine.executors.local import LocalExecutor
 
-    project = session.project
-    graph = session.plan(options.request(args, project.profile)).graph
-    exchange = remotes.exchange(session, "r", args.source)
-    with EventLog(session.store) as log, LocalExecutor(RUNNER, 1) as nobody:
-        return build(
-            graph,
-            addresses(graph, target),
-            store=session.store,
-            executor=nobody,  # it starts no worker, because nothing may run
-            listen=fan_out(log, _Shown()),
-            info=RunInfo(log.run, str(project.root), project.profile, __version__, tuple(sys.argv[1:])),
-            keep_going=True,
-            only=frozenset(),
-            exchange=exchange,
-        )
+    plan = session.plan(options.request(args, session.project.profile))
+    bring_from = remotes.exchange(session, "r", args.source)
+    manner = Manner(keep_going=True, argv=tuple(sys.argv[1:]), bring_from=bring_from)
+    return carry_out(session, plan, addresses(plan.graph, target), _Shown(), manner).result
 
 
 class _Shown:

@@ -26,6 +26,7 @@ def run(args: argparse.Namespace) -> int:
     exchange = None
     sent: list[tuple[str, str]] = []
     stale: list[str] = []
+    bare: list[str] = []
     for text in args.targets:
         wanted = options.wish(text)
         session = Session(project, wanted.recipe)
@@ -33,7 +34,9 @@ def run(args: argparse.Namespace) -> int:
         exchange = exchange or remotes.exchange(session, "w", args.to)
         for node in plan(graph, addresses(graph, wanted.target), session.store):
             address = f"{wanted.recipe}:{node.address}"
-            if node.status == "cached" and node.key is not None:
+            if node.status == "cached" and node.bare:
+                bare.append(address)
+            elif node.status == "cached" and node.key is not None:
                 exchange.offer(node.key)
                 sent.append((address, node.key))
             else:
@@ -41,6 +44,9 @@ def run(args: argparse.Namespace) -> int:
     assert exchange is not None
     left = remotes.finish_uploads(exchange, sys.stderr)
     print("".join(f"{address}\t{key}\n" for address, key in sent if key not in left), end="")
+    if bare:
+        are = "node was not uploaded, its bytes are" if len(bare) == 1 else "nodes were not uploaded, their bytes are"
+        print(f"{len(bare)} {are} not in the store: {listing(bare)}", file=sys.stderr)
     if stale:
         raise StoreError(
             f"{len(stale)} nodes are not built, so they were not uploaded",

@@ -72,8 +72,7 @@ def _one(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch: W
         plan = session.plan(options.request(args, project.profile))
         fresh.note(project, watch, plan)
         wanted = [address for target in targets for address in addresses(plan.graph, target)]
-        plain = not (args.input or args.settings or args.backends)
-        locking = Locking(project, lock=False, locked=False, plain=plain)
+        locking = Locking(project, lock=False, locked=False, added=options.added(args))
         result = execution.execute(session, plan, wanted, args)
         results.place(session, result)
         if result.ok:

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from dextera_build.recipe.plan import Plan, Request
 
 
+NO_BYTES = "its bytes are not in the store"
+"""What is said of a bare result."""
+
+
 class Session:
     """One recipe of a project, as a verb sees it.
 
@@ -102,14 +106,13 @@ class Session:
             UsageError: It was never built.
             RuleError: It was, but the store no longer holds it.
         """
-        found = self.store.actions.get(self.past(node).key)
-        if found is None:
+        found = self.store.actions.find(self.past(node).key)
+        if found is None or not found.is_whole:
+            state = "was built, but the store no longer holds it" if found is None else f"is known, but {NO_BYTES}"
             raise RuleError(
-                f"`{self.recipe}:{node}` was built, but the store no longer holds it",
-                code="DXB-B401",
-                hint=f"`dxb build '{self.recipe}:{node}'`",
+                f"`{self.recipe}:{node}` {state}", code="DXB-B401", hint=f"`dxb build '{self.recipe}:{node}'`"
             )
-        return found.output
+        return found.result.output
 
     def artifact(self, node: str) -> Artifact:
         """What a node returned last, decoded."""

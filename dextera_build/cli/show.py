@@ -87,13 +87,13 @@ def _recipe(session: Any) -> dict[str, Any]:
 
 
 def _line(session: Any, key: str) -> str:
-    found = session.store.actions.get(key)
+    found = session.store.actions.known(key)
     return found.line if found else "(no longer in the store)"
 
 
 def _node(session: Any, node: str) -> dict[str, Any]:
     entry = session.past(node)
-    found = session.store.actions.get(entry.key)
+    found = session.store.actions.find(entry.key)
     document = session.document(node)
     when = time.strftime("%Y-%m-%d %H:%M", time.localtime(entry.time))
     rows: dict[str, Any] = {
@@ -107,10 +107,12 @@ def _node(session: Any, node: str) -> dict[str, Any]:
     if entry.usage:
         rows["used"] = used(entry.usage)
     if found is not None:
-        rows["output"] = found.output
-        rows |= {f"call {number}": key for number, (key, _) in enumerate(found.calls)}
-        rows |= {f"metric {name}": f"{value:g} {unit}".strip() for name, (value, unit) in found.metrics.items()}
-        rows |= _header(session, found.output)
+        result = found.result
+        rows["output"] = result.output
+        rows |= {} if found.is_whole else {"bytes": "not in the store"}
+        rows |= {f"call {number}": key for number, (key, _) in enumerate(result.calls)}
+        rows |= {f"metric {name}": f"{value:g} {unit}".strip() for name, (value, unit) in result.metrics.items()}
+        rows |= _header(session, result.output)
     rows |= {f"option {name}": json.dumps(value) for name, value in document["options"].items()}
     rows |= {f"input {slot}": digest for slot, digest in document["inputs"]}
     return rows | {f"package {name}": version for name, version in document["packages"].items()}

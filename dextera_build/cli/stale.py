@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from dextera_build.cli.causes import Causes
+from dextera_build.cli.session import NO_BYTES
 from dextera_build.engine.dryrun import plan as dry
 from dextera_build.errors import StaleError
 from dextera_build.report.wording import count
@@ -47,6 +48,8 @@ def check(session: Session, graph: Graph, wanted: Sequence[Address], *, as_json:
 def reason(session: Session, states: Mapping[str, Planned], causes: Causes, node: str) -> str:
     """Why a stale node is stale, in one line: the first thing that changed, and how many more."""
     entry = session.history.get(node)
+    if states[node].bare:
+        return f"its result is known, {NO_BYTES}"
     if entry is None:
         return "never built"
     if entry.key == states[node].key:

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from dextera_build.cli import options
-from dextera_build.cli.amounts import shown
+from dextera_build.report import wording
 
 if TYPE_CHECKING:
     from dextera_build.store.verify import Verdict
@@ -42,11 +42,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _progress(count: int, size: int) -> None:
-    print(f"\r{count:,} blobs, {shown(size)}\x1b[K", end="", file=sys.stderr, flush=True)
+    print(f"\r{count:,} blobs, {wording.size(size)}\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 def _sum_up(verdict: Verdict, *, fast: bool) -> None:
     looked = "looked at" if fast else "read"
-    print(f"{looked} {verdict.blobs:,} blobs, {shown(verdict.bytes)}, {verdict.results:,} results", file=sys.stderr)
+    print(
+        f"{looked} {verdict.blobs:,} blobs, {wording.size(verdict.bytes)}, {verdict.results:,} results", file=sys.stderr
+    )
     if not verdict.is_whole:
         print("`dxb cache verify --repair` sets aside what is damaged; builds make it again", file=sys.stderr)

@@ -36,7 +36,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--console", metavar="KIND", default="none", help="live, plain or none (the default: a line a round)"
     )
     parser.add_argument("-v", "--verbose", action="store_true", help="with a console, show what nodes log, too")
-    parser.set_defaults(force=[])
+    parser.set_defaults(force=[], whole=False)
     options.project_arguments(parser)
     options.request_arguments(parser)
 

@@ -74,6 +74,7 @@ def explain(session: Session, request: Request, node: str) -> tuple[str, list[Ca
 
 def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: str) -> tuple[str, list[Cause]]:
     from dextera_build.cli.causes import Causes
+    from dextera_build.cli.session import NO_BYTES
 
     state = states.get(node)
     entry = session.history.get(node)
@@ -83,6 +84,9 @@ def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: s
         again = session.store.divergent.get(state.key or "")
         outputs = f"; run again it gave another output, {again.again[-1][:12]} for {again.first[:12]}" if again else ""
         return f"up to date: key {(state.key or '')[:12]}, built by {builder}{outputs}", []
+    if state is not None and state.bare:
+        maker = f", built by {when}" if entry and entry.key == state.key else ""
+        return f"its result is known: key {(state.key or '')[:12]}{maker}; {NO_BYTES}, a build brings or makes them", []
     causes = Causes(session, graph, states).of(node)
     if entry is None:
         return "never built", causes

@@ -31,6 +31,8 @@ class Planned:
     """Digest of the output of a cached node."""
     key_document: bytes = b""
     """The key document of a cached or stale node."""
+    bare: bool = False
+    """Its result is known, its bytes are absent: cached as long as nobody needs them, stale where somebody does."""
 
 
 def plan(
@@ -64,8 +66,10 @@ def plan(
 def _planned(node: Node, history: History | None) -> Planned:
     last = history.get(node.address) if history else None
     seconds = node.result.seconds if node.result else last.seconds if last else None
+    if node.state is State.DONE and node.bare and node.asked:
+        return Planned(node.address, "stale", node.key, seconds, None, node.document, bare=True)
     if node.state is State.DONE and node.result is not None:
-        return Planned(node.address, "cached", node.key, seconds, node.result.output, node.document)
+        return Planned(node.address, "cached", node.key, seconds, node.result.output, node.document, node.bare)
     if node.state is State.STALE:
         return Planned(node.address, "stale", node.key, seconds, None, node.document)
     return Planned(node.address, "unknown", None, seconds)

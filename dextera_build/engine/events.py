@@ -94,6 +94,18 @@ class NodeLog(Event):
 
 
 @dataclass(frozen=True)
+class BytesMissed(Event):
+    """The result of a node is known, its bytes are not in the store, and `reader` needs them: they are brought or made.
+
+    A node that is asked for itself is its own reader.
+    """
+
+    kind: ClassVar[str] = "bytes_missed"
+    node: str
+    reader: str
+
+
+@dataclass(frozen=True)
 class NodeRetried(Event):
     """A node failed and is tried again in `wait_s` seconds; `log` is the digest of what it printed."""
 
@@ -209,20 +221,20 @@ def is_event(plain: object) -> bool:
     """Whether this is the plain data of an event: a known one has all fields that it must have, each of its form."""
     if not isinstance(plain, dict) or not isinstance(plain.get("event"), str):
         return False
-    return all(
-        isinstance(plain[name], forms) if name in plain else not needed
-        for name, needed, forms in _forms().get(plain["event"], ())
-    )
+    for name, needed, kinds in _forms().get(plain["event"], ()):
+        if type(plain[name]) not in kinds if name in plain else needed:
+            return False
+    return True
 
 
 @cache
-def _forms() -> dict[str, list[tuple[str, bool, tuple[type, ...]]]]:
+def _forms() -> dict[str, list[tuple[str, bool, set[type]]]]:
     """Kind -> (field, whether it must be there, what JSON has for it)."""
     found = {}
     for kind in Event.__subclasses__():
         hints = get_type_hints(kind)
         found[kind.kind] = [
-            (one.name, one.default is one.default_factory is MISSING, tuple(_plain_types(hints[one.name])))
+            (one.name, one.default is one.default_factory is MISSING, {*_plain_types(hints[one.name])})
             for one in fields(kind)
         ]
     return found

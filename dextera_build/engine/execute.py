@@ -57,6 +57,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     known: Known | None = None,
     exchange: Exchange | None = None,
     recall: bool = False,
+    whole: bool = False,
 ) -> RunResult:
     """Bring targets up to date.
 
@@ -73,6 +74,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
         known: What the last build of the same request found, with what changed since; `graph` is its graph.
         exchange: Remotes to take results from and to give them to; closed here.
         recall: Nodes whose results came of recorded calls run although they are cached.
+        whole: Bring or make the bytes of all nodes, also of those that nobody has to read.
 
     Raises:
         UsageError: A target names nothing.
@@ -81,7 +83,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     """
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
     info = info or RunInfo()
-    policy = Policy(keep_going, force, only, recall, known=known, project=info.project, profile=info.profile)
+    policy = Policy(keep_going, force, only, recall, whole, known=known, project=info.project, profile=info.profile)
     if info.project:
         store.workspaces.note(info.project)
     with store.running.announced():
@@ -95,7 +97,7 @@ class _Run:
         self.graph, self.store, self.executor, self.uplink, self.info = graph, store, executor, uplink, info
         self.listen = uplink.listen
         self.history = History(store, graph.name, info.project)
-        hooks = Hooks(self._sized, self._opened, self._started, self._said, self._settled, self._broken)
+        hooks = Hooks(self._sized, self._opened, self._missed, self._started, self._said, self._settled, self._broken)
         self.known = policy.known
         self.history.lean = self.known is not None
         policy = replace(policy, peak_gb=self.known.peak_gb if self.known else self.history.peak_gb)
@@ -158,6 +160,9 @@ class _Run:
     def _opened(self, unit: Opening) -> None:
         labels = list(unit.items)
         self.listen(events.GroupOpened(time.time(), unit.address, labels, self.members[unit.path] * len(labels)))
+
+    def _missed(self, node: Node, reader: Unit) -> None:
+        self.listen(events.BytesMissed(time.time(), node.address, reader.address))
 
     def _started(self, node: Node) -> None:
         rule, last = node.call.rule, None if self.known else self.history.get(node.address)

@@ -19,8 +19,9 @@ from dextera_build.store.store import Store
 def result_of(store: Store, node: Node, report: Ended, document: Callable[[Node], bytes]) -> ActionResult:
     """Publish what the node made, unless a file that it reads changed meanwhile; then drop what it kept for a next try.
 
-    Where the key has a result with another output already, that one stays, and the divergence is noted. What the worker
-    has published is taken over. `document` spells the key document of a node.
+    Where the key has a result with another output already, the divergence is noted, and the first one stays, unless it
+    is bare: then its bytes are nowhere. What the worker has published is taken over. `document` spells the key document
+    of a node.
 
     Raises:
         DxbError: The node failed, read a file that changed, or its result cannot be stored.
@@ -36,14 +37,15 @@ def result_of(store: Store, node: Node, report: Ended, document: Callable[[Node]
     _check_leaves(store, node)
     result = result_from(store, report.reply, report.seconds, report.log, document(node))
     known = store.actions.outline(node.key)
-    first = store.actions.get(node.key) if known is not None and known[0] != result.output else None
+    first = None
     replaced = any(call["how"] == "replaced" for call in report.reply.get("calls") or ())
-    if first is not None and not replaced:
-        # It was forced. Others build on the first output, which stays.
-        store.divergent.note(node.key, node.address, first.output, result.output, time.time())
-        result = first
-    else:
+    if known is not None and known[0] != result.output and not replaced:
+        store.divergent.note(node.key, node.address, known[0], result.output, time.time())
+        # It was forced: others build on the first output, which stays. Or bytes of the first were lost.
+        first = store.actions.get(node.key)
+    if first is None:
         store.actions.put(node.key, result)
+    result = first or result
     store.keep.drop(node.key)
     return result
 

@@ -15,6 +15,7 @@ from dextera_build.store import failpoints, files
 from dextera_build.store.store import Store
 
 _FORM = 1
+_NUMBERS = {int, float}
 _ROWS = 1000
 """So many nodes are spelled at a time."""
 
@@ -126,15 +127,13 @@ def _entry(row: list[Any]) -> Entry:
     """The entry of a row.
 
     Raises:
-        TypeError: It is none.
+        TypeError, AttributeError: It is none.
     """
-    match row:
-        case [str(), str(), str(), int() | float(), int() | float()]:
-            return Entry(*row)
-        case [str(), str(), str(), int() | float(), int() | float(), dict(usage)]:
-            if all(isinstance(value, int | float) for value in usage.values()):
-                return Entry(*row)
-    raise TypeError("not a row of a history")
+    entry = Entry(*row)
+    numbers = (entry.seconds, entry.time, *entry.usage.values())
+    if {*map(type, row[:3])} != {str} or not {*map(type, numbers)} <= _NUMBERS:
+        raise TypeError("not a row of a history")
+    return entry
 
 
 def _row(entry: Entry) -> list[object]:

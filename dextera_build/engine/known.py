@@ -59,6 +59,8 @@ class Known:
     """Nodes that stand above something that changed."""
     late: set[str] = field(default_factory=set)
     """Collections that do."""
+    bare: set[int] = field(default_factory=set)
+    """Nodes whose results are bare."""
     stubs: int = 0
     depth: int = 0
     """How many builds have gone on from the one that looked at everything."""
@@ -131,6 +133,7 @@ class Known:
         for node in wiring.nodes.values():
             number = self.names.find(node.address)
             if number is not None and node.key and node.result is not None and not is_stub(node):
+                (self.bare.add if node.bare else self.bare.discard)(number)
                 self.keys[number * 32 : number * 32 + 32] = bytes.fromhex(node.key)
                 self.outputs[number * 32 : number * 32 + 32] = bytes.fromhex(node.result.output)
                 self.seconds[number] = node.result.seconds
@@ -151,6 +154,7 @@ class Known:
             "leaves": self.leaves,
             "run": self.run,
             "depth": self.depth,
+            "bare": sorted(self.bare),
         }
         frames.write(
             f"{path}.known", head, [bytes(self.keys), bytes(self.outputs), self.seconds.tobytes(), self.peaks.tobytes()]
@@ -162,6 +166,7 @@ class Known:
             return False
         place = slice(number * 32, number * 32 + 32)
         unit.key, unit.status, unit.state = self.keys[place].hex(), "cached", State.DONE
+        unit.bare = number in self.bare
         unit.result = ActionResult(self.outputs[place].hex(), "", (), {}, self.seconds[number], None, "")
         self.stubs += 1
         return True
@@ -220,6 +225,7 @@ def write(
         leaves={str(path.absolute()): digest for path, digest in wiring.leaves.items()},
         text=lambda: lines,
         run=run,
+        bare={number for number, node in enumerate(nodes) if node.bare},
     )
     known.write_state(path)
     return True
@@ -261,6 +267,7 @@ def read(path: Path) -> Known:
         leaves=state["leaves"],
         run=state["run"],
         depth=state["depth"],
+        bare=set(state["bare"]),
     )
 
 

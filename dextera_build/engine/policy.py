@@ -23,6 +23,8 @@ class Policy:
     """Addresses that may run; a stale node outside fails. None: all may."""
     recall: bool = False
     """Nodes whose results came of recorded calls run although they are cached."""
+    whole: bool = False
+    """Also nodes that no other node has to read shall have their bytes."""
     dry: bool = False
     """Nothing runs; what would is left in `State.STALE`."""
     known: Known | None = None
@@ -40,6 +42,8 @@ class Hooks:
     sized: Callable[[int, int], None] = lambda nodes, unopened: None
     """So many nodes are needed, and so many groups are not open yet."""
     opened: Callable[[Opening], None] = lambda unit: None
+    missed: Callable[[Node, Unit], None] = lambda unit, reader: None
+    """The bytes of a node are absent, and a reader needs them, or a target asks for them."""
     started: Callable[[Node], None] = lambda unit: None
     said: Callable[[Node, str, Any], None] = lambda unit, kind, data: None
     settled: Callable[[Node], None] = lambda unit: None

@@ -81,7 +81,7 @@ class Kept(Mapping[str, NodeRecord]):
         if key is None or output is None:
             raise KeyError(address)
         rule = self._rule(address)
-        result = self._actions.get(key)
+        result = self._actions.known(key)
         return NodeRecord(
             status="cached",
             key=key,

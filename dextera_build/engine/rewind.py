@@ -1,12 +1,14 @@
-"""When bytes are gone that a node reads: find whose output they were, and let that run again.
+"""When bytes are gone that a node reads: find whose output they were, and let that be fetched, or run, again.
 
-A cache entry is trusted by the sizes of its blobs, so damage inside a blob shows only when somebody reads it. The
-reader then goes back to waiting, and what made its inputs is looked up anew: entries whose blobs are gone are misses.
+A cache entry is trusted by the sizes of its blobs, so damage inside a blob shows only when somebody reads it. And a
+result may be bare: known, without its bytes, until somebody reads them. In both cases the reader goes back to waiting,
+and what made its inputs is looked up anew.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 
 from dextera_build.engine.states import State, States
 from dextera_build.engine.units import Gathering, Node, Opening, Packing, Unit
@@ -27,16 +29,50 @@ def rewind(unit: Unit, digest: str, store: Store, states: States) -> list[Unit] 
     unit.lost[digest] += 1
     if unit.lost[digest] > _MOST:
         return None
-    again = _lost(unit, store)
-    if not again and not isinstance(unit, Node):
-        return None
-    for other in [*again, unit]:
-        _back(other, states)
-    return [unit, *again]
+    again = _above(unit, lambda source: _gone(source, store))
+    return _back(unit, again, states) if again or isinstance(unit, Node) else None
 
 
-def _lost(unit: Unit, store: Store) -> list[Unit]:
-    """Known sources of `unit`, through openings and gatherings, that are no longer whole, readers first."""
+def absent(node: Node, store: Store) -> list[Node]:
+    """Nodes whose results are bare, and of which `node`, all of whose inputs are known, reads bytes that are absent."""
+    found: dict[Node, None] = {}
+    for slot, link in node.links.items():
+        bare = [source for source in _makers(link.unit) if source.bare]
+        if bare and not store.actions.references.are_here(node.inputs[slot]):
+            found |= dict.fromkeys(source for source in bare if not _is_here(source, store))
+    return list(found)
+
+
+def send_back(unit: Unit, missing: Iterable[Node], states: States) -> list[Unit]:
+    """Take `unit`, and all between it and these nodes that it reads, back to waiting; they must be connected again."""
+    wanted = {id(node) for node in missing}
+    return _back(unit, _above(unit, lambda source: id(source) in wanted), states)
+
+
+def _makers(unit: Unit | None) -> Iterator[Node]:
+    """The nodes whose bytes come over a link to `unit`: not those that only said which copies a group has."""
+    stack = [unit]
+    while stack:
+        source = stack.pop()
+        if isinstance(source, Node):
+            yield source
+        elif isinstance(source, Gathering):
+            stack += source.nodes.values()
+        elif isinstance(source, Opening):
+            stack.append(source.over.unit if source.over is not None else None)
+        elif isinstance(source, Packing):
+            stack += [link.unit for link in source.links.values()]
+
+
+def _is_here(node: Node, store: Store) -> bool:
+    return node.result is not None and store.actions.references.are_here(node.result.output)
+
+
+def _above(unit: Unit, gone: Callable[[Unit], bool]) -> list[Unit]:
+    """Known sources of `unit`, through openings and gatherings, that are gone or read what is, readers first.
+
+    A source that is gone may be on its way already; then only its readers must wait for it again.
+    """
     order: list[Unit] = []
     seen = {id(unit)}
     stack = list(unit.sources)
@@ -50,9 +86,9 @@ def _lost(unit: Unit, store: Store) -> list[Unit]:
     broken: set[int] = set()
     # A source stands after every reader of it that is not a node, so backwards each is judged before its readers.
     for source in _readers_last(order):
-        if source.state is State.DONE and (_gone(source, store) or any(id(s) in broken for s in source.sources)):
+        if gone(source) or any(id(s) in broken for s in source.sources):
             broken.add(id(source))
-    return [source for source in order if id(source) in broken]
+    return [source for source in order if id(source) in broken and source.state is State.DONE]
 
 
 def _readers_last(order: list[Unit]) -> list[Unit]:
@@ -71,7 +107,9 @@ def _gone(source: Unit, store: Store) -> bool:
     return False
 
 
-def _back(unit: Unit, states: States) -> None:
-    unit.forget()
-    if unit.state is not State.WAITS:
-        states.set(unit, State.WAITS)
+def _back(unit: Unit, again: list[Unit], states: States) -> list[Unit]:
+    for other in (*again, unit):
+        other.forget()
+        if other.state is not State.WAITS:
+            states.set(other, State.WAITS)
+    return [unit, *again]

@@ -4,6 +4,9 @@ A node waits until the digests of all its inputs are known. Then it has a key; a
 store, otherwise the node runs. Whoever reads it goes on from the output's digest, so a node that ran anew and gave the
 same bytes leaves its readers cached (early cutoff).
 
+A result may be bare: its digest is known, its bytes are absent. That is enough as long as nobody asks for them. A
+reader that must run does; then it is sent back to wait until they were fetched or made again.
+
 The loop, until nothing is left to do:
 - connect new units, and settle those that are ready: open groups, gather collections, look keys up;
 - fill the executor from the queue;
@@ -17,19 +20,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 
 from dextera_build import digest as digests
 from dextera_build.engine import rewind
 from dextera_build.engine.dispatch import Dispatch
 from dextera_build.engine.graph import Address, Fixed, Graph
 from dextera_build.engine.key import Writer
+from dextera_build.engine.known import is_stub
 from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.sharing import Sharing
 from dextera_build.engine.states import LOST, State, States
 from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Gathering, Link, Node, Opening, Packing, Unit
 from dextera_build.engine.wiring import Wiring
-from dextera_build.errors import DxbError, RuleError, StaleError
+from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
 from dextera_build.store import header
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
@@ -89,6 +95,7 @@ class Scheduler:
         )
         self._owners: dict[str, Node] = {}
         self._measured = (0, 0)
+        self._any_bare = policy.known is not None and bool(policy.known.bare)
 
     @property
     def stopping(self) -> bool:
@@ -179,24 +186,68 @@ class Scheduler:
             node.follow(owner)
             self.states.set(node, State.SHARED)
             return
-        hit = None if self._is_forced(node) else self.store.actions.get(node.key)
-        if hit is not None:
-            self._succeed(node, "cached", hit)
+        node.asked |= self.policy.whole
+        hit = None if self._is_forced(node) else self.store.actions.find(node.key)
+        # A dry run goes on from what is known of a node, also where that is not enough.
+        if hit is not None and (hit.is_whole or not node.asked or self.policy.dry):
+            if not (hit.is_whole or self.policy.dry):
+                self._note_bare(node, hit.result)
+            self._succeed(node, "cached", hit.result, bare=not hit.is_whole)
         elif self.policy.dry:
             self.states.set(node, State.STALE)
         else:
+            if hit is not None and node.result is None:
+                self.hooks.missed(node, node)
             self._owners[node.key] = node
             # What is forced shall run, and a result that others made is not what it asks for.
             if self._is_forced(node) or not self.sharing.ask(node):
                 self._queue(node)
+        if self.policy.dry and (node.state is State.STALE or (node.bare and node.asked)):
+            self._ask_above(node)
+
+    def _note_bare(self, node: Node, result: ActionResult) -> None:
+        """That bytes are absent is as it should be from now on."""
+        with suppress(StoreError):  # a store that may only be read serves what it holds
+            self.store.blobs.put(node.document)
+            self.store.actions.put_bare(node.key or "", result)
+
+    def _ask_above(self, node: Node) -> None:
+        """Note in a dry run which results would have to have their bytes, so that `node` can run."""
+        stack = [node]
+        while stack and self._any_bare:
+            for source in rewind.absent(stack.pop(), self.store):
+                if not source.asked:
+                    source.asked = True
+                    stack.append(source)
 
     def _queue(self, node: Node) -> None:
         if self.policy.only is None or _named(node, self.policy.only):
-            self.states.set(node, State.QUEUED)
+            if not self._send_back(node, rewind.absent(node, self.store) if self._any_bare else []):
+                self.states.set(node, State.QUEUED)
             return
         hint = f"dxb why '{self.graph.name}:{node.address}'"
         error = StaleError(f"`{node.address}` is stale and may not run now", code="DXB-C101", hint=hint)
         self._fail(node, error)
+
+    def _send_back(self, unit: Unit, missing: Sequence[Node]) -> bool:
+        """Let `unit` wait until these nodes have their bytes; False where there are none."""
+        for node in missing:
+            if node.state is State.DONE:
+                self.hooks.missed(node, node if node.asked else unit)
+            node.asked = True
+        if missing:
+            self._connect_again(rewind.send_back(unit, missing, self.states))
+        return bool(missing)
+
+    def _connect_again(self, units: Sequence[Unit]) -> None:
+        for unit in units:
+            if isinstance(unit, Node):
+                for follower in self._disown(unit):
+                    self.states.set(follower, State.READY)
+                if unit.result is not None and is_stub(unit):
+                    # From now on it is one of this run's nodes; the digest of a key document is its key.
+                    unit.result = replace(unit.result, key_document=unit.key or "")
+        self.wiring.fresh += units
 
     def _open(self, unit: Opening) -> None:
         if isinstance(unit.group.over, Fixed):
@@ -225,15 +276,18 @@ class Scheduler:
                     raise RuleError(f"`{unit.address}` has two copies called `{label}`", code="DXB-B307")
                 parts[label] = header.project(self.store.blobs.get, node.result.output, unit.fields)
             unit.output = self.store.blobs.put(header.collection_header(parts))
+        elif not self.policy.dry and self._send_back(unit, [node for node in unit.nodes.values() if node.bare]):
+            return
         self._done(unit)
 
-    def _succeed(self, node: Node, status: str, result: ActionResult) -> None:
-        node.result, node.status, node.error = result, status, None
+    def _succeed(self, node: Node, status: str, result: ActionResult, *, bare: bool = False) -> None:
+        node.result, node.status, node.error, node.bare = result, status, None, bare
+        self._any_bare |= bare
         followers = self._disown(node)
         self.sharing.offer(node)
         self._done(node)
         for follower in followers:
-            self._succeed(follower, "cached", result)
+            self._succeed(follower, "cached", result, bare=bare)
 
     def _disown(self, node: Node) -> list[Node]:
         """The node no longer builds its key; returns those that waited for that."""
@@ -273,10 +327,9 @@ class Scheduler:
             return
         for other in again:
             if isinstance(other, Node):
-                for follower in self._disown(other):
-                    self.states.set(follower, State.READY)
+                other.asked |= other is not unit
                 self.wiring.forget_leaves(other)
-        self.wiring.fresh += again
+        self._connect_again(again)
 
     def _fail(self, unit: Unit, error: DxbError) -> None:
         self.states.set(unit, State.FAILED)

@@ -19,6 +19,7 @@
 
       WAITS -> BLOCKED     a source failed, or is blocked itself
       FETCHING -> FAILED   no remote has it, and it may not run
+      READY, FETCHING -> WAITS     it must run, and bytes of an input are absent
       RUNNING -> QUEUED    it failed, and its rule declares more tries
       any but RUNNING -> CANCELLED     the run ended before its turn
       READY -> STALE       a dry run would have to run it
@@ -74,7 +75,7 @@ _NEXT: dict[State, frozenset[State]] = {
     State.READY: frozenset(set(State) - {State.LOCKED, State.RUNNING}),
     State.SHARED: frozenset({State.READY, State.DONE, State.FAILED, State.BLOCKED, State.CANCELLED}),
     State.QUEUED: frozenset({State.RUNNING, State.LOCKED, State.DONE, State.FAILED, State.CANCELLED}),
-    State.FETCHING: frozenset({State.QUEUED, State.DONE, State.FAILED, State.CANCELLED}),
+    State.FETCHING: frozenset({State.QUEUED, State.DONE, State.FAILED, State.WAITS, State.CANCELLED}),
     State.LOCKED: frozenset({State.QUEUED, State.DONE, State.CANCELLED}),
     State.RUNNING: frozenset({State.QUEUED, State.DONE, State.FAILED, State.WAITS, State.CANCELLED}),
     State.DONE: frozenset({State.WAITS}),

@@ -20,7 +20,7 @@ from dextera_build.store.store import Store
 
 @dataclass(frozen=True)
 class Held:
-    """One node whose result is in the store."""
+    """One node whose result is in the store, with its bytes where these were asked for."""
 
     address: str
     rule: str
@@ -41,17 +41,17 @@ class Survey:
     """Nodes that were asked for, every copy by itself."""
     nodes: tuple[Held, ...]
     stale: tuple[str, ...]
-    """Nodes that a build would run, or that wait for one."""
+    """Nodes that a build would run or fetch, or that wait for one."""
 
 
-def survey(graph: Graph, wanted: Sequence[Address], store: Store) -> Survey:
-    """Look at every node that `wanted` need.
+def survey(graph: Graph, wanted: Sequence[Address], store: Store, *, whole: bool = False) -> Survey:
+    """Look at every node that `wanted` need; of those that they name, or with `whole` of all, the bytes must be there.
 
     Raises:
         UsageError: A target names nothing.
         RecipeError: A file or folder is missing or cannot be read.
     """
-    scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True))
+    scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True, whole=whole))
     for leaf in leaves(graph, wanted):
         scheduler.wiring.leaf(leaf)
     scheduler.run(list(wanted))
@@ -61,7 +61,8 @@ def survey(graph: Graph, wanted: Sequence[Address], store: Store) -> Survey:
             raise error
     held, stale = [], []
     for node in scheduler.wiring.nodes.values():
-        if node.state is not State.DONE or node.result is None or node.key is None:
+        lacks_bytes = node.bare and node.asked
+        if node.state is not State.DONE or node.result is None or node.key is None or lacks_bytes:
             stale.append(node.address)
             continue
         rule, reads = node.call.rule, tuple(dict.fromkeys(other.address for other in producers(node)))
@@ -80,10 +81,10 @@ def as_build(found: Survey, recipe: str, profile: str, closure: Closure, shown: 
         found: The nodes.
         recipe: Address of the recipe.
         profile: The profile that it was planned with.
-        closure: Of which nodes the results shall be there.
+        closure: Of which nodes the bytes shall be there.
         shown: A project file's path as others may see it.
     """
-    kept = {node.key for node in found.nodes if closure == "full" or node.address in found.targets}
+    whole = {node.key for node in found.nodes if closure == "full" or node.address in found.targets}
     nodes = tuple(
         Entry(
             node=node.address,
@@ -91,7 +92,8 @@ def as_build(found: Survey, recipe: str, profile: str, closure: Closure, shown: 
             backend=node.backend,
             key=node.key,
             output=node.result.output,
-            result=node.result.digest if node.key in kept else None,
+            result=node.result.digest,
+            is_whole=node.key in whole,
             seconds=node.result.seconds,
             depends_on=node.depends_on,
             files={slot: shown(path) for slot, path in node.files.items()},

@@ -100,6 +100,10 @@ class Node(Unit):
     """What it called when it ran here, as `store.calls` notes it."""
     rests_until: float = 0.0
     """Not before this is it tried again, by `time.monotonic`."""
+    asked: bool = False
+    """Somebody reads its bytes or wants them; else it is enough to know its result."""
+    bare: bool = False
+    """Its result is known, and bytes of it may be absent."""
     followers: list[Node] = field(default_factory=lambda: _NOBODY, repr=False)
     """Nodes with the same key that wait for this one."""
 

@@ -141,6 +141,7 @@ class Wiring:
             labels = frontier.pop()
             if len(labels) == depth:
                 unit.nodes[labels] = self.node(unit.path, labels)
+                unit.nodes[labels].asked |= not unit.collect
                 unit.await_(unit.nodes[labels])
                 continue
             opening = self.opening(unit.path[: len(labels) + 1], labels)

@@ -45,8 +45,8 @@ class Result(Protocol):
 class Actions(Protocol):
     """Key -> result."""
 
-    def get(self, key: str, /) -> Result | None:
-        """The result of `key`, or None."""
+    def known(self, key: str, /) -> Result | None:
+        """The result of `key` whether its bytes are there or not, or None."""
 
 
 class Store(Protocol):
@@ -66,7 +66,7 @@ def result(store: Store, key: str | None) -> Result | None:
     if key is None:
         return None
     try:
-        return store.actions.get(key)
+        return store.actions.known(key)
     except Exception:
         return None
 

@@ -60,8 +60,8 @@ def some(names: Iterable[str], most: int = 6) -> str:
 def size(octets: int) -> str:
     """Bytes in decimal units: `812 B`, `4.2 kB`, `1.3 MB`."""
     number = float(octets)
-    for unit in ("B", "kB", "MB", "GB"):
-        if number < 999.5 or unit == "GB":
+    for unit in ("B", "kB", "MB", "GB", "TB"):
+        if number < 999.5 or unit == "TB":
             break
         number /= 1000
     return f"{number:.0f} {unit}" if unit == "B" or number >= 99.5 else f"{number:.1f} {unit}"

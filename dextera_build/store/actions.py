@@ -3,6 +3,9 @@
 An entry is an `ActionResult` message of the Remote Execution API (build.bazel.remote.execution.v2), so that existing
 cache servers hold and check it. Its `output_files` name every blob that the entry needs to be of use: the output's
 header and all that it refers to, previews, log, key document, and `result.json` with the rest (also inline).
+
+A *bare* entry is one whose bytes are absent by design: it names only what is there (headers, key document,
+`result.json`) and, so that nobody takes it for whole, a blob that nobody can have.
 """
 
 from __future__ import annotations
@@ -16,15 +19,15 @@ from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import failpoints, files, header
+from dextera_build.store import failpoints, files
 from dextera_build.store.cas import Blobs, MissingBlob, entries
 from dextera_build.store.presence import Presence
 from dextera_build.store.reapi import OutputFile, decode, encode
+from dextera_build.store.references import UNREADABLE, References
 
 _RESULT = "result.json"
-_MOST_DIRECT = 4096
-_MOST_HEADER = 1 << 30
-"""A folder of ten million files has a header of this length [bytes]; what is longer came from elsewhere."""
+ABSENT = OutputFile("absent", "0" * 64, 1)
+"""Stands in a bare entry for all bytes that are not there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +105,15 @@ class ActionResult:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What the store knows of a key."""
+
+    result: ActionResult
+    is_whole: bool
+    """Whether all that the result names is there; else it is bare, and the headers of its output are."""
+
+
 class Actions:
     """Results below one folder.
 
@@ -117,25 +129,35 @@ class Actions:
         self._blobs = blobs
         self.presence: Presence | None = None
         """When set, every file that a result stands on is noted there."""
-        self._direct: dict[str, tuple[list[str], list[str]]] = {}
+        self.references = References(blobs)
 
     def get(self, key: str) -> ActionResult | None:
         """The result of `key`, or None where there is none or a blob that it needs is gone or has another size."""
-        found = self._stamped(key)
-        if found is None:
+        found = self.find(key)
+        return found.result if found is not None and found.is_whole else None
+
+    def known(self, key: str) -> ActionResult | None:
+        """The result of `key` whether its bytes are there or not, or None where there is none."""
+        outputs = self._entry(key)
+        return self._result(outputs) if outputs is not None else None
+
+    def find(self, key: str) -> Found | None:
+        """The result of `key`, which may be bare, or None where there is none or not even its headers are there."""
+        stamped = self._stamped(key)
+        if stamped is None:
             return None
-        outputs, stamp = found
-        for file in outputs:
-            size = self._blobs.size(file.digest)
-            if size != file.size:
-                if size is not None:
-                    self._blobs.verify(file.digest)
-                return None
+        outputs, stamp = stamped
+        there = [file for file in outputs if self._is_there(file)]
         result = self._result(outputs)
         if result is None or not self._stays(key, stamp):
             return None
-        self.rely(key, outputs)
-        return result
+        is_whole = len(there) == len(outputs)
+        if not is_whole and ABSENT in outputs and self._completes(key, result):
+            return Found(result, True)
+        if not is_whole and self.references.headers(result.output) is None:
+            return None
+        self.rely(key, there)
+        return Found(result, is_whole)
 
     def put(self, key: str, result: ActionResult) -> str:
         """Store the result of `key` after all that it needs, and return the digest of its `result.json`.
@@ -165,6 +187,28 @@ class Actions:
         if self.presence is not None:
             self.presence.note(key, outputs)
 
+    def put_bare(self, key: str, result: ActionResult) -> None:
+        """Store the result of `key` although bytes that it names are absent; an entry that says so already stays.
+
+        Raises:
+            MissingBlob: A header of its output or the key document is not in the store.
+            StoreError: The disk is full, or the store cannot be written.
+        """
+        headers = self.references.headers(result.output)
+        if headers is None:
+            raise MissingBlob(result.output)
+        document = result.document
+        named = [self._sized("output", result.output), self._sized("key.json", result.key_document)]
+        named += [self._sized(f"closure/{digest}", digest) for digest in headers[1:]]
+        # What happens to be there is not given up: a collection would take what no entry names.
+        held = [file for file in self._entry(key) or () if self._is_there(file) and file.path != _RESULT]
+        named += [file for file in held if file not in named]
+        data = encode([*named, ABSENT, OutputFile(_RESULT, self._blobs.put(document), len(document), document)])
+        with suppress(OSError):
+            if files.read(self._file(key)) == data:
+                return
+        files.write(self._file(key), data, workshop=self._workshop)
+
     def verify(self, key: str) -> bool:
         """Whether `key` has a result all of whose blobs are whole; every blob is read, damaged ones are set aside."""
         outputs = self._entry(key)
@@ -191,7 +235,8 @@ class Actions:
 
     def calls(self, key: str) -> bool:
         """Whether the result of `key` came of recorded calls."""
-        return any(file.path.startswith("calls/") for file in self._entry(key) or ())
+        found = self.known(key)
+        return found is not None and bool(found.calls)
 
     def outline(self, key: str) -> tuple[str, frozenset[str]] | None:
         """(output, all that it refers to) of `key` by digest, whether the blobs are there or not, or None."""
@@ -200,6 +245,20 @@ class Actions:
             return None
         named = {file.path: file.digest for file in outputs}
         return named["output"], frozenset(digest for path, digest in named.items() if path.startswith("closure/"))
+
+    def _is_there(self, file: OutputFile) -> bool:
+        size = self._blobs.size(file.digest)
+        if size is not None and size != file.size:
+            self._blobs.verify(file.digest)
+        return size == file.size
+
+    def _completes(self, key: str, result: ActionResult) -> bool:
+        """Whether bytes that were absent have come since; then the entry is written anew."""
+        try:
+            self.put(key, result)
+        except (*UNREADABLE, StoreError):
+            return False
+        return True
 
     def _entry(self, key: str) -> list[OutputFile] | None:
         found = self._stamped(key)
@@ -254,7 +313,7 @@ class Actions:
 
     def _needs(self, result: ActionResult) -> Iterator[OutputFile]:
         yield self._sized("output", result.output)
-        for digest in self._closure(result.output):
+        for digest in self.references.below(result.output):
             yield self._sized(f"closure/{digest}", digest)
         for place, (_, digest) in enumerate(result.previews):
             yield self._sized(f"previews/{place}.png", digest)
@@ -264,7 +323,7 @@ class Actions:
         for key, digest in result.calls:
             yield self._sized(f"calls/{key}", key)
             called = ActionResult.from_document(self._blobs.get(digest))
-            for part in dict.fromkeys((digest, called.output, *self._closure(called.output))):
+            for part in dict.fromkeys((digest, called.output, *self.references.below(called.output))):
                 yield self._sized(f"answers/{part}", part)
 
     def _sized(self, path: str, digest: str) -> OutputFile:
@@ -272,30 +331,6 @@ class Actions:
         if size is None:
             raise MissingBlob(digest)
         return OutputFile(path, digest, size)
-
-    def _closure(self, output: str) -> list[str]:
-        """Everything that `output` refers to, through all artifacts, each once."""
-        found: dict[str, None] = {}
-        seen = {output}
-        stack = [output]
-        while stack:
-            refs, blobs = self._directly(stack.pop())
-            found.update(dict.fromkeys(blobs))
-            fresh = [ref for ref in dict.fromkeys(refs) if ref not in seen]
-            seen.update(fresh)
-            found.update(dict.fromkeys(fresh))
-            stack += fresh
-        found.pop(output, None)
-        return list(found)
-
-    def _directly(self, digest: str) -> tuple[list[str], list[str]]:
-        if digest not in self._direct:
-            if len(self._direct) >= _MOST_DIRECT:
-                self._direct.clear()
-            if (self._blobs.size(digest) or 0) > _MOST_HEADER:
-                raise ValueError("a header is too long")
-            self._direct[digest] = header.closure(self._blobs.get(digest))
-        return self._direct[digest]
 
     def _file(self, key: str) -> str:
         return f"{self._base}{key[:2]}/{key[2:]}"

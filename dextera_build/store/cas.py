@@ -119,22 +119,22 @@ class Blobs:
         finally:
             os.close(source)
 
-    def receive(self, digest: str, size: int, pieces: Iterable[bytes]) -> bool:
+    def receive(self, digest: str, size: int | None, pieces: Iterable[bytes]) -> bool:
         """Store bytes that come from elsewhere; False where they are not those that `digest` and `size` name.
 
-        Never more than `size` bytes are taken, and nothing shows under `digest` before the last one was checked.
+        Never more than `size` bytes are taken, where it is known, and nothing shows under `digest` before the last one
+        was checked.
 
         Raises:
             StoreError: The disk is full, or the store cannot be written.
         """
-        if self.size(digest) == size:
+        if size is not None and self.size(digest) == size:
             return True
         known, left = hashlib.sha256(), size
         try:
             with files.new_file(self._file(digest), workshop=self._workshop) as target:
                 for piece in pieces:
-                    left -= len(piece)
-                    if left < 0:
+                    if left is not None and (left := left - len(piece)) < 0:
                         break
                     known.update(piece)
                     files.write_all(target, piece)

@@ -143,7 +143,7 @@ class _Collector:
         spared = set()
         entries = self._held.results | self._held.broken
         for key in self._choice.results:
-            path = f"{self._store.actions.root}/{key[:2]}/{key[2:]}"
+            path = inventory.path_of(self._store, key)
             if not self._store.blobs.use.drop(path, math.nextafter(entries[key].used, math.inf)):
                 spared.add(key)
         return spared

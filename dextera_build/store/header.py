@@ -14,6 +14,9 @@ Read = Callable[[str], bytes]
 """digest -> bytes."""
 
 
+_PARTS: dict[str, list[type]] = {"$bytes": [str, int], "$array": [str, list, str]}
+"""Tag -> what stands behind it."""
+
 ESCAPES = "DXB-S219"
 """Code of the error for a label that leads out of its folder."""
 
@@ -52,17 +55,17 @@ def closure(header: bytes) -> tuple[list[str], list[str]]:
         if isinstance(value, list):
             stack += reversed(value)
         elif isinstance(value, dict):
-            match value.popitem() if len(value) == 1 else ("", None):
-                case "$ref", str(digest):
-                    refs.append(digest)
-                case ("$bytes", [str(digest), int()]) | ("$array", [str(), list(), str(digest)]):
-                    blobs.append(digest)
-                case "$value" | "$map" as tag, dict(body):
-                    if tag == "$map":
-                        _refuse_escapes(body)
-                    stack += reversed(body.values())
-                case _:
-                    raise ValueError("a value has a form that no header has")
+            tag, body = value.popitem() if len(value) == 1 else ("", None)
+            if type(body) is list and [*map(type, body)] == _PARTS.get(tag):
+                blobs.append(body[0] if tag == "$bytes" else body[2])
+            elif tag == "$ref" and type(body) is str:
+                refs.append(body)
+            elif tag in ("$map", "$value") and type(body) is dict:
+                if tag == "$map":
+                    _refuse_escapes(body)
+                stack += reversed(body.values())
+            else:
+                raise ValueError("a value has a form that no header has")
     return refs, blobs
 
 

@@ -8,11 +8,19 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeAlias
 
 from dextera_build.store import files
+from dextera_build.store.actions import ABSENT
 from dextera_build.store.cas import is_digest
 from dextera_build.store.reapi import decode
+from dextera_build.store.remotes import offers
 from dextera_build.store.store import Store
+
+_FOREIGN = "foreign/"
+"""Before the keys of results that other tools brought, which may be anything."""
+Sizes: TypeAlias = "dict[str, int] | None"
+"""Digest -> size of the blobs that a result names; None where it cannot be read."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +42,7 @@ class Inventory:
     blobs: dict[str, tuple[int, float]] = field(default_factory=dict)
     """Digest -> (bytes, last use)."""
     results: dict[str, Kept] = field(default_factory=dict)
-    """Key -> result, those that are whole."""
+    """Key -> result, those that have all that they name; bare ones name no bytes."""
     broken: dict[str, Kept] = field(default_factory=dict)
     """Key -> result that cannot be read or lacks a blob: a miss for every build."""
     keep: dict[str, tuple[int, float]] = field(default_factory=dict)
@@ -54,7 +62,8 @@ def read(store: Store) -> Inventory:
     entries = dict(results(store))
     found.blobs = {digest: (size, used) for digest, size, used in listing(store.blobs.root)}
     for key, (entry, sizes) in entries.items():
-        whole = bool(sizes) and all(found.blobs.get(name, (-1, 0))[0] == size for name, size in sizes.items())
+        there = (found.blobs.get(name, (-1, 0))[0] == size for name, size in (sizes or {}).items())
+        whole = sizes is not None and all(there)
         (found.results if whole else found.broken)[key] = entry
     for key, size in store.keep.all():
         with suppress(OSError):
@@ -62,17 +71,37 @@ def read(store: Store) -> Inventory:
     return found
 
 
-def results(store: Store, known: frozenset[str] = frozenset()) -> Iterator[tuple[str, tuple[Kept, dict[str, int]]]]:
-    """Every result but those of `known` keys: key, what it is, and digest -> size of the blobs that it names."""
+def results(store: Store, known: frozenset[str] = frozenset()) -> Iterator[tuple[str, tuple[Kept, Sizes]]]:
+    """Every result but those of `known` keys, those of other tools last: key, what it is, the blobs that it names."""
     names: dict[str, str] = {}
-    for key, size, used in listing(store.actions.root):
-        if key in known:
-            continue
-        sizes: dict[str, int] = {}
-        with suppress(OSError, ValueError, IndexError, KeyError):
-            for file in decode(files.read(f"{store.actions.root}/{key[:2]}/{key[2:]}")):
-                sizes[names.setdefault(file.digest, file.digest)] = file.size
-        yield key, (Kept(size, used, tuple(sizes)), sizes)
+    kinds = ((store.actions.root, "", _named), (store.foreign, _FOREIGN, _named_by_others))
+    for root, prefix, named in kinds:
+        for key, size, used in listing(root):
+            if prefix + key not in known:
+                sizes: Sizes = None
+                with suppress(OSError, ValueError, IndexError, KeyError):
+                    message = files.read(f"{root}/{key[:2]}/{key[2:]}")
+                    sizes = {names.setdefault(digest, digest): octets for digest, octets in named(store, message)}
+                yield prefix + key, (Kept(size, used, tuple(sizes or ())), sizes)
+
+
+def path_of(store: Store, key: str) -> str:
+    """The file of a result, by its key as `results` gives it."""
+    root, name = (store.foreign if key.startswith(_FOREIGN) else store.actions.root), key.removeprefix(_FOREIGN)
+    return f"{root}/{name[:2]}/{name[2:]}"
+
+
+def _named(store: Store, message: bytes) -> Iterator[tuple[str, int]]:
+    # A bare result names all that it needs beside the mark.
+    yield from ((file.digest, file.size) for file in decode(message) if file != ABSENT)
+
+
+def _named_by_others(store: Store, message: bytes) -> Iterator[tuple[str, int]]:
+    for digest in offers.named(store, message):
+        if not is_digest(digest.hash):
+            raise ValueError("a result names what is not a SHA-256 digest")
+        if digest.size:  # the empty blob need not be there
+            yield digest
 
 
 def listing(root: Path) -> Iterator[tuple[str, int, float]]:

@@ -28,6 +28,7 @@ class Store:
 
         cas/ab/cdef...   blobs, read-only, by SHA-256
         ac/ab/cdef...    results by key, REAPI `ActionResult` messages
+        foreign/ab/...   results that other tools brought through `dxb cache serve`
         runs/0001/       event logs
         local/           what belongs to this machine: signatures of project files, history, snapshots, locks,
                          builds that run now, projects that ever built here, damaged blobs that were set aside,
@@ -46,6 +47,7 @@ class Store:
         self._prepare()
         self.blobs = Blobs(self.root / "cas")
         self.actions = Actions(self.root / "ac", self.blobs)
+        self.foreign = self.root / "foreign"
         self.leaves = StatCache(self.blobs, self.local / "leaves.json")
         self.locks = Locks(self.local / "locks")
         self.keep = Keep(self.local / "keep")
@@ -56,8 +58,13 @@ class Store:
         self.workspaces = Workspaces(self.local / "workspaces")
 
     def size(self) -> dict[str, tuple[int, int]]:
-        """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of calls that did not end."""
+        """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of calls that did not end.
+
+        `foreign`, results of other tools, is among them where there is such a folder.
+        """
         found = {"blobs": entries(self.blobs.root), "actions": entries(self.actions.root), "keep": self.keep.all()}
+        if self.foreign.is_dir():
+            found["foreign"] = entries(self.foreign)
         sizes = {name: [size for _, size in each] for name, each in found.items()}
         return {name: (len(each), sum(each)) for name, each in sizes.items()}
 

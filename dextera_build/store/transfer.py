@@ -16,7 +16,9 @@ from dextera_build.errors import StoreError
 from dextera_build.store import failpoints, header, space
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
+from dextera_build.store.references import UNREADABLE
 from dextera_build.store.remotes import entry as entries
+from dextera_build.store.remotes.entry import Entry
 from dextera_build.store.remotes.remote import DamagedBlob, Digest, Remote
 from dextera_build.store.store import Store
 
@@ -26,6 +28,8 @@ class Fetched:
     """A result that a remote had."""
 
     result: ActionResult
+    is_whole: bool
+    """Whether its bytes are here; else only what is known of it, and the headers of its output."""
     octets: int
     """How many bytes had to come."""
 
@@ -53,8 +57,13 @@ class Transfer:
         self._damaged: defaultdict[str, set[Digest]] = defaultdict(set)
         """Remote -> blobs that it gave wrongly; sent again although it says that it has them."""
 
-    def fetch(self, remote: Remote, key: Digest) -> Fetched | None:
-        """Bring the result of `key` with all that it names; None where the remote lacks it or a part of it.
+    def fetch(self, remote: Remote, key: Digest, *, whole: bool = True) -> Fetched | None:
+        """Bring the result of `key`; None where the remote lacks it or a part of it.
+
+        Args:
+            remote: Where from.
+            key: Its key document.
+            whole: With all that it names; else without its bytes, unless these are here.
 
         Raises:
             RemoteFault: The remote did not answer rightly.
@@ -64,28 +73,62 @@ class Transfer:
         entry = entries.read(message, key) if message is not None else None
         if entry is None:
             return None
-        wanted = [blob for blob in entry.blobs if self._store.blobs.size(blob.hash) != blob.size]
-        if not entry.inline and self._store.blobs.size(entry.document.hash) != entry.document.size:
-            wanted.append(entry.document)
-        if sum(blob.size for blob in wanted) > space.free_bytes(str(self._store.root)):
-            return None  # an entry may say any size; what cannot fit is not begun
-        if not self.blobs(remote, wanted):
-            return None
         try:
-            document = entry.inline or self._store.blobs.get(entry.document.hash)
-            result = entries.result(entry, document)
-            if result is None or not all(entries.is_record(self._store.blobs.get(name)) for _, name in result.calls):
+            octets = self._whole(remote, entry) if whole else self._headers(remote, entry)
+            if octets is None:
                 return None
             failpoints.reach("fetch.blobs")
-            self._store.actions.put(key.hash, result)
-        except (MissingBlob, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            result = entries.result(entry, entry.inline or self._store.blobs.get(entry.document.hash))
+            if result is None:
+                return None
+            is_whole = self._publish(key.hash, result)
+            if not is_whole and not whole:
+                self._store.actions.put_bare(key.hash, result)
+        except UNREADABLE:
             # A header is not one, or names what the entry does not.
             return None
         except StoreError as error:
             if error.code != header.ESCAPES:
                 raise
             return None
-        return Fetched(result, sum(blob.size for blob in wanted))
+        return Fetched(result, is_whole, octets) if is_whole or not whole else None
+
+    def _publish(self, key: str, result: ActionResult) -> bool:
+        """Write the entry of a result if all that it needs is here."""
+        try:
+            if not all(entries.is_record(self._store.blobs.get(name)) for _, name in result.calls):
+                return False
+            self._store.actions.put(key, result)
+        except MissingBlob:
+            return False
+        return True
+
+    def _whole(self, remote: Remote, entry: Entry) -> int | None:
+        """Bring all that an entry names; the bytes that came, or None where the remote lacks something."""
+        return self._bring(remote, [*entry.blobs, *_document(entry)])
+
+    def _headers(self, remote: Remote, entry: Entry) -> int | None:
+        """Bring what an entry says without its bytes: its documents, and the headers of its output, level by level."""
+        known = {blob.hash: blob for blob in entry.blobs}
+        front = [entry.roles["output"]]
+        seen = set(front)
+        octets = self._bring(remote, [known[entry.roles["key.json"]], *_document(entry)])
+        while front and octets is not None:
+            came = self._bring(remote, [known[digest] for digest in front])
+            if came is None:
+                return None
+            octets += came
+            below = [ref for digest in front for ref in self._store.actions.references.directly(digest)[0]]
+            front = [ref for ref in dict.fromkeys(below) if ref not in seen]
+            seen.update(front)
+        return octets
+
+    def _bring(self, remote: Remote, blobs: Iterable[Digest]) -> int | None:
+        """Bring the blobs that are not here; how many bytes these were, or None where the remote lacks one."""
+        wanted = [blob for blob in blobs if self._store.blobs.size(blob.hash) != blob.size]
+        if sum(blob.size for blob in wanted) > space.free_bytes(str(self._store.root)):
+            return None  # an entry may say any size; what cannot fit is not begun
+        return sum(blob.size for blob in wanted) if self.blobs(remote, wanted) else None
 
     def blobs(self, remote: Remote, wanted: Iterable[Digest]) -> bool:
         """Bring blobs; False where the remote lacks one.
@@ -152,3 +195,8 @@ class Transfer:
             return open(self._store.blobs.path(digest.hash), "rb")
         except OSError:
             raise MissingBlob(digest.hash) from None
+
+
+def _document(entry: Entry) -> list[Digest]:
+    """The `result.json` of an entry that does not hold it."""
+    return [] if entry.inline else [entry.document]

@@ -15,6 +15,7 @@ from pathlib import Path
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.store import failpoints, files, inventory, sharing, use
+from dextera_build.store.actions import ABSENT
 from dextera_build.store.cas import is_digest
 from dextera_build.store.reapi import decode
 from dextera_build.store.store import Store
@@ -89,7 +90,9 @@ class _Verifier:
         self._progress = progress
         self._told = 0.0
         self._guard = threading.Lock()
-        self._sizes = {digest: size for _, (_, needs) in inventory.results(store) for digest, size in needs.items()}
+        self._sizes = {
+            digest: size for _, (_, needs) in inventory.results(store) for digest, size in (needs or {}).items()
+        }
         self.verdict = Verdict()
 
     def blobs(self, jobs: int) -> None:
@@ -144,7 +147,7 @@ class _Verifier:
             return "unreadable", "not a result"
         if outputs[-1].path != "result.json":
             return "unreadable", "its end is missing"
-        lacks = [file for file in outputs if self._store.blobs.size(file.digest) != file.size]
+        lacks = [file for file in outputs if file != ABSENT and self._store.blobs.size(file.digest) != file.size]
         if lacks:
             return "lacking", f"{len(lacks)} of {len(outputs)} blobs are not there"
         document = next((file.digest for file in outputs if file.path == "key.json"), key)

@@ -28,6 +28,13 @@ def results(space: Space, name: str) -> dict[str, bytes]:
     }
 
 
+def agree(space: Space, name: str, other: str) -> bool:
+    """Whether a store knows the same results as another one and holds no blob that the other lacks."""
+    ours, theirs = results(space, name), results(space, other)
+    known, made = ({place for place in found if place.startswith("ac/")} for found in (ours, theirs))
+    return known == made and all(theirs.get(place) == data for place, data in ours.items() if place not in known)
+
+
 def uploads(answer: Answer) -> list[tuple[int, int]]:
     return [(event["results"], event["left"]) for event in answer.events if event["event"] == "uploaded"]
 

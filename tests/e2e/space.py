@@ -74,14 +74,14 @@ class Space:
             **options,  # type: ignore[call-overload]
         )
 
-    def dxb(self, *words: str, env: Mapping[str, str] | None = None) -> Answer:
+    def dxb(self, *words: str, env: Mapping[str, str] | None = None, timeout_s: float = 300.0) -> Answer:
         done = subprocess.run(
             [sys.executable, "-m", "dextera_build", *words],
             cwd=self.root,
             env=self.environment(**(env or {})),
             text=True,
             capture_output=True,
-            timeout=300,
+            timeout=timeout_s,
         )
         return Answer(done.returncode, done.stdout, done.stderr)
 

@@ -53,15 +53,67 @@ def test_a_result_goes_to_another_project(space, there):
     done = there.dxb("bundle", "import", file)
     assert done.code == 0, done.err
     assert done.out.split("\t")[0] == "say/file:all"
-    assert "6 nodes, 1 with results: 1 new, 0 known" in done.err
+    assert "6 nodes: 6 results new (5 without their bytes), 0 known" in done.err
     assert "not signed" in done.err
     assert "nobody whom you trust vouches for it" in done.err
     assert there.dxb("get", "say/file:all", "-o", "got").code == 0
     assert (there.root / "got" / "all").read_bytes() == (space.root / "cache/out/say/file/all/all").read_bytes()
-    assert there.dxb("get", "say/file:loud").code == 1
+    wrong = there.dxb("get", "say/file:loud")
+    assert (wrong.code, "is known, but its bytes are not in the store" in wrong.err) == (1, True)
+
+
+def test_a_build_after_an_import_runs_nothing(space, there):
+    there.dxb("bundle", "import", bundle(space))
+    rows = [line.split("\t")[:2] for line in there.dxb("plan", "say/file").out.splitlines()]
+    assert {status for name, status in rows if name != "all"} == {"bare"}
+    assert ["all", "cached"] in rows
+    assert there.dxb("build", "--check", "say/file").code == 0
     built = there.build("say/file")
-    assert built.nodes("cached") == {"all"}
-    assert (there.root / "cache/out/say/file/all/all").exists()
+    assert len(built.nodes("cached")) == 6
+    assert built.nodes("ran") == set()
+    assert (there.root / "cache/out/say/file/all/all").read_text() == "!!!! SOME!!! TEXT!!!"
+    runs = there.dxb("ls", "runs").out
+    assert "is up to date" in there.dxb("build", "say/file").err
+    assert there.dxb("ls", "runs").out == runs  # nothing was even planned
+    assert there.dxb("cache", "verify").code == 0
+    swept = there.dxb("cache", "gc", "--yes", "--max-size", "1kB")
+    assert swept.code == 0, swept.err
+    assert there.build("say/file").nodes("ran") == set()
+
+
+def test_bytes_that_did_not_come_are_made_when_they_are_asked_for(space, there):
+    there.dxb("bundle", "import", bundle(space))
+    why = there.dxb("why", "say/file:loud").out
+    assert "its result is known: key" in why
+    assert "its bytes are not in the store" in why
+    assert (
+        "loud\tits result is known, its bytes are not in the store" in there.dxb("plan", "--check", "say/file:loud").out
+    )
+    wrong = there.dxb("check", "say/file:all")
+    assert (wrong.code, "DXB-B403" in wrong.err, "dxb build --whole 'say/file:all'" in wrong.err) == (1, True, True)
+    built = there.dxb("build", "--console", "plain", "say/file:loud")
+    assert built.code == 0, built.err
+    line = "loud: its result is known, its bytes are not in the store, and they are asked for"
+    assert sum(line in row for row in built.err.splitlines()) == 1
+    assert "1 ran" in built.err
+    assert there.dxb("get", "say/file:loud").code == 0
+    again = there.build("say/file:loud")
+    assert again.nodes("ran") == set()
+    there.edit("recipes/say/file.yaml", "times: 3", "times: 4")
+    # What is read is made first; `loud` is there already.
+    louder = {f"word[{word}].louder" for word in ("!", "SOME", "TEXT")}
+    assert there.build("say/file").nodes("ran") == {"words", "all", *louder}
+    assert there.dxb("check", "say/file:words").code == 0
+
+
+def test_bytes_of_all_nodes_on_request(space, there):
+    there.dxb("bundle", "import", bundle(space))
+    assert there.build("say/file").nodes("ran") == set()
+    wrong = there.dxb("bundle", "create", "say/file", "--closure", "full", "-o", "x.tar")
+    assert (wrong.code, "`dxb build --whole say/file`" in wrong.err) == (2, True)
+    assert len(there.build("--whole", "say/file").nodes("ran")) == 5
+    assert there.dxb("bundle", "create", "say/file", "--closure", "full", "-o", "x.tar").code == 0
+    assert there.build("--whole", "say/file").nodes("ran") == set()
 
 
 def test_a_full_bundle_leaves_nothing_to_build(space, there):
@@ -105,7 +157,7 @@ def test_inspect_says_what_is_inside(space, there):
     rows = dict(line.split("\t", 1) for line in there.dxb("bundle", "inspect", file).out.splitlines())
     assert rows["target"] == "say/file:all"
     assert rows["nodes"] == "6"
-    assert rows["results"] == "1"
+    assert (rows["results"], rows["with bytes"]) == ("6", "1")
     assert rows["input files"] == "1"
     assert rows["signature"] == "not signed"
     assert there.dxb("bundle", "inspect", file, "--recipe", "say/file").out == RECIPE

@@ -13,7 +13,7 @@ import time
 
 import pytest
 
-from tests.e2e.machines import EVERY, given_up, machine, results, serving, uploads
+from tests.e2e.machines import EVERY, agree, given_up, machine, results, serving, uploads
 from tests.e2e.space import Answer, Space
 from tests.interrupts import hear_interrupts
 from tests.store.remotes import servers
@@ -31,10 +31,45 @@ def test_a_second_machine_runs_nothing(space: Space, served: str, kind: str) -> 
     assert second.code == 0
     assert second.nodes("fetched") == EVERY
     assert second.nodes("ran", "cached") == set()
-    assert results(space, "two") == results(space, "one")
+    assert agree(space, "two", "one")
     assert (space.root / "two/out/say/words/all/all").read_bytes() == b"ONE!!! TWO!!!"
     third = machine(space, "two", "say/words", use=f"{remote}:r")
     assert third.events[-1]["counts"] == {"cached": 7}
+    assert space.dxb("pull", "say/words", "--from", remote, env={"DXB_CACHE": "two"}).code == 0
+    assert results(space, "two") == results(space, "one")
+
+
+def test_bytes_come_only_where_somebody_reads_them(space: Space, served: str) -> None:
+    machine(space, "one", "say/words", use=f"{served}:rw")
+    machine(space, "two", "say/words", use=f"{served}:r")
+    assert (ours := blobs(space, "two")) < (all_of_them := blobs(space, "one"))
+    # A node that must run reads what only passed through before.
+    space.edit("recipes/say/words.yaml", "texts: $word.louder", "texts: $word.loud")
+    later = machine(space, "two", "say/words", use=f"{served}:r")
+    assert later.nodes("ran") == {"all"}
+    assert later.nodes("fetched") == {"word[one].loud", "word[two].loud"}
+    assert ours < blobs(space, "two")
+    pulled = space.dxb("pull", "say/words:start", "--from", served, env={"DXB_CACHE": "two"})
+    assert "1 node: 1 fetched" in pulled.err
+    space.edit("recipes/say/words.yaml", "texts: $word.loud}", "texts: $word.louder}")
+    assert space.dxb("pull", "say/words", "--from", served, env={"DXB_CACHE": "two"}).code == 0
+    assert all_of_them <= blobs(space, "two")
+
+
+def test_bytes_that_a_remote_lost_are_made_again(space: Space) -> None:
+    machine(space, "one", "say/words", use="./share:rw")
+    machine(space, "two", "say/words", use="./share:r")
+    for file in (space.root / "share" / "cas").rglob("*"):
+        if file.is_file():
+            file.unlink()
+    space.edit("recipes/say/words.yaml", "texts: $word.louder", "texts: $word.loud")
+    later = machine(space, "two", "say/words", use="./share:r")
+    assert later.code == 0
+    assert later.nodes("ran") == EVERY - {"word[one].louder", "word[two].louder"}
+
+
+def blobs(space: Space, store: str) -> set[str]:
+    return {file.parent.name + file.name for file in (space.root / store / "cas").glob("??/*")}
 
 
 def test_a_log_shows_what_was_fetched_and_from_where(space: Space, served: str) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.e2e.machines import EVERY, machine, results, uploads
+from tests.e2e.machines import EVERY, agree, machine, uploads
 from tests.e2e.space import Space
 
 
@@ -33,7 +33,7 @@ def test_machines_share_over_grpc_and_over_http(space: Space, served_grpc: tuple
     for name, remote in (("two", f"{grpc}/any/instance"), ("three", http)):
         answer = machine(space, name, "say/words", use=f"{remote}:r")
         assert answer.nodes("fetched") == EVERY, answer.err
-        assert results(space, name) == results(space, "one")
+        assert agree(space, name, "one")
     space.edit("recipes/say/words.yaml", "one", "uno")
     assert machine(space, "four", "say/words", use=f"{http}:rw").code == 0
     answer = machine(space, "five", "say/words", use=f"{grpc}:r")

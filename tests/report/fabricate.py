@@ -56,7 +56,7 @@ class Actions:
 
     data: dict[str, Result] = field(default_factory=dict)
 
-    def get(self, key: str) -> Result | None:
+    def known(self, key: str) -> Result | None:
         return self.data.get(key)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from dextera_build import digest
 from dextera_build.store import header
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.actions import ABSENT, ActionResult, Found
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.reapi import OutputFile, decode, encode
 from dextera_build.store.store import Store
@@ -78,6 +78,44 @@ def test_an_entry_without_one_of_its_blobs_is_a_miss(store: Store, result: Actio
         store.blobs.path(key).write_bytes(data + b"!")
         assert store.actions.get(KEY) is None
         assert not store.blobs.has(key)
+        store.blobs.put(data)
+
+
+def test_a_bare_result_is_known_and_no_hit(store: Store, result: ActionResult) -> None:
+    content = digest.of_bytes(b"content")
+    store.blobs.path(content).unlink()
+    store.actions.put_bare(KEY, result)
+    assert store.actions.get(KEY) is None
+    assert store.actions.known(KEY) == result
+    assert store.actions.find(KEY) == Found(result, False)
+    named = decode((store.root / "ac" / KEY[:2] / KEY[2:]).read_bytes())
+    assert ABSENT in named
+    assert all(file == ABSENT or store.blobs.size(file.digest) == file.size for file in named)
+    assert store.actions.outline(KEY) == (result.output, frozenset(store.actions.references.headers(result.output)[1:]))
+    store.blobs.put(b"content")
+    assert store.actions.find(KEY) == Found(result, True)
+    assert ABSENT not in decode((store.root / "ac" / KEY[:2] / KEY[2:]).read_bytes())
+
+
+def test_a_result_whose_bytes_were_lost_is_known_as_long_as_its_headers_are_there(
+    store: Store, result: ActionResult
+) -> None:
+    headers = {*store.actions.references.headers(result.output)}
+    for key, _ in list(store.blobs.all()):
+        store.actions.put(KEY, result)
+        data = store.blobs.get(key)
+        store.blobs.path(key).unlink()
+        assert store.actions.find(KEY) == (None if key in headers else Found(result, False))
+        store.blobs.put(data)
+        assert store.actions.find(KEY) == Found(result, True)
+
+
+def test_a_header_that_is_not_there_cannot_be_noted(store: Store, result: ActionResult) -> None:
+    for missing in (*store.actions.references.headers(result.output), result.key_document):
+        data = store.blobs.get(missing)
+        store.blobs.path(missing).unlink()
+        with pytest.raises(MissingBlob):
+            store.actions.put_bare(KEY, result)
         store.blobs.put(data)
 
 

@@ -18,8 +18,11 @@ from hypothesis import strategies as st
 from dextera_build import digest
 from dextera_build.errors import StoreError
 from dextera_build.store import inventory
+from dextera_build.store.actions import Found
 from dextera_build.store.choose import Limits
 from dextera_build.store.collect import Collection, collect
+from dextera_build.store.reapi import OutputFile, encode
+from dextera_build.store.remotes.offers import Offers
 from dextera_build.store.store import Store
 from dextera_build.store.use import Use
 from tests.store.stores import age, age_all, entry, harm, key_of, publish
@@ -130,6 +133,39 @@ def test_roots_stay_above_every_limit_and_that_is_said(store: Store) -> None:
     assert said.after > 10
     assert [(row.kind, row.count, row.why) for row in said.stays] == [("results", 1, "built last by someone")]
     assert_whole(store)
+
+
+def test_a_bare_result_is_collected_as_any_other(store: Store) -> None:
+    key = publish(store, "bare", [b"large"])
+    store.blobs.path(digest.of_bytes(b"large")).unlink()
+    result = store.actions.known(key)
+    assert result is not None
+    store.actions.put_bare(key, result)
+    age_all(store, time.time() - 9 * DAY)
+    collect(store, held(key), Limits(size=0), dry=False)
+    assert store.actions.find(key) == Found(result, False)
+    age_all(store, time.time() - 9 * DAY)
+    collect(store, nobody, Limits(size=0), dry=False)
+    assert keys(store) == set()
+    assert list(store.blobs.all()) == []
+
+
+def test_results_of_other_tools_hold_their_blobs_and_go_by_the_limits(store: Store) -> None:
+    offers, keeps = Offers(store), store.blobs.put(b"theirs")
+    assert offers.put(key_of("theirs"), encode([OutputFile("a.o", keeps, 6)])) == ""
+    assert offers.put(key_of("empty"), encode([OutputFile("log", digest.of_bytes(b""), 0)])) == ""
+    assert store.size()["foreign"][0] == 2
+    age_all(store, time.time() - 9 * DAY)
+    collect(store, nobody, dry=False)
+    assert offers.get(key_of("theirs")) is not None  # which is a use
+    assert offers.get(key_of("empty")) is not None
+    age(store.foreign / key_of("empty")[:2] / key_of("empty")[2:], time.time() - 9 * DAY)
+    said = collect(store, nobody, Limits(since=time.time() - DAY), dry=False)
+    assert rows(said) == {"results": 1}
+    assert store.blobs.get(keeps) == b"theirs"
+    store.blobs.path(keeps).unlink()
+    assert rows(collect(store, nobody, dry=False)) == {"results": 1}
+    assert store.size()["foreign"] == (0, 0)
 
 
 def test_a_blob_of_two_results_goes_with_the_second(store: Store) -> None:

@@ -39,6 +39,18 @@ def test_a_whole_store_has_nothing_to_find(store: Store) -> None:
     assert verdict.is_whole
 
 
+def test_bytes_that_are_absent_by_design_are_no_damage(store: Store) -> None:
+    blob(store, 1).unlink()
+    assert kinds(verify(store)) == ["lacking"]
+    result = store.actions.known(key_of("r1"))
+    assert result is not None
+    store.actions.put_bare(key_of("r1"), result)
+    assert verify(store, repair=True).findings == []
+    assert store.actions.known(key_of("r1")) == result
+    store.blobs.path(result.output).unlink()
+    assert kinds(verify(store)) == ["lacking"]
+
+
 def test_an_empty_store_is_whole(tmp_path: Path) -> None:
     assert verify(Store(tmp_path / "new"), repair=True).is_whole
 

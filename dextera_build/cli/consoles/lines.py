@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 from dextera_build.engine.events import (
+    BytesMissed,
     GroupOpened,
     NodeFinished,
     NodeRetried,
@@ -118,6 +119,12 @@ def opened(event: GroupOpened) -> Line:
 def logged(node: str, text: str) -> Line:
     """A line that a node logged."""
     return [(f"     {node} | ", "dim"), (printable(text.rstrip()), "")]
+
+
+def missed(event: BytesMissed) -> Line:
+    """Why a node whose result is known is fetched or runs: `loud: its bytes are not here, and all reads them`."""
+    because = "they are asked for" if event.reader == event.node else f"{event.reader} reads them"
+    return [(f"       {event.node}: its result is known, its bytes are not in the store, and {because}", "dim")]
 
 
 def retried(event: NodeRetried) -> Line:

@@ -20,6 +20,7 @@ from dextera_build.cli.consoles.lines import Columns, Line
 from dextera_build.cli.consoles.record import Record
 from dextera_build.cli.errors import wants_colour
 from dextera_build.engine.events import (
+    BytesMissed,
     Event,
     GroupOpened,
     NodeFinished,
@@ -145,6 +146,8 @@ class LiveConsole:
             self._pending.append(lines.plan(event))
         elif isinstance(event, GroupOpened):
             self._say(lines.opened(event))
+        elif isinstance(event, BytesMissed):
+            self._say(lines.missed(event))
         elif isinstance(event, RemoteGivenUp):
             self._worked = True
             self._say(lines.given_up(event))

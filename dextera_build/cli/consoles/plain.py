@@ -14,6 +14,7 @@ from dextera_build.cli.consoles.lines import STYLES, Columns, Line
 from dextera_build.cli.consoles.record import Record
 from dextera_build.cli.errors import paint, wants_colour
 from dextera_build.engine.events import (
+    BytesMissed,
     Event,
     GroupOpened,
     NodeFinished,
@@ -129,6 +130,8 @@ class PlainConsole:
             return lines.opened(event)
         if isinstance(event, NodeFinished) and event.status not in ("waits", "cancelled"):
             return self._columns.node(event)
+        if isinstance(event, BytesMissed):
+            return lines.missed(event)
         if isinstance(event, NodeRetried):
             return lines.retried(event)
         if isinstance(event, NodeLog) and self._verbose:

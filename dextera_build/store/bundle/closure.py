@@ -1,8 +1,9 @@
 """Which blobs belong into a bundle: the same walk decides when it is made and when it is taken.
 
-A result brings all that its output refers to, previews, log and `result.json`. A node without its result brings what
-explains it: its key document, and the headers (not the bytes) of its output. The headers of what each node read come
-too, so that an input can be followed to the node, or to the digest of the project file, that it came from.
+A whole result brings all that its output refers to, previews, log and `result.json`. Any other node brings what
+explains it: its key document, the headers (not the bytes) of its output, and `result.json` where its result is known.
+The headers of what each node read come too, so that an input can be followed to the node, or to the digest of the
+project file, that it came from.
 """
 
 from __future__ import annotations
@@ -63,7 +64,10 @@ class Closure:
         result = self._result(address, node)
         if self.results.setdefault(node.key, result) != result:
             raise wrong_result(address, "another node has the same key and another result")
-        self.blobs |= {node.result, result.key_document, *(digest for _, digest in result.previews)}
+        self.blobs |= {node.result, result.key_document}
+        if not node.is_whole:
+            return
+        self.blobs |= {digest for _, digest in result.previews}
         if result.log is not None:
             self.blobs.add(result.log)
         for key, digest in result.calls:

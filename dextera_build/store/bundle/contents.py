@@ -11,9 +11,11 @@ from dextera_build import digest as digests
 from dextera_build.store.bundle import documents
 from dextera_build.store.bundle.refusal import ill_formed
 
-FORM = 1
+FORM = 2
+_FORMS = (1, FORM)
+"""In form 1 nodes had their whole result, or none."""
 Closure: TypeAlias = Literal["targets", "full"]
-"""`targets`: results of the targets, and how they came about. `full`: results of every node."""
+"""`targets`: the bytes of the targets, and what is known of all other nodes. `full`: the bytes of every node."""
 _RECIPE = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*")
 
 
@@ -30,6 +32,8 @@ class Node:
     """Digest of the output's header."""
     result: str | None
     """Digest of its `result.json`; None where the bundle does not hold the result."""
+    is_whole: bool
+    """Whether the bundle holds all that the result names; else it is bare."""
     seconds: float
     """How long the rule ran [s]."""
     depends_on: tuple[str, ...] = ()
@@ -90,8 +94,8 @@ class Contents:
         """
         what = "the config"
         reader = documents.Reader(documents.parse(data, what), what)
-        if reader.raw.get("form") != FORM:
-            raise ill_formed(what, f"its form is not {FORM}; it may be of a newer dxb")
+        if reader.raw.get("form") not in _FORMS:
+            raise ill_formed(what, f"its form is not one of {_FORMS}; it may be of a newer dxb")
         closure = reader.text("closure")
         if closure not in get_args(Closure):
             raise ill_formed(what, "`closure` is neither `targets` nor `full`")
@@ -126,7 +130,7 @@ def _build(raw: object) -> Build:
         if name not in known:
             raise ill_formed(what, f"there is no node `{name}`")
     for name in targets:
-        if known[name].result is None:
+        if known[name].result is None or not known[name].is_whole:
             raise ill_formed(what, f"the target `{name}` has no result")
     return Build(_address(reader.text("recipe")), targets, reader.text("profile"), nodes)
 
@@ -140,6 +144,7 @@ def _node(raw: object) -> Node:
         key=reader.digest("key"),
         output=reader.digest("output"),
         result=reader.maybe_digest("result"),
+        is_whole=reader.raw.get("is_whole", reader.raw.get("result") is not None) is True,
         seconds=reader.seconds("seconds"),
         depends_on=reader.texts("depends_on"),
         files=reader.table("files"),

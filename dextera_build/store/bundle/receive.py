@@ -46,7 +46,9 @@ class Taken:
     """What came of taking a bundle."""
 
     new: int
-    """Results that the store did not have."""
+    """Results that the store did not have, or not with their bytes."""
+    bare: int
+    """How many of these came without their bytes."""
     known: int
     """Results that it had, equal ones."""
     other: tuple[str, ...]
@@ -104,22 +106,23 @@ def take(bundle: Opened, store: Store) -> Taken:
 def _publish(contents: Contents, found: closure.Closure, store: Store) -> Taken:
     """Write the results that the store does not have."""
     failpoints.reach("import.blobs")
-    new = known = 0
+    new = bare = known = 0
     other: list[str] = []
     done: set[str] = set()
-    for address, node in contents.nodes():
+    # Two nodes may have one key, and the bundle the bytes of one of them.
+    for address, node in sorted(contents.nodes(), key=lambda each: not each[1].is_whole):
         if node.result is None or node.key in done:
             continue
         done.add(node.key)
-        here = store.actions.get(node.key)
-        if here is None:
-            store.actions.put(node.key, found.results[node.key])
-            new += 1
-        elif here.output == node.output:
+        here = store.actions.find(node.key)
+        if here is None or (node.is_whole and not here.is_whole):
+            (store.actions.put if node.is_whole else store.actions.put_bare)(node.key, found.results[node.key])
+            new, bare = new + 1, bare + (not node.is_whole)
+        elif here.result.output == node.output:
             known += 1
         else:
             other.append(address)
-    return Taken(new, known, tuple(other))
+    return Taken(new, bare, known, tuple(other))
 
 
 class _Inbox:

@@ -26,6 +26,8 @@ class Arrival:
     key: str
     result: ActionResult | None
     """None: no remote has it; then it must be made."""
+    is_whole: bool = True
+    """Whether its bytes came, too."""
     remote: str = ""
     """Name of the remote that had it."""
     seconds: float = 0.0
@@ -77,10 +79,10 @@ class Exchange:
         self._hear()
         return len(self._to_send)
 
-    def ask(self, key: Digest) -> None:
-        """Look for a result in the background; `arrived` has the answer some time."""
+    def ask(self, key: Digest, *, whole: bool = True) -> None:
+        """Look for a result in the background, with its bytes or without; `arrived` has the answer some time."""
         self._asked.add(key.hash)
-        self._readers.start(lambda: self._answer(key))
+        self._readers.start(lambda: self._answer(key, whole))
 
     def arrived(self, patience_s: float) -> list[Arrival]:
         """Answers that are there, or come within `patience_s` [s]."""
@@ -136,21 +138,21 @@ class Exchange:
         self._writers.dismiss()
         return [upload for upload in self._uploads.values() if upload.results or upload.left]
 
-    def _answer(self, key: Digest) -> None:
+    def _answer(self, key: Digest, whole: bool) -> None:
         answer = Arrival(key.hash, None)
         try:
-            answer = self.fetch(key)
+            answer = self.fetch(key, whole=whole)
         finally:
             self._answers.put(answer)
 
-    def fetch(self, key: Digest) -> Arrival:
+    def fetch(self, key: Digest, *, whole: bool = True) -> Arrival:
         """Look for a result in this thread."""
         began = time.monotonic()
         for remote in self.remotes:
             if not remote.may("read"):
                 continue
             try:
-                found = self._transfer.fetch(remote, key)
+                found = self._transfer.fetch(remote, key, whole=whole)
             except DamagedBlob as fault:
                 remote.blame(fault)
             except RemoteFault:
@@ -159,7 +161,8 @@ class Exchange:
                 break  # a full disk; the node finds out itself
             else:
                 if found is not None:
-                    return Arrival(key.hash, found.result, remote.name, time.monotonic() - began)
+                    seconds = time.monotonic() - began
+                    return Arrival(key.hash, found.result, found.is_whole, remote.name, seconds)
         return Arrival(key.hash, None)
 
     def _send(self, remote: Guarded, key: str) -> None:

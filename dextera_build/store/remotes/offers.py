@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from dextera_build.errors import StoreError
@@ -23,7 +24,6 @@ class Offers:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._foreign = store.root / "foreign"
 
     def get(self, key: str) -> bytes | None:
         """The `ActionResult` message of a key, or None."""
@@ -31,13 +31,17 @@ class Offers:
             own = self._store.actions.message(key)
             return own[0] if own else None
         try:
-            message = files.read(str(self._file(key)))
+            message, stamp = files.read_stamped(str(self._file(key)))
         except OSError:
             return None
         try:
-            return message if _lacking(self._store, message) is None else None
+            if _lacking(self._store, message) is not None:
+                return None
         except ValueError:
             return None
+        with suppress(PermissionError):  # what another user brought is of use for as long as that one says
+            self._store.blobs.use.note(str(self._file(key)), stamp)
+        return message
 
     def put(self, key: str, message: bytes) -> str:
         """Take a result; returns why not, or "".
@@ -72,7 +76,7 @@ class Offers:
         return ""
 
     def _file(self, key: str) -> Path:
-        return self._foreign / key[:2] / key[2:]
+        return self._store.foreign / key[:2] / key[2:]
 
 
 def _lacking(store: Store, message: bytes) -> str | None:

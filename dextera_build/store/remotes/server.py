@@ -6,6 +6,8 @@ among all others. What is not whole is not there, and what is there and whole is
 
 from __future__ import annotations
 
+import base64
+import hmac
 import re
 import socket
 from collections.abc import Iterator
@@ -34,6 +36,7 @@ class CacheServer(ThreadingHTTPServer):
         read_only: Take nothing.
         most_bytes: Largest blob that is taken [bytes].
         log: Gets a line for each request; None for none.
+        secret: Password of the user `dxb`, whom alone it serves; "" serves everyone.
 
     Raises:
         OSError: Nothing can listen there.
@@ -50,11 +53,14 @@ class CacheServer(ThreadingHTTPServer):
         read_only: bool = False,
         most_bytes: int = 16_000_000_000,
         log: TextIO | None = None,
+        secret: str = "",
     ) -> None:
         if ":" in address[0]:
             self.address_family = socket.AF_INET6
         self.offers = Offers(store)
         self.store, self.read_only, self.most_bytes, self.log = store, read_only, most_bytes, log
+        self.welcome = b"Basic " + base64.b64encode(f"dxb:{secret}".encode()) if secret else b""
+        """What a client must say to be served."""
         self.given = self.taken = 0
         super().__init__(address, partial(_Request))
 
@@ -164,6 +170,10 @@ class _Request(BaseHTTPRequestHandler):
             yield piece
 
     def _place(self) -> tuple[str, str] | None:
+        welcome = self.server.welcome
+        if welcome and not hmac.compare_digest(self.headers.get("Authorization", "").encode(), welcome):
+            self._refuse(HTTPStatus.UNAUTHORIZED, "a name and a password are needed")
+            return None
         match = _PATH.fullmatch(self.path)
         if match is None:
             self._refuse(HTTPStatus.NOT_FOUND, "only /ac/<sha256> and /cas/<sha256> are here")

@@ -217,7 +217,7 @@ def node_of(raw: dict, name: str = "scene") -> dict:
 @pytest.mark.parametrize(
     ("change", "code", "word"),
     [
-        (lambda raw: raw.update(form=2), "DXB-S306", "form"),
+        (lambda raw: raw.update(form=3), "DXB-S306", "form"),
         (lambda raw: raw.update(closure="all"), "DXB-S306", "closure"),
         (lambda raw: raw.update(builds=[]), "DXB-S306", "no build"),
         (lambda raw: raw["builds"][0].update(targets=[]), "DXB-S306", "no targets"),
@@ -229,6 +229,9 @@ def node_of(raw: dict, name: str = "scene") -> dict:
         (lambda raw: node_of(raw).update(node="a\nb"), "DXB-S306", "control characters"),
         (lambda raw: node_of(raw).update(seconds=-1), "DXB-S306", "seconds"),
         (lambda raw: node_of(raw).update(result=None), "DXB-S306", "has no result"),
+        (lambda raw: node_of(raw).update(is_whole=False), "DXB-S306", "has no result"),
+        (lambda raw: node_of(raw, "read").update(is_whole=False, result="0" * 64), "DXB-S303", "lacks"),
+        (lambda raw: node_of(raw, "read").update(is_whole=False, output="0" * 64), "DXB-S303", "lacks"),
         (lambda raw: node_of(raw).update(rule="other.rule"), "DXB-S307", "another rule"),
         (lambda raw: node_of(raw).update(backend="gpu"), "DXB-S307", "another rule"),
         (lambda raw: node_of(raw).update(output=node_of(raw, "read")["output"]), "DXB-S307", "another output"),
@@ -242,6 +245,16 @@ def node_of(raw: dict, name: str = "scene") -> dict:
 )
 def test_a_config_that_is_wrong_is_refused(folder, other, change, code, word):
     refused(Forgery(folder).edit_config(change).write(), other, code, word)
+
+
+def test_results_of_the_first_form_are_whole_or_not_there(folder, other, store):
+    def first(raw: dict) -> None:
+        raw.update(form=1)
+        for node in raw["builds"][0]["nodes"]:
+            del node["is_whole"]
+
+    taken = take(Forgery(folder).edit_config(first).write(), other)
+    assert (taken.new, taken.bare) == (len(list(store.actions.keys())), 0)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,8 @@ import tracemalloc
 import pytest
 
 from dextera_build.digest import canonical
+from dextera_build.engine.graph import Address
+from dextera_build.engine.survey import survey
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.bundle import layout, receive
 from dextera_build.store.bundle.contents import Contents
@@ -22,9 +24,12 @@ def test_results_arrive(tmp_path, store, other, plan, name, closure):
     layout.write(bundle(store, plan, closure), tmp_path / name)
     taken = take(tmp_path / name, other)
     keys = set(other.actions.keys())
-    assert keys == (set(store.actions.keys()) if closure == "full" else {last_key(plan, store)})
-    assert (taken.new, taken.known, taken.other) == (len(keys), 0, ())
+    assert keys == set(store.actions.keys())
+    whole = keys if closure == "full" else {last_key(plan, store)}
+    assert taken == receive.Taken(len(keys), len(keys - whole), 0, ())
     for key in keys:
+        assert other.actions.known(key) == store.actions.get(key)
+    for key in whole:
         assert other.actions.get(key) == store.actions.get(key)
         for file in other.actions.files(key):
             assert file.read_bytes() == (store.root / file.relative_to(other.root)).read_bytes()
@@ -35,15 +40,41 @@ def last_key(plan, store) -> str:
     return str(result.nodes["scene"].key)
 
 
-def test_a_build_finds_all_of_a_full_bundle(folder, other, plan):
-    take(folder, other)
-    _, record = run(plan, other)
+@pytest.mark.parametrize("closure", ["targets", "full"])
+def test_a_build_of_its_targets_runs_nothing(tmp_path, store, other, plan, closure):
+    layout.write(bundle(store, plan, closure), tmp_path / "bundle")
+    take(tmp_path / "bundle", other)
+    result, record = run(plan, other)
+    assert result.ok
     assert record.with_status("ran") == []
+    # The second look is at what the first one wrote down.
+    assert run(plan, other)[1].with_status("ran") == []
+
+
+def test_bytes_that_come_later_make_a_bare_result_whole(tmp_path, store, other, plan, folder):
+    layout.write(bundle(store, plan), tmp_path / "targets")
+    bare = take(tmp_path / "targets", other)
+    assert bare.bare > 0
+    run(plan, other)
+    later = take(folder, other)
+    assert (later.new, later.bare) == (later.new, 0)
+    for key in store.actions.keys():  # noqa: SIM118 - not a mapping
+        assert other.actions.get(key) == store.actions.get(key)
+        assert other.actions.message(key) == store.actions.message(key)
+
+
+def test_what_was_bundled_bare_can_be_bundled_again(tmp_path, store, other, plan):
+    layout.write(bundle(store, plan), tmp_path / "one.tar")
+    take(tmp_path / "one.tar", other)
+    layout.write(bundle(other, plan), tmp_path / "two.tar")
+    assert (tmp_path / "two.tar").read_bytes() == (tmp_path / "one.tar").read_bytes()
+    found = survey(plan, [Address(name) for name in plan.targets["default"]], other, whole=True)
+    assert found.stale != ()
 
 
 def test_taking_twice_changes_nothing(folder, other):
     first = take(folder, other)
-    assert take(folder, other) == receive.Taken(0, first.new, ())
+    assert take(folder, other) == receive.Taken(0, 0, first.new, ())
 
 
 def test_equal_targets_give_equal_bytes(tmp_path, store, plan):

@@ -1,0 +1,91 @@
+"""Which executor a build uses, and what its workers are told."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from dextera_build.errors import UsageError
+
+if TYPE_CHECKING:
+    from dextera_build.cli.session import Session
+    from dextera_build.engine.executors.ray_worker import Setup
+    from dextera_build.engine.graph import RuleFacts
+    from dextera_build.engine.tasks import Executor
+    from dextera_build.project import Project
+
+RUNNER = "dextera_build.runner:run_task"
+
+
+@contextmanager
+def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False) -> Iterator[Executor]:
+    """What runs the nodes of one build, as the settings say.
+
+    Args:
+        session: The recipe that is built.
+        rules: Those that may run.
+        idle: Nothing will run, so that no cluster and no device is looked for.
+    """
+    kind, _, address = session.project.executor.partition(":")
+    if kind == "ray" and not idle:
+        yield from _ray(session, address, list(rules))
+    else:
+        from dextera_build.engine.executors.local import LocalExecutor
+
+        project = session.project
+        wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
+        capacity = project.capacity(gpus=wants_gpu)
+        with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity) as workers:
+            yield workers
+
+
+def _environment(project: Project) -> dict[str, str]:
+    # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
+    environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment["DXB_CALLS"] = project.calls
+    if listed := project.remotes.listed:
+        environment["DXB_REMOTES"] = listed
+    return environment
+
+
+def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Executor]:
+    from dextera_build.engine.executors.ray import RayExecutor
+    from dextera_build.engine.executors.ray_cluster import RayCluster
+
+    project = session.project
+    if project.asks_again:
+        raise UsageError(
+            f"`--calls {project.calls}` asks services again, which a build on a cluster cannot",
+            code="DXB-U179",
+            facts={"executor": project.executor},
+            hint=f"`--executor local --calls {project.calls}`",
+        )
+    said = dict(project.config["resources"].value)
+    if project.config["jobs"].origin != "default":
+        said["cpu"] = float(project.jobs)
+    models: dict[tuple[str, str | None], str] = {
+        (rule.path, rule.backend): f"{rule.path} {rule.backend} {' '.join(rule.weights)}"
+        for rule in rules
+        if rule.backend and rule.weights
+    }
+    setup = _setup(session, rules)
+    with RayExecutor(RayCluster(address), session.store, setup, said=said, models=models) as workers:
+        yield workers
+
+
+def _setup(session: Session, rules: list[RuleFacts]) -> Setup:
+    from dextera_build import digest, sources
+    from dextera_build.engine.executors.ray_worker import Setup
+
+    project, blobs = session.project, session.store.blobs
+    table = {name: blobs.put_file(file)[0] for name, file in sources.files(project.root).items()}
+    return Setup(
+        runner=RUNNER,
+        driver="",
+        environment=_environment(project),
+        code=blobs.put(digest.canonical(table)),
+        stand=sources.stand({name: version for rule in rules for name, version in rule.packages.items()}),
+        compare="dextera_build.sources:differences",
+    )

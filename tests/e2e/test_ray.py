@@ -1,0 +1,341 @@
+"""Builds on a real Ray cluster: two nodes on this machine, each with a store of its own."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import psutil
+import pytest
+
+from tests.e2e.space import Answer, Space
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="ray is not installed: `make test-all`"),
+    pytest.mark.timeout(900),
+]
+_PATIENCE_S = 300.0
+
+WHERE = '''
+"""toy.where: says on which node it ran."""
+import os
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Context, Options, rule
+
+class WhereOptions(Options):
+    """Options."""
+    salt: str = ""
+    """Makes two calls differ."""
+
+@rule(version=1, resources={"site:SITE": 1})
+def NAME(ctx: Context, text: File, *, options: WhereOptions) -> File:
+    """Return the text with the site's name."""
+    print("store", os.environ["DXB_NODE_STORE"], flush=True)
+    ctx.progress(1, 2, "halfway")
+    return File(data=text.data + b" SITE" + bytes(2_000_000))
+'''
+MODEL = '''
+"""toy.model: a rule with weights."""
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Context, Options, rule
+
+class ModelOptions(Options):
+    """Options."""
+    number: int = 0
+    """Makes calls differ."""
+
+@rule(version=1)
+def model(ctx: Context, *, options: ModelOptions) -> File:
+    """Return what the model says."""
+    return ctx.backend.say(options.number)
+'''
+MODEL_BACKEND = '''
+"""Counts how often its weights are loaded."""
+import functools
+import os
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Backend
+BACKEND = Backend(summary="loads slowly", profiles=("cpu",), weights=("toy@0000",))
+
+@functools.cache
+def load():
+    with open(os.environ["TOY_LOADS"], "a") as file:
+        file.write(f"{os.getpid()}\\n")
+    return b"weights"
+
+def say(number):
+    return File(data=load() + str(number).encode())
+'''
+RECIPE = """
+inputs: {text: words.txt}
+nodes:
+  a: {rule: toy.at_a, text: $text}
+  b: {rule: toy.at_b, text: $a}
+  c: {rule: toy.at_a, text: $b, salt: again}
+"""
+MODELS = "nodes:\n" + "".join(f"  m{n}: {{rule: toy.model, number: {n}}}\n" for n in range(12))
+
+
+@dataclass
+class Raylets:
+    """A cluster; its nodes are processes of this test, and go with it."""
+
+    home: Path
+    address: str = ""
+    started: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+
+    def start(self, name: str, *words: str) -> None:
+        """Start a node, the first as the head."""
+        store = {"DXB_NODE_STORE": str(self.home / f"store_{name}"), "TOY_LOADS": str(self.home / "loads")}
+        common = [
+            "--num-cpus=2",
+            "--object-store-memory=80000000",
+            "--disable-usage-stats",
+            f"--temp-dir={self.home}/r",
+        ]
+        said = self.home / f"{name}.log"
+        with open(said, "wb") as log:
+            self.started[name] = subprocess.Popen(
+                [sys.executable, "-m", "ray.scripts.scripts", "start", "--block", *common, *words],
+                env={**os.environ, **store, "RAY_USAGE_STATS_ENABLED": "0"},
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
+        end = time.monotonic() + _PATIENCE_S
+        while "Ray runtime started" not in said.read_text():
+            assert self.started[name].poll() is None, said.read_text()
+            assert time.monotonic() < end, said.read_text()
+            time.sleep(0.1)
+
+    def end(self, name: str) -> None:
+        """Kill a node and all that runs on it, at once."""
+        root = self.started.pop(name)
+        family = [psutil.Process(root.pid), *psutil.Process(root.pid).children(recursive=True)]
+        for process in family:
+            with suppress(psutil.NoSuchProcess):
+                process.kill()
+        root.wait(30)
+        psutil.wait_procs(family[1:], timeout=30)
+
+    def workers(self) -> list[psutil.Process]:
+        """Processes that run calls of this cluster."""
+        mine = [psutil.Process(root.pid) for root in self.started.values()]
+        below = [child for root in mine for child in root.children(recursive=True)]
+        return [child for child in below if "dextera_build.engine.worker" in " ".join(_command(child))]
+
+
+def _command(process: psutil.Process) -> list[str]:
+    try:
+        return process.cmdline()
+    except psutil.Error:
+        return []
+
+
+@contextmanager
+def raylets() -> Iterator[Raylets]:
+    # The path of a socket may be 107 bytes long, so the folder has a short one.
+    with tempfile.TemporaryDirectory(prefix="dxb-ray-", ignore_cleanup_errors=True) as folder, socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+        free.close()
+        cluster = Raylets(Path(folder), f"127.0.0.1:{port}")
+        try:
+            site = '{"site:a": 1}'
+            cluster.start(
+                "a",
+                "--head",
+                "--node-ip-address=127.0.0.1",
+                f"--port={port}",
+                "--include-dashboard=false",
+                f"--resources={site}",
+            )
+            cluster.start(
+                "b", f"--address={cluster.address}", "--node-ip-address=127.0.0.1", '--resources={"site:b": 1}'
+            )
+            yield cluster
+        finally:
+            for name in list(cluster.started):
+                cluster.end(name)
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Raylets]:
+    with raylets() as found:
+        yield found
+
+
+@pytest.fixture
+def sites(space: Space) -> Space:
+    for site in "ab":
+        space.write(
+            f"rules/toy/at_{site}.py",
+            WHERE.lstrip().replace("toy.where", f"toy.at_{site}").replace("NAME", f"at_{site}").replace("SITE", site),
+        )
+    space.write("rules/toy/model.py", MODEL.lstrip())
+    space.write("rules/toy/model_slow.py", MODEL_BACKEND.lstrip())
+    space.write("recipes/toy/sites.yaml", RECIPE)
+    space.write("recipes/toy/models.yaml", MODELS)
+    space.write("words.txt", "one")
+    return space
+
+
+def on(cluster: Raylets, space: Space, *words: str, **environment: str) -> Answer:
+    return space.dxb(
+        "build", "--console", "jsonl", "--executor", f"ray:{cluster.address}", *words, env=environment or None
+    )
+
+
+def made(answer: Answer) -> dict[str, tuple[str, str]]:
+    """Node -> (key, output) of all that ran."""
+    return {
+        event["node"]: (event["key"], event["output"])
+        for event in answer.events
+        if event["event"] == "node_finished" and event["status"] == "ran"
+    }
+
+
+def test_keys_and_bytes_are_those_of_one_machine(cluster: Raylets, sites: Space) -> None:
+    answer = on(cluster, sites, "toy/sites")
+    assert answer.code == 0, answer.err
+    alone = sites.dxb(
+        "build",
+        "--console",
+        "jsonl",
+        "toy/sites",
+        "--resources",
+        "site:a=1,site:b=1",
+        env={"DXB_CACHE": "alone", "DXB_NODE_STORE": "none"},
+    )
+    assert alone.code == 0, alone.err
+    assert made(answer) == made(alone)
+    assert len(made(answer)) == 3
+    assert any(event["event"] == "node_progress" for event in answer.events)
+    for name, site in (("a", "a"), ("b", "b"), ("c", "a")):
+        log = sites.dxb("log", "toy/sites", name)
+        assert f"store {cluster.home}/store_{site}" in log.out
+    assert on(cluster, sites, "toy/sites").nodes("ran") == set()
+
+
+def test_weights_are_loaded_once_a_worker(cluster: Raylets, sites: Space) -> None:
+    answer = on(cluster, sites, "toy/models", "--jobs", "1")
+    assert answer.code == 0, answer.err
+    assert len(answer.nodes("ran")) == 12
+    assert len((cluster.home / "loads").read_text().splitlines()) == 1
+
+
+def test_a_failure_is_that_of_one_machine_and_the_rest_goes_on(cluster: Raylets, sites: Space) -> None:
+    sites.write(
+        "recipes/toy/fails.yaml",
+        """
+inputs: {text: words.txt}
+nodes:
+  bad: {rule: toy.slow, text: $text, do: fail}
+  worse: {rule: toy.slow, text: $text, do: raise}
+  good: {rule: toy.slow, text: $text}
+  after: {rule: toy.slow, text: $bad}
+targets: {default: [bad, worse, good, after]}
+""",
+    )
+    answer = on(cluster, sites, "toy/fails", "-k")
+    assert answer.code == 1
+    assert answer.nodes("ran") == {"good"}
+    assert answer.nodes("failed") == {"bad", "worse"}
+    alone = sites.dxb("build", "--console", "jsonl", "toy/fails", "-k", env={"DXB_CACHE": "alone"})
+
+    def errors(of: Answer) -> dict[str, dict]:
+        return {e["node"]: e["error"] for e in of.events if e["event"] == "node_finished" and e["status"] == "failed"}
+
+    assert errors(answer) == errors(alone)
+
+
+SLOW = "inputs: {text: words.txt}\nnodes:\n" + "".join(
+    f"  s{n}: {{rule: toy.slow, text: $text, seconds: {2.0 + n / 1000}}}\n" for n in range(8)
+)
+SLOW += "targets: {default: [s0, s1, s2, s3, s4, s5, s6, s7]}\n"
+
+
+def running(space: Space, cluster: Raylets, *words: str) -> subprocess.Popen[str]:
+    """A build that has finished a node and runs others."""
+    space.write("recipes/toy/slow.yaml", SLOW)
+    build = space.start("build", "--console", "plain", "--executor", f"ray:{cluster.address}", "toy/slow", *words)
+    assert build.stderr is not None
+    said = []
+    for line in build.stderr:
+        said.append(line)
+        if line.startswith("  +  "):
+            return build
+    raise AssertionError("".join(said))
+
+
+def finish(build: subprocess.Popen[str]) -> str:
+    try:
+        return build.communicate(timeout=_PATIENCE_S)[1]
+    finally:
+        build.kill()
+
+
+def gone(cluster: Raylets, within_s: float) -> bool:
+    end = time.monotonic() + within_s
+    while cluster.workers() and time.monotonic() < end:
+        time.sleep(0.1)
+    return not cluster.workers()
+
+
+def test_killed_workers_lose_nothing(cluster: Raylets, sites: Space) -> None:
+    build = running(sites, cluster)
+    for worker in cluster.workers():
+        parent = worker.parent()
+        assert parent is not None
+        parent.kill()  # the actor
+    said = finish(build)
+    assert build.returncode == 0, said
+    assert "8 ran" in said
+
+
+def test_a_killed_driver_leaves_what_was_finished_and_no_process(cluster: Raylets, sites: Space) -> None:
+    build = running(sites, cluster)
+    assert cluster.workers()
+    build.kill()
+    build.communicate(timeout=30)
+    assert gone(cluster, 60.0)
+    answer = on(cluster, sites, "toy/slow")
+    assert answer.code == 0
+    assert answer.nodes("cached")
+    assert len(answer.nodes("cached", "ran")) == 8
+
+
+def test_an_interrupt_ends_it_all(cluster: Raylets, sites: Space) -> None:
+    build = running(sites, cluster)
+    build.send_signal(signal.SIGINT)
+    finish(build)
+    assert build.returncode == 130
+    assert gone(cluster, 60.0)
+
+
+def test_a_lost_node_loses_nothing(sites: Space) -> None:
+    with raylets() as cluster:
+        build = running(sites, cluster)
+        cluster.end("b")
+        said = finish(build)
+    assert build.returncode == 0, said
+    assert "8 ran" in said
+
+
+def test_without_a_cluster_the_error_says_how_to_start_one(space: Space) -> None:
+    answer = space.dxb("build", "say/words", "--executor", "ray:127.0.0.1:1")
+    assert answer.code == 4
+    assert "error[DXB-E351]: no Ray cluster answers at `127.0.0.1:1`" in answer.err
+    assert "hint: `ray start --head`" in answer.err
