@@ -5,7 +5,6 @@ A `DxbError` is printed without a traceback. Anything else that escapes is a fau
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -137,6 +136,8 @@ def from_json(data: Mapping[str, object]) -> DxbError:
 
 def did_you_mean(name: str, known: Iterable[str], form: str = "`{}`") -> str | None:
     """The hint for a name that does not exist, or None where nothing is near."""
+    import difflib  # an error has time, every other command has not
+
     near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
     return f"did you mean {form.format(near[0])}?" if near else None
 

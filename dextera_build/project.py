@@ -297,6 +297,21 @@ def find(start: Path | None = None, flags: Mapping[str, Any] | None = None) -> P
     """The project that `start` (the current folder) lies in; the folder itself where there is none."""
     here = (start or Path.cwd()).absolute()
     for folder in (here, *here.parents):
-        if (folder / MARKER).is_file() or settings_file.declares(folder / settings_file.PYPROJECT):
+        if _is_project(folder):
             return Project(folder, flags)
     return Project(here, flags, declared=False)
+
+
+def deciding_files() -> list[str]:
+    """Files that say to which project the current folder belongs and what its settings and pins are, there or not."""
+    here = Path.cwd()
+    found = [os.fspath(settings_file.user_folder() / "config.toml")]
+    for folder in (here, *here.parents):
+        found += [os.fspath(folder / name) for name in (MARKER, "dxb.local.toml", settings_file.PYPROJECT, LOCK)]
+        if _is_project(folder):
+            break
+    return found
+
+
+def _is_project(folder: Path) -> bool:
+    return (folder / MARKER).is_file() or settings_file.declares(folder / settings_file.PYPROJECT)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.cli import main
+from dextera_build.cli import grammar
 from dextera_build.loader import Library
 
 REPO = Path(__file__).parent.parent
@@ -38,7 +38,7 @@ COMMANDS = sorted({command for page in PAGES for command in console(page)})
 
 @pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("dxb ")])
 def test_commands_in_pages_are_understood(command):
-    main.parser().parse_args(shlex.split(command)[1:])
+    grammar.parser().parse_args(shlex.split(command)[1:])
 
 
 @pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("make ")])
@@ -91,7 +91,7 @@ def reference(monkeypatch):
 
 def test_the_reference_has_every_verb(reference):
     page = reference.MAKERS["cli"]()
-    assert [verb for verb in main.VERBS if f"## dxb {verb}\n" not in page] == []
+    assert [verb for verb in grammar.VERBS if f"## dxb {verb}\n" not in page] == []
 
 
 def test_the_reference_has_every_rule_and_option(reference):

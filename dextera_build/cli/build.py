@@ -6,7 +6,6 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from dextera_build import __version__
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from dextera_build.engine.graph import Address
     from dextera_build.engine.known import Known
     from dextera_build.engine.records import RunResult
+    from dextera_build.engine.snapshot import Head
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
 
@@ -44,12 +44,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Build every recipe that is named, one after the other."""
+    from dextera_build.cli.notes import Notes
+
     started = time.perf_counter()
+    args.notes = Notes(args.words)
     project = options.project(args)
     args.locking = locking.Locking(project, lock=args.lock, locked=args.locked, added=options.added(args))
     code = 0
+    recipes = options.by_recipe(args.targets)
     try:
-        for recipe, targets in options.by_recipe(args.targets).items():
+        for recipe, targets in recipes.items():
             code = max(code, _build(args, project, recipe, targets, started))
             started = time.perf_counter()
             if code and not args.keep_going:
@@ -58,6 +62,9 @@ def run(args: argparse.Namespace) -> int:
         notice = args.locking.write()
         if notice and project.config["console"].value not in ("none", "jsonl"):
             print(notice, file=sys.stderr)
+    kind = project.config["console"].value
+    if not (code or args.force or args.lock or args.locked or project.asks_again or kind == "jsonl"):
+        args.notes.write(len(recipes), told=kind != "none")
     return code
 
 
@@ -80,11 +87,13 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
     }
     known = None if args.force or project.asks_again else fresh.load(project, fingerprint)
     if known is not None:
-        return _say_nothing_ran(project, recipe, *known, started)
+        args.notes.add(recipe, fresh.place(project, fingerprint), known)
+        return _say_nothing_ran(project, recipe, known, started)
     return _run(args, project, recipe, targets, fingerprint, started)
 
 
-def _say_nothing_ran(project: Project, recipe: str, nodes: str, lines: Sequence[str], started: float) -> int:
+def _say_nothing_ran(project: Project, recipe: str, head: Head, started: float) -> int:
+    nodes, *lines = head["lines"]
     seconds = time.perf_counter() - started
     kind = project.config["console"].value
     if kind == "jsonl":
@@ -118,11 +127,12 @@ def _run(
     session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
     whole = whole or args.force or args.check or args.locked or project.asks_again
     quick = not (whole or project.config["console"].value == "jsonl")
+    place = fresh.place(project, fingerprint)
     near = fresh.near(project, fingerprint, session.store) if quick else None
     if near is not None and near.idle:
-        nodes, *lines = near.stale.head["lines"]
-        fresh.renew(project, fingerprint, seen, near, lines)
-        return _say_nothing_ran(project, recipe, nodes, lines, started)
+        head = near.stale.head
+        args.notes.add(recipe, place, fresh.renew(project, fingerprint, seen, near, head["lines"][1:]))
+        return _say_nothing_ran(project, recipe, head, started)
     plan = Plan(near.known.graph, ()) if near else session.plan(options.request(args, project.profile))
     wanted = [address for target in targets for address in addresses(plan.graph, target)]
     args.locking.refuse(session, plan, wanted)
@@ -140,9 +150,10 @@ def _run(
         args.locking.note(session, plan, wanted, result)
         fingerprint["lock"] = args.locking.state(recipe)
         if near is not None:
-            fresh.renew(project, fingerprint, seen, near, lines)
+            saved = fresh.renew(project, fingerprint, seen, near, lines)
         else:
-            fresh.save(project, fingerprint, seen, plan, result, lines)
+            saved = fresh.save(project, fingerprint, seen, plan, result, lines)
+        args.notes.add(recipe, place, saved)
     return 0 if result.ok else 1
 
 

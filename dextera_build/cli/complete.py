@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 
-from dextera_build.cli.main import VERBS, parser
+from dextera_build.cli.grammar import VERBS, parser
 
 Candidate = tuple[str, str]
 """A word and what it is."""

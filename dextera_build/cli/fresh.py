@@ -20,7 +20,7 @@ _DEEPEST = 30
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
     from dextera_build.engine.known import Known
-    from dextera_build.engine.snapshot import Stale
+    from dextera_build.engine.snapshot import Head, Stale
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
     from dextera_build.store.presence import Presence
@@ -49,16 +49,18 @@ class Near:
         return not self.known.cone and snapshot.is_placed(self.stale.head)
 
 
-def load(project: Project, fingerprint: Mapping[str, object]) -> tuple[str, tuple[str, ...]] | None:
-    """How many nodes the same request had and the lines that it printed, if nothing it saw has changed since."""
-    found = snapshot.load_if_fresh(_file(project, fingerprint), dict(fingerprint))
-    return (found.lines[0], found.lines[1:]) if found else None
+def load(project: Project, fingerprint: Mapping[str, object]) -> Head | None:
+    """What is remembered of the same request, if nothing that it saw has changed since.
+
+    Its `lines` are the number of nodes and what it printed.
+    """
+    return snapshot.load_if_fresh(place(project, fingerprint), dict(fingerprint))
 
 
 def save(
     project: Project, fingerprint: Mapping[str, object], seen: Seen, plan: Plan, result: RunResult, lines: list[str]
-) -> None:
-    """Remember a build that went well.
+) -> Head | None:
+    """Remember a build that went well; None where that cannot be.
 
     A file that was changed after `seen` was made keeps the snapshot from being written, so it may be noted here.
     """
@@ -66,7 +68,7 @@ def save(
     from dextera_build.recipe.content import content
 
     outputs = _placed(lines)
-    watch, path = seen.watch, _file(project, fingerprint)
+    watch, path = seen.watch, place(project, fingerprint)
     fixed = note(project, watch, plan)
     watch.blobs(outputs)
     store = (str(project.cache), seen.presence)
@@ -78,7 +80,7 @@ def save(
     contents = {str(file): content(file) for file in plan.recipes}
     contents |= {str(file): said for file, said in project.library.code.contents().items()}
     more = {"fixed": fixed, "contents": contents, "nodes": str(len(result.nodes))}
-    snapshot.save(path, dict(fingerprint), watch, [str(len(result.nodes)), *lines], store, more)
+    return snapshot.save(path, dict(fingerprint), watch, [str(len(result.nodes)), *lines], store, more)
 
 
 def note(project: Project, watch: Watch, plan: Plan) -> list[str]:
@@ -110,7 +112,7 @@ def note_packages(watch: Watch) -> None:
 
 def near(project: Project, fingerprint: Mapping[str, object], store: Store) -> Near | None:
     """What the last build of a request knew, if nothing changed since but files that nodes read, and comments."""
-    path = _file(project, fingerprint)
+    path = place(project, fingerprint)
     stale = snapshot.load_if_near(path, dict(fingerprint))
     try:
         return _known(project, path, stale, store) if stale else None
@@ -143,14 +145,15 @@ def _known(project: Project, path: Path, stale: Stale, store: Store) -> Near | N
     return Near(stale, found) if found.spread(changed, nodes) else None
 
 
-def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near: Near, lines: list[str]) -> None:
-    """Remember a build that went on from another."""
-    path = _file(project, fingerprint)
+def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near: Near, lines: list[str]) -> Head | None:
+    """Remember a build that went on from another; None where that cannot be."""
+    path = place(project, fingerprint)
     seen.watch.blobs(_placed(lines))
     with suppress(StoreError, OSError, ValueError):
         near.known.write_state(path)
         near.stale.head["request"] = dict(fingerprint)
-        snapshot.renew(path, near.stale, seen.watch, [near.stale.head["nodes"], *lines], seen.presence)
+        return snapshot.renew(path, near.stale, seen.watch, [near.stale.head["nodes"], *lines], seen.presence)
+    return None
 
 
 def _placed(lines: list[str]) -> list[str]:
@@ -185,7 +188,8 @@ def _is_whole(leaf: str, head: Mapping[str, Mapping[str, object]]) -> bool:
     return os.path.isdir(leaf) if leaf in head["folders"] else os.path.isfile(leaf)
 
 
-def _file(project: Project, fingerprint: Mapping[str, object]) -> Path:
+def place(project: Project, fingerprint: Mapping[str, object]) -> Path:
+    """Where a request is remembered."""
     # Pins change with what is built; the request is the same.
     locking = fingerprint.get("lock")
     asked = {**fingerprint, "lock": locking[:2] if isinstance(locking, list) else None}

@@ -4,78 +4,27 @@ Exit codes: 0 done, 1 a node failed, 2 command line or recipe wrong, 3 stale und
 not as locked under `--locked`, 4 the machine lacks something, 70 a fault in dxb, 130 interrupted.
 """
 
-from __future__ import annotations
-
-import argparse
-import importlib
 import os
 import sys
-from collections.abc import Sequence
-from typing import NoReturn
 
-from dextera_build import __version__
-from dextera_build.errors import DxbError, UsageError, did_you_mean
+from dextera_build.cli import quick
 
-VERBS = {
-    "build": "build targets; only what is stale runs",
-    "plan": "show what a build would do, without doing it",
-    "watch": "build, and again whenever something that the build read changes",
-    "get": "write a node's artifact to files",
-    "why": "explain why a node is stale, or when it was built",
-    "ls": "list recipes, rules, backends, nodes or runs",
-    "show": "show an artifact, a node, or the configuration",
-    "diff": "show what is different between two runs, nodes or artifacts",
-    "log": "show past runs and what their nodes printed",
-    "view": "look at a scene in the browser",
-    "report": "write a run's report, one offline HTML file",
-    "graph": "draw a recipe's graph as SVG, JSON or DOT",
-    "trace": "write when every node of a run worked, for a trace viewer",
-    "init": "make a new project",
-    "new": "make a new recipe, rule or backend in this project",
-    "check": "check recipes, or rebuild a node and compare",
-    "doctor": "say what this machine has and lacks",
-    "push": "upload what was built to a remote",
-    "pull": "bring targets from a remote, without running anything",
-    "cache": "look after the store",
-    "bundle": "carry results elsewhere, with all that explains them",
-    "completion": "print a script that completes command lines in bash, zsh or fish",
-}
+# A build that does nothing ends before anything else of dxb is loaded, so all of that is imported where it is used.
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import NoReturn
+
+    from dextera_build.errors import DxbError
 
 
-class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in the form of every other error."""
-
-    def error(self, message: str) -> NoReturn:
-        hint = f"`{self.prog} --help` shows what it takes"
-        if message.startswith("argument VERB: invalid choice: "):
-            wrong = message.split("'")[1]
-            message, hint = f"there is no verb `{wrong}`", did_you_mean(wrong, VERBS, "`dxb {}`") or hint
-        raise UsageError(message, code="DXB-U101", hint=hint)
-
-
-def parser(verb: str | None = None) -> argparse.ArgumentParser:
-    """The command line's grammar; with `verb`, only that verb's arguments are filled in, so that start-up is quick."""
-    top = _Parser(prog="dxb", description="A content-addressed build system for robot digital twins.")
-    top.add_argument("--version", action="version", version=f"dxb {__version__}")
-    verbs = top.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=_Parser)
-    for name, summary in VERBS.items():
-        sub = verbs.add_parser(name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.")
-        if verb in (None, name):
-            importlib.import_module(f"dextera_build.cli.{name}").arguments(sub)
-    return top
-
-
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: "Sequence[str] | None" = None) -> int:
     """Run one command and return its exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-    verb = next((word for word in words if not word.startswith("-")), "")
     try:
-        args = parser(verb).parse_args(words)
-        code: int = importlib.import_module(f"dextera_build.cli.{args.verb}").run(args)
+        code = 0 if quick.answer(words) else _run(words)
         sys.stdout.flush()
         return code
-    except DxbError as error:
-        return _refuse(error)
     except KeyboardInterrupt:
         print("interrupted; what was finished is kept, the next build goes on from there", file=sys.stderr)
         return 130
@@ -84,15 +33,33 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:  # the one place that must not let a traceback out unexplained
-        return _fault(error, words)
+        from dextera_build.errors import DxbError
+
+        return _refuse(error) if isinstance(error, DxbError) else _fault(error, words)
 
 
-def entry() -> NoReturn:
+def entry() -> "NoReturn":
     """The console script."""
-    sys.exit(main())
+    code = main()
+    if "dextera_build.cli.grammar" not in sys.modules:
+        # `quick` answered. Nothing was opened that is to be closed, and taking the interpreter down is work as well.
+        os._exit(code)
+    sys.exit(code)
 
 
-def _refuse(error: DxbError) -> int:
+def _run(words: list[str]) -> int:
+    import importlib
+
+    from dextera_build.cli.grammar import parser
+
+    verb = next((word for word in words if not word.startswith("-")), "")
+    args = parser(verb).parse_args(words)
+    args.words = words
+    code: int = importlib.import_module(f"dextera_build.cli.{args.verb}").run(args)
+    return code
+
+
+def _refuse(error: "DxbError") -> int:
     from dextera_build.cli.errors import render, wants_colour
 
     print(render(error, colour=wants_colour(sys.stderr)), file=sys.stderr)
@@ -102,6 +69,9 @@ def _refuse(error: DxbError) -> int:
 def _fault(error: Exception, words: list[str]) -> int:
     import tempfile
     import traceback
+
+    from dextera_build import __version__
+    from dextera_build.errors import DxbError
 
     with tempfile.NamedTemporaryFile("w", prefix="dxb-fault-", suffix=".txt", delete=False) as file:
         file.write(f"dxb {__version__} {' '.join(words)}\n\n{traceback.format_exc()}")

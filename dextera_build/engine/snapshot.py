@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
@@ -27,28 +27,20 @@ from dextera_build.store.presence import Presence
 from dextera_build.store.signature import Watch
 
 _FORM = 3
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """What was asked for, and what the answer was."""
-
-    request: Mapping[str, object]
-    """Everything but files that the answer depends on: targets, profile, flags, version of dxb."""
-    lines: tuple[str, ...]
-    """The lines of the result."""
+Head: TypeAlias = dict[str, Any]
+"""What a snapshot says, but for the rows."""
 
 
 @dataclass(frozen=True)
 class Stale:
     """A snapshot of which only files changed that nodes read."""
 
-    head: dict[str, Any]
+    head: Head
     changed: tuple[str, ...]
     """Files and folders that are not what they were."""
 
 
-def load_if_fresh(path: Path, request: Mapping[str, object]) -> Snapshot | None:
+def load_if_fresh(path: Path, request: Mapping[str, object]) -> Head | None:
     """The snapshot at `path`, if it answers `request` and no file that it rests on has changed."""
     try:
         head = read_head(path)
@@ -57,7 +49,7 @@ def load_if_fresh(path: Path, request: Mapping[str, object]) -> Snapshot | None:
         _use(path)
         if not is_present(path, head):
             return None
-        return Snapshot(head["request"], tuple(head["lines"]))
+        return head
     except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
         return None
 
@@ -69,24 +61,25 @@ def save(
     lines: Sequence[str],
     store: tuple[str, Presence] | None = None,
     more: Mapping[str, object] | None = None,
-) -> bool:
+) -> Head | None:
     """Write a snapshot, all or nothing.
 
     Args:
         path: Where to.
-        request: Plain data; see `Snapshot.request`.
+        request: Plain data: everything but files that the answer depends on (targets, profile, flags, version of dxb).
         watch: What was read, noted before it was read.
         lines: The answer.
         store: The store's folder, and what of it the answer relies on.
         more: Further data for the head.
 
     Returns:
-        False where it was not written: a file was not at rest, or the store cannot be written. Then there is none.
+        Its head, or None where it was not written: a file was not at rest, or the store cannot be written. Then there
+        is none.
     """
     forget(path)
     frozen = store[1].freeze() if store else ({}, b"")
     if frozen is None or not watch.settled():
-        return False
+        return None
     head = {
         **(more or {}),
         "form": _FORM,
@@ -106,9 +99,9 @@ def save(
         failpoints.reach("snapshot.rows")
         _write(path, head)
     except StoreError:
-        return False
+        return None
     failpoints.reach("snapshot.saved")
-    return True
+    return head
 
 
 def forget(path: Path) -> None:
@@ -136,7 +129,7 @@ def load_if_near(path: Path, request: Mapping[str, object]) -> Stale | None:
         return None
 
 
-def renew(path: Path, stale: Stale, watch: Watch, lines: Sequence[str], presence_: Presence) -> bool:
+def renew(path: Path, stale: Stale, watch: Watch, lines: Sequence[str], presence_: Presence) -> Head | None:
     """Write a snapshot again after a build that went on from it.
 
     Args:
@@ -147,12 +140,12 @@ def renew(path: Path, stale: Stale, watch: Watch, lines: Sequence[str], presence
         presence_: What of the store was found or made this time.
 
     Returns:
-        False where it was not written; then the old one stands, and the next build sees the same changes.
+        Its head, or None where it was not written; then the old one stands, and the next build sees the same changes.
     """
     head = stale.head
     extended = presence_.extend(head["shards"], _rows(path, head))
     if extended is None or not watch.settled():
-        return False
+        return None
     size, check = head["rows"]
     more = [size + len(extended[1]), zlib.crc32(extended[1], check)]
     head.update(lines=list(lines), present=watch.present, shards=extended[0], rows=more)
@@ -163,8 +156,8 @@ def renew(path: Path, stale: Stale, watch: Watch, lines: Sequence[str], presence
             files.append(f"{path}.rows", size, extended[1])
         _write(path, head)
     except StoreError:
-        return False
-    return True
+        return None
+    return head
 
 
 def _rows(path: Path, head: Mapping[str, Any]) -> memoryview:
@@ -175,7 +168,7 @@ def _rows(path: Path, head: Mapping[str, Any]) -> memoryview:
     return rows
 
 
-def read_head(path: Path) -> dict[str, Any]:
+def read_head(path: Path) -> Head:
     """The head of a snapshot.
 
     Raises:
@@ -186,7 +179,7 @@ def read_head(path: Path) -> dict[str, Any]:
     text = data[65:]
     if hashlib.sha256(text).hexdigest().encode() != data[:64]:
         raise ValueError("the head was damaged")
-    head: dict[str, Any] = digests.plain(text)
+    head: Head = digests.plain(text)
     if head["form"] != _FORM:
         raise ValueError("another form")
     return head
@@ -205,7 +198,7 @@ def held(path: Path) -> tuple[str, set[str]]:
     return str(head["request"].get("root", "")), set(presence.digests(rows, areas))
 
 
-def is_present(path: Path, head: dict[str, Any]) -> bool:
+def is_present(path: Path, head: Head) -> bool:
     """Whether all that a snapshot relies on in the store is there; notes what had to be looked at one by one.
 
     Raises:

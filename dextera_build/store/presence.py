@@ -25,6 +25,8 @@ _ANY = b"\xff" * 8
 """Stands for any size."""
 Shards: TypeAlias = dict[str, list[int]]
 """Folder below the root, `cas/ab` -> [time stamp (0: too young to trust), inode, first row, end of rows, ...]."""
+BOOT = "/proc/sys/kernel/random/boot_id"
+"""Has other bytes after each start of the machine."""
 
 
 class Presence:
@@ -131,7 +133,7 @@ def digests(rows: memoryview, shards: Shards) -> Iterator[str]:
 def boot() -> str:
     """Names the time since the machine was started; "" where the system does not say."""
     try:
-        with open("/proc/sys/kernel/random/boot_id") as file:
+        with open(BOOT) as file:
             return file.read().strip()
     except OSError:
         return ""

@@ -211,7 +211,7 @@ def test_a_snapshot_holds_as_long_as_nothing_changes(files: Path, tmp_path: Path
     assert save(path, REQUEST, watch(files), ["scene\tout/scene.xml"])
     found = load_if_fresh(path, REQUEST)
     assert found is not None
-    assert found.lines == ("scene\tout/scene.xml",)
+    assert found["lines"] == ["scene\tout/scene.xml"]
     assert load_if_fresh(path, {**REQUEST, "profile": "stub"}) is None
     (files / "__pycache__").mkdir()  # not content
     assert load_if_fresh(path, REQUEST) is not None

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from dextera_build import digest
 from dextera_build.store.actions import ActionResult
+from dextera_build.store.collect import Collection
 from dextera_build.store.store import Store
+
+DAY = 86400.0
+"""[s]."""
 
 
 def key_of(name: str) -> str:
@@ -51,3 +55,33 @@ def harm(path: Path, data: bytes) -> None:
     """Overwrite a read-only file."""
     path.chmod(0o644)
     path.write_bytes(data)
+
+
+def nobody() -> dict[str, set[str]]:
+    return {}
+
+
+def held(*keys: str) -> Callable[[], dict[str, set[str]]]:
+    return lambda: {"someone": set(keys)}
+
+
+def keys(store: Store) -> set[str]:
+    return set(store.actions.keys())
+
+
+def contents(store: Store) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in store.root.rglob("*") if path.is_file() and path.name != "locks"}
+
+
+def rows(said: Collection) -> dict[str, int]:
+    return {row.kind: row.count for row in said.gone}
+
+
+def assert_whole(store: Store) -> None:
+    """Every result has all that it names, and nothing is damaged."""
+    for key in keys(store):
+        found = store.actions.get(key)
+        assert found is not None
+        _, closure = store.actions.outline(key) or ("", frozenset())
+        for name in {found.output, found.key_document, *closure}:
+            store.blobs.get(name)

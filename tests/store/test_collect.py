@@ -1,68 +1,43 @@
-"""Collection of a store: what goes and what stays, against a model, and while builds use it."""
+"""Collection of a store: what goes and what stays."""
 
 from __future__ import annotations
 
 import errno
 import os
-import tempfile
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from dextera_build import digest
 from dextera_build.errors import StoreError
 from dextera_build.store import inventory
 from dextera_build.store.actions import Found
 from dextera_build.store.choose import Limits
-from dextera_build.store.collect import Collection, collect
+from dextera_build.store.collect import collect
 from dextera_build.store.reapi import OutputFile, encode
 from dextera_build.store.remotes.offers import Offers
 from dextera_build.store.store import Store
-from dextera_build.store.use import Use
-from tests.store.stores import age, age_all, entry, harm, key_of, publish
-
-DAY = 86400.0
+from tests.store.stores import (
+    DAY,
+    age,
+    age_all,
+    assert_whole,
+    contents,
+    entry,
+    harm,
+    held,
+    key_of,
+    keys,
+    nobody,
+    publish,
+    rows,
+)
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> Store:
     return Store(tmp_path / "store")
-
-
-def nobody() -> dict[str, set[str]]:
-    return {}
-
-
-def held(*keys: str) -> Callable[[], dict[str, set[str]]]:
-    return lambda: {"someone": set(keys)}
-
-
-def keys(store: Store) -> set[str]:
-    return set(store.actions.keys())
-
-
-def contents(store: Store) -> dict[Path, bytes]:
-    return {path: path.read_bytes() for path in store.root.rglob("*") if path.is_file() and path.name != "locks"}
-
-
-def rows(said: Collection) -> dict[str, int]:
-    return {row.kind: row.count for row in said.gone}
-
-
-def assert_whole(store: Store) -> None:
-    """Every result has all that it names, and nothing is damaged."""
-    for key in keys(store):
-        found = store.actions.get(key)
-        assert found is not None
-        _, closure = store.actions.outline(key) or ("", frozenset())
-        for name in {found.output, found.key_document, *closure}:
-            store.blobs.get(name)
 
 
 def test_a_dry_run_says_what_would_go_and_changes_nothing(store: Store) -> None:
@@ -283,137 +258,3 @@ def test_a_store_that_may_only_be_read_is_not_collected(store: Store, monkeypatc
         collect(store, nobody, dry=False)
     assert caught.value.code == "DXB-S401"
     assert collect(store, nobody).before > 0  # to look is no change
-
-
-@dataclass
-class World:
-    """A store by plan: results with their last use and blobs, blobs of nobody, what is held, the limits."""
-
-    results: dict[str, tuple[int, list[int]]]
-    loose: dict[int, int]
-    broken: set[str]
-    roots: set[str]
-    size: int | None
-    days: int | None
-    building: bool
-    meanwhile: list[tuple[str, str, list[int]]] = field(default_factory=list)
-
-
-NAMES = [f"r{n}" for n in range(6)]
-BLOBS = st.lists(st.integers(0, 7), max_size=4)
-DAYS = st.integers(0, 5)
-WORLDS = st.builds(
-    World,
-    results=st.dictionaries(st.sampled_from(NAMES), st.tuples(DAYS, BLOBS), max_size=6),
-    loose=st.dictionaries(st.integers(0, 11), DAYS, max_size=4),
-    broken=st.sets(st.sampled_from(NAMES), max_size=2),
-    roots=st.sets(st.sampled_from(NAMES), max_size=3),
-    size=st.none() | st.integers(0, 9000),
-    days=st.none() | DAYS,
-    building=st.booleans(),
-    meanwhile=st.lists(
-        st.tuples(st.sampled_from(["hit", "publish"]), st.sampled_from([*NAMES, "new"]), BLOBS), max_size=5
-    ),
-)
-
-
-def data_of(number: int) -> bytes:
-    return b"%d" % number * (200 * (number + 1))
-
-
-def make(world: World, store: Store) -> None:
-    now = time.time()
-    for name, (_, blobs) in world.results.items():
-        publish(store, name, map(data_of, blobs))
-    for number in world.loose:
-        store.blobs.put(data_of(number))
-    age_all(store, now - 4.5 * DAY)
-    for number, days in world.loose.items():
-        age(store.blobs.path(digest.of_bytes(data_of(number))), now - days * DAY - 1)
-    for name, (days, _) in world.results.items():
-        age(entry(store, key_of(name)), now - days * DAY - 1)
-        if name in world.broken:
-            harm(entry(store, key_of(name)), b"torn")
-            age(entry(store, key_of(name)), now - days * DAY - 1)
-
-
-def model(world: World, store: Store) -> tuple[set[str], set[str]]:
-    """(keys, blobs) that stay, found by trying: each step looks at everything again."""
-    found, now = inventory.read(store), time.time()
-    horizon = now - 3660
-    alive = dict(found.results)
-    named = {name for one in (*found.results.values(), *found.broken.values()) for name in one.needs}
-
-    def blobs() -> set[str]:
-        needed = {name for one in alive.values() for name in one.needs}
-        late = {n for n, (_, used) in found.blobs.items() if used >= horizon and (world.building or n not in named)}
-        return (needed | late) & set(found.blobs)
-
-    def total() -> int:
-        return sum(one.size for one in alive.values()) + sum(found.blobs[name][0] for name in blobs())
-
-    free = [key for key in alive if key not in {key_of(root) for root in world.roots}]
-    for key in sorted(free, key=lambda key: (alive[key].used, key)):
-        used = alive[key].used
-        if world.building and used >= horizon:
-            continue
-        too_old = world.days is not None and used < now - world.days * DAY
-        if too_old or (world.size is not None and total() > world.size):
-            del alive[key]
-    return set(alive), blobs()
-
-
-def take(world: World, store: Store, *, dry: bool = False) -> Collection:
-    since = None if world.days is None else time.time() - world.days * DAY
-    return collect(store, held(*map(key_of, world.roots)), Limits(world.size, since), dry=dry)
-
-
-@settings(max_examples=150, deadline=None)
-@given(world=WORLDS)
-def test_a_collection_agrees_with_the_model(world: World) -> None:
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        store = Store(Path(folder) / "store")
-        make(world, store)
-        if world.building:
-            stack.enter_context(store.running.announced())
-        expected = model(world, store)
-        planned = take(world, store, dry=True)
-        said = take(world, store)
-        assert (keys(store), {name for name, _ in store.blobs.all()}) == expected
-        assert_whole_untouched(store)
-        assert said.after == planned.after == inventory.read(store).bytes()
-        again = take(world, store)
-        assert not again.gone
-
-
-def assert_whole_untouched(store: Store) -> None:
-    """As `assert_whole`, without a hit, which would be a use."""
-    assert inventory.read(store).broken == {}
-
-
-@settings(max_examples=150, deadline=None)
-@given(world=WORLDS)
-def test_what_a_build_does_meanwhile_stays_whole(world: World) -> None:
-    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
-        store = Store(Path(folder) / "store")
-        make(world, store)
-        relied: set[str] = set()
-
-        def act(what: str, name: str, blobs: list[int]) -> None:
-            if what == "publish":
-                relied.add(publish(store, name, map(data_of, blobs)))
-            elif store.actions.get(key_of(name)) is not None:
-                relied.add(key_of(name))
-
-        things = iter([lambda row=row: act(*row) for row in world.meanwhile])
-        drop = Use.drop
-
-        def disturbed(use: Use, path: str, older_than: float) -> bool:
-            next(things, lambda: None)()
-            return drop(use, path, older_than)
-
-        patch.setattr(Use, "drop", disturbed)
-        with store.running.announced():
-            take(world, store)
-            assert relied <= keys(store)
-            assert_whole(store)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import argparse
 
-from dextera_build.cli import main
+from dextera_build.cli import grammar
 
 from .markdown import code, escaped, join, table
 
 
 def page() -> str:
     """One section per verb: usage, arguments, what they mean."""
-    top = main.parser()
+    top = grammar.parser()
     verbs = _verbs(top)
     overview = table(
         ["verb", "what it does"], [[f"[{code(name)}](#dxb-{name})", text] for name, (_, text) in verbs.items()]
