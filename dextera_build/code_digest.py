@@ -7,6 +7,7 @@ definition, so that `dxb why` can name the function that changed.
 from __future__ import annotations
 
 import ast
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,12 +16,23 @@ from pathlib import Path
 from dextera_build import digest
 
 _YOUNG_S = 2.5
+_PARSING = threading.Lock()
 # What a rule writes against, and what can reach no artifact: the key's schema version stands for them.
 _FRAMEWORK = ("__init__.py", "rule.py", "errors.py", "digest.py")
 
 # What `@rule(...)` and `Backend(...)` say of how a call runs; it changes no result, so it stays out of the key.
 _NEEDS = {"cpus", "memory_gb", "gpus", "resources", "retries", "retry_on", "retry_wait_s"}
 _BACKEND_NEEDS = {"gpu_gb", "summary"}
+
+
+def syntax(text: str, name: str = "<unknown>") -> ast.Module:
+    """The syntax tree of the source of module file `name`; one thread at a time, as Python 3.11 fails where two build trees at once.
+
+    Raises:
+        SyntaxError: It is no Python.
+    """
+    with _PARSING:
+        return ast.parse(text, name)
 
 
 def content(file: Path) -> str | None:
@@ -143,7 +155,7 @@ def _file_of(base: Path) -> Path | None:
 
 
 def _parse(file: Path) -> _Source:
-    tree = ast.parse(file.read_text(), str(file))
+    tree = syntax(file.read_text(), str(file))
     imports = tuple(_imports(tree))
     _strip_docstrings(tree)
     _strip_needs(tree)

@@ -20,7 +20,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest
-from dextera_build.code_digest import CodeIndex, is_young
+from dextera_build.code_digest import CodeIndex, is_young, syntax
 from dextera_build.errors import MachineError, Place, RecipeError, did_you_mean, listing
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class RuleFile:
     def place(self) -> Place:
         """The line of the rule's function, for messages."""
         name = self.path.rpartition(".")[2]
-        for node in ast.parse(self.file.read_text()).body:
+        for node in syntax(self.file.read_text()).body:
             if isinstance(node, ast.FunctionDef) and node.name == name:
                 return Place(str(self.file), node.lineno)
         return Place(str(self.file))
@@ -278,7 +278,7 @@ def _holds_rule(file: Path) -> bool:
     if "@rule(" not in text:
         return False
     try:
-        body = ast.parse(text).body
+        body = syntax(text).body
     except SyntaxError:
         return True  # Importing it says where the error is.
     return any(isinstance(node, ast.FunctionDef) and node.name == file.stem and node.decorator_list for node in body)
@@ -287,7 +287,7 @@ def _holds_rule(file: Path) -> bool:
 def _backend_facts(file: Path) -> Backend | None:
     from dextera_build.rule import Backend
 
-    for node in ast.parse(file.read_text()).body:
+    for node in syntax(file.read_text()).body:
         if not (isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)):
             continue
         if not any(isinstance(target, ast.Name) and target.id == "BACKEND" for target in node.targets):

@@ -90,7 +90,7 @@ def test_damage_at_any_byte_of_a_snapshot_is_seen(tmp_path: Path, step: int) -> 
 
     def fresh() -> object:
         found = snapshot.load_if_fresh(head, request)
-        return found and found.lines
+        return found and found["lines"]
 
     right, near, told = fresh(), snapshot.load_if_near(head, request), known.read(head)
     assert right
