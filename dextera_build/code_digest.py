@@ -26,7 +26,9 @@ _BACKEND_NEEDS = {"gpu_gb", "summary"}
 
 
 def syntax(text: str, name: str = "<unknown>") -> ast.Module:
-    """The syntax tree of the source of module file `name`; one thread at a time, as Python 3.11 fails where two build trees at once.
+    """The syntax tree of the source of module file `name`.
+
+    One thread at a time: Python 3.11 fails where two build trees at once.
 
     Raises:
         SyntaxError: It is no Python.
