@@ -9,14 +9,11 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.errors import DxbError
 from dextera_build.report.wording import count
 from dextera_build.store.cas import MissingBlob
-from dextera_build.store.traces.look import Look
+from dextera_build.store.traces.look import UNKNOWN, Look
 from dextera_build.store.traces.steps import NONE, READ, label
 
 if TYPE_CHECKING:
     from dextera_build.cli.session import Session
-
-_UNKNOWN = "?"
-"""Stands for an answer that cannot be had."""
 
 
 class Reads:
@@ -32,7 +29,7 @@ class Reads:
 
     def asked_now(self, document: Mapping[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
         """A key document as it would be if its call asked what the call of another one did."""
-        steps = [[kind, name, self._answer(kind, name)] for kind, name, _ in old.get(READ, ())]
+        steps = [[kind, name, self._look.answer_or_unknown(kind, name)] for kind, name, _ in old.get(READ, ())]
         return {**document, READ: steps}
 
     def change(self, named: str, document: Mapping[str, Any], old: object, new: object) -> tuple[str, dict[str, str]]:
@@ -46,7 +43,7 @@ class Reads:
             changed |= {name: "removed" for name in before or () if name not in now}
             then = count(len(before), "file") if before is not None else "?"
             return f"{then} -> {count(len(now), 'file')}", changed
-        words = {NONE: "gone", _UNKNOWN: "not to be read"}
+        words = {NONE: "gone", UNKNOWN: "not to be read"}
         told = [words.get(str(value), str(value)[:8]) for value in (old, new)]
         return " -> ".join(told), {}
 
@@ -72,12 +69,6 @@ class Reads:
             return "sha256 " + str(json.loads(self._store.blobs.get(answer))["fields"]["data"]["$bytes"][0])
         except MissingBlob:
             return f"digest {answer[:12]}"
-
-    def _answer(self, kind: str, name: str) -> str:
-        try:
-            return self._look.answer(kind, name)
-        except DxbError:
-            return _UNKNOWN
 
     def _names(self, pattern: str) -> list[str]:
         try:

@@ -47,11 +47,11 @@ def result_of(store: Store, node: Node, report: Ended, reading: Reading) -> Acti
         store.divergent.note(node.key, node.address, known[0], result.output, time.time())
         # It was forced: others build on the first output, which stays. Or bytes of the first were lost.
         first = store.actions.get(node.key)
+    result = first or result
     if node.call.rule.discovers:
-        tree.publish(store, node.key, first or result)
+        tree.publish(store, node.key, result)
     elif first is None:
         store.actions.put(node.key, result)
-    result = first or result
     store.keep.drop(kept)
     return result
 

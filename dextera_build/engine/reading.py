@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 from dextera_build.engine.key import Writer
 from dextera_build.engine.units import Node
-from dextera_build.errors import DxbError, RuleError
+from dextera_build.errors import RuleError
 from dextera_build.store.actions import ActionResult, Found
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.store import Store
@@ -100,13 +100,14 @@ class Reading:
         if parts is None:
             node.key = None
             return
-        steps = tuple((kind, name, self._now(node, kind, name)) for kind, name, _ in parts[1])
+        now = self._look(node).answer_or_unknown
+        steps = tuple((kind, name, now(kind, name)) for kind, name, _ in parts[1])
         self._take(node, steps, traces.spelled(self._static(node), steps))
 
     def watch(self, node: Node, steps: object) -> None:
         """Look at what a node read that has no result, so that whoever watches knows of it."""
         for kind, name, _ in steps if isinstance(steps, list) else ():
-            self._now(node, str(kind), str(name))
+            self._look(node).answer_or_unknown(str(kind), str(name))
 
     def forget(self, node: Node) -> None:
         """Ask anew what a node reads."""
@@ -117,13 +118,7 @@ class Reading:
         kind, name, answer = step
         if self._told.get((node.call.rule.discovers, kind, name), answer) != answer:
             return True
-        return self._now(node, kind, name) != answer
-
-    def _now(self, node: Node, kind: str, name: str) -> str:
-        try:
-            return self._look(node).answer(kind, name)
-        except DxbError:
-            return "?"
+        return self._look(node).answer_or_unknown(kind, name) != answer
 
     def _answers(self, node: Node) -> tree.Answer:
         look = self._look(node)

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from dextera_build.engine.units import Node
-from dextera_build.errors import DxbError
 from dextera_build.store.traces.look import Look
 from dextera_build.store.traces.steps import Steps
 
@@ -51,7 +50,7 @@ class Reread:
             wanted.update(met)
             if not met:
                 others.add(path)
-        other = {question for question in wanted if self._is_other(question, look)}
+        other = {question for question in wanted if look.answer_or_unknown(*question) != self._answers[question]}
         return {number for number, questions in self._asked.items() if not other.isdisjoint(questions)}, others
 
     def plain(self) -> list[Any]:
@@ -68,12 +67,6 @@ class Reread:
         found._answers = dict(zip(questions, (answer for _, _, answer in rows), strict=True))
         found._asked = {int(node): [questions[number] for number in numbers] for node, numbers in asked.items()}
         return found
-
-    def _is_other(self, question: tuple[str, str], look: Look) -> bool:
-        try:
-            return look.answer(*question) != self._answers[question]
-        except DxbError:
-            return True
 
 
 def _above(path: str) -> Iterable[str]:

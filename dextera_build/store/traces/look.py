@@ -8,10 +8,13 @@ import stat
 from pathlib import Path
 
 from dextera_build import digest as digests
-from dextera_build.errors import RuleError
+from dextera_build.errors import DxbError, RuleError
 from dextera_build.store.statcache import StatCache
 from dextera_build.store.traces import names
 from dextera_build.store.traces.steps import NO, NONE, YES, is_plain
+
+UNKNOWN = "?"
+"""Stands for an answer that cannot be had; no answer is this."""
 
 
 class Look:
@@ -45,6 +48,13 @@ class Look:
         state = self._state(name)
         is_file = state is not None and not stat.S_ISDIR(state.st_mode)
         return self._leaves.digest_leaf(Path(self.path(name))) if is_file else NONE
+
+    def answer_or_unknown(self, kind: str, name: str) -> str:
+        """As `answer`, and `UNKNOWN` where there is no telling."""
+        try:
+            return self.answer(kind, name)
+        except DxbError:
+            return UNKNOWN
 
     def names(self, pattern: str) -> list[str]:
         """Files below the project that match a pattern, sorted.
