@@ -85,6 +85,7 @@ def carry_out(
     known: Known | None = None,
 ) -> Done:
     """Build `wanted` with the executor of the settings and an event log; `listen` takes every event, too."""
+    from dextera_build.cli import names
     from dextera_build.engine.eventlog import EventLog
     from dextera_build.engine.execute import RunInfo, build
 
@@ -107,4 +108,5 @@ def carry_out(
             recall=project.asks_again and not manner.bring_from,
             whole=manner.whole or manner.bring_from is not None,
         )
+    names.note(session, None if known else plan.graph, result.nodes)
     return Done(log.run, result, log.lost)

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.engine import events
 from dextera_build.engine.events import Listener
@@ -25,8 +25,10 @@ from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Node, Opening, Unit, producers
 from dextera_build.engine.uplink import Uplink
 from dextera_build.errors import DxbError
-from dextera_build.store.remotes.exchange import Exchange
 from dextera_build.store.store import Store
+
+if TYPE_CHECKING:
+    from dextera_build.store.remotes.exchange import Exchange
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from dextera_build import digest as digests
 from dextera_build.engine import rewind
@@ -40,8 +41,10 @@ from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
 from dextera_build.store import header
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
-from dextera_build.store.remotes.exchange import Exchange
 from dextera_build.store.store import Store
+
+if TYPE_CHECKING:
+    from dextera_build.store.remotes.exchange import Exchange
 
 _BATCH = 64
 _LABEL = re.compile(r"[^\[\]/\\\x00-\x1f]+")

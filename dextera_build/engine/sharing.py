@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from dextera_build.engine.reading import Reading
 from dextera_build.engine.states import State, States
 from dextera_build.engine.units import Node
 from dextera_build.store.actions import ActionResult
-from dextera_build.store.remotes.exchange import Arrival, Exchange
-from dextera_build.store.remotes.remote import Digest
+
+if TYPE_CHECKING:
+    # A build without remotes need not wait for these.
+    from dextera_build.store.remotes.exchange import Arrival, Exchange
 
 
 class Succeed(Protocol):
@@ -59,6 +61,8 @@ class Sharing:
         return False
 
     def _ask(self, node: Node, exchange: Exchange) -> bool:
+        from dextera_build.store.remotes.remote import Digest
+
         assert node.key is not None
         if node.key in self._missed:
             return False

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING
 
 from dextera_build.engine import events
 from dextera_build.engine.events import Listener
-from dextera_build.store.remotes.exchange import Exchange
+
+if TYPE_CHECKING:
+    from dextera_build.store.remotes.exchange import Exchange
 
 _TICK_S = 0.5
 
