@@ -1,6 +1,7 @@
 """What may stand at the end of a command line: from the grammar, the project's files, and what builds noted.
 
-No rule is imported, no recipe is read and next to nothing is loaded, so that an answer is there before a person notices.
+No rule is imported, no recipe is read and next to nothing is loaded, so that an answer is there before a person
+notices.
 """
 
 import os

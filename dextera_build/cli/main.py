@@ -42,7 +42,8 @@ def entry() -> "NoReturn":
     """The console script."""
     code = main()
     if "dextera_build.cli.grammar" not in sys.modules:
-        # `quick` answered, or `complete`. Nothing was opened that is to be closed, and taking the interpreter down is work as well.
+        # `quick` or `complete` answered. Nothing was opened that is to be closed, and taking the interpreter down is
+        # work as well.
         os._exit(code)
     sys.exit(code)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -61,10 +60,7 @@ def _export(session: Session, folder: str, node: str, rule: str, output: str, st
         digest, _, name = files.read(f"{folder}/{_STAMP}").decode().partition("\n")
         if digest == output and os.path.exists(f"{folder}/{name}"):
             return _joined(folder, name)
-    if os.path.exists(folder):
-        shutil.rmtree(folder, ignore_errors=True)
-        failpoints.reach("export.cleared")
-    sharing.make_folder(folder)
+    _clear(folder)
     main = _export_file(session, folder, stem_of(node), output)
     if main is None:
         kind, where = session.project.library.find(rule).rule.returns, Path(folder)
@@ -73,6 +69,25 @@ def _export(session: Session, folder: str, node: str, rule: str, output: str, st
     failpoints.reach("export.written")
     stamps[folder] = f"{output}\n{main}"
     return _joined(folder, main)
+
+
+def _clear(folder: str) -> None:
+    """Leave an empty folder."""
+    try:
+        left = os.listdir(folder)
+    except FileNotFoundError:
+        sharing.make_folder(folder)
+        return
+    except OSError:
+        left = []
+    if left == [_STAMP]:
+        os.unlink(f"{folder}/{_STAMP}")
+    else:
+        import shutil  # slow to import
+
+        shutil.rmtree(folder, ignore_errors=True)
+        sharing.make_folder(folder)
+    failpoints.reach("export.cleared")
 
 
 def _joined(folder: str, name: str) -> str:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dextera_build.engine import events
 from dextera_build.engine.events import Listener
@@ -20,15 +20,13 @@ from dextera_build.engine.records import Kept
 from dextera_build.engine.records import NodeRecord as NodeRecord
 from dextera_build.engine.records import RunResult as RunResult
 from dextera_build.engine.schedule import Scheduler
+from dextera_build.engine.sharing import Remotes
 from dextera_build.engine.states import State
 from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Node, Opening, Unit, producers
 from dextera_build.engine.uplink import Uplink
 from dextera_build.errors import DxbError
 from dextera_build.store.store import Store
-
-if TYPE_CHECKING:
-    from dextera_build.store.remotes.exchange import Exchange
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     force: frozenset[str] = frozenset(),
     only: frozenset[str] | None = None,
     known: Known | None = None,
-    exchange: Exchange | None = None,
+    exchange: Remotes = None,
     recall: bool = False,
     whole: bool = False,
 ) -> RunResult:

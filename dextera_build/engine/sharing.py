@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from dextera_build.engine.reading import Reading
 from dextera_build.engine.states import State, States
@@ -13,6 +13,9 @@ from dextera_build.store.actions import ActionResult
 if TYPE_CHECKING:
     # A build without remotes need not wait for these.
     from dextera_build.store.remotes.exchange import Arrival, Exchange
+
+Remotes: TypeAlias = "Exchange | None"
+"""The remotes of a run; None where there are none."""
 
 
 class Succeed(Protocol):
@@ -26,7 +29,7 @@ class Sharing:
     """The remotes of one run.
 
     Args:
-        exchange: Asks and tells remotes; None where there are none.
+        exchange: Asks and tells remotes.
         states: The states of all units.
         reading: Knows what nodes read by themselves.
         succeed: Ends a node with a result.
@@ -35,7 +38,7 @@ class Sharing:
 
     def __init__(
         self,
-        exchange: Exchange | None,
+        exchange: Remotes,
         states: States,
         reading: Reading,
         succeed: Succeed,

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
 
 from dextera_build.engine import events
 from dextera_build.engine.events import Listener
-
-if TYPE_CHECKING:
-    from dextera_build.store.remotes.exchange import Exchange
+from dextera_build.engine.sharing import Remotes
 
 _TICK_S = 0.5
 
@@ -22,7 +19,7 @@ class Uplink:
         listen: Takes every event.
     """
 
-    def __init__(self, exchange: Exchange | None, listen: Listener) -> None:
+    def __init__(self, exchange: Remotes, listen: Listener) -> None:
         self.exchange, self.listen = exchange, listen
 
     def tell(self) -> None:

@@ -45,7 +45,7 @@ class Worker:
     """Serves tasks until there are no more.
 
     Args:
-        runner: `module:function`, imported at the first task.
+        runner: `module:function`.
         tasks: Descriptor to read from.
         replies: Descriptor to write to.
     """
@@ -64,6 +64,9 @@ class Worker:
         """Answer every task, one after another."""
         with os.fdopen(self._tasks, "rb") as lines:
             sys.path += [entry for entry in json.loads(lines.readline())["path"] if entry not in sys.path]
+            # Before there is a task, where this was started early; what is wrong is said when there is one.
+            with contextlib.suppress(MachineError):
+                self._load()
             for line in lines:
                 task = json.loads(line)
                 self._answer(task, lines.read(task.pop("document")))
