@@ -45,7 +45,7 @@ from dextera_build.errors import ArtifactError, StoreError
 class Value(BaseModel):
     """A small plain structure that is stored inline in the header of the artifact that holds it."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Artifact(BaseModel):
@@ -55,7 +55,7 @@ class Artifact(BaseModel):
         ArtifactError: A field has a wrong type, shape or dtype, disagrees with another field, or is not finite.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
     type_name: ClassVar[str] = ""
 

@@ -49,6 +49,8 @@ def executor(
 def _environment(project: Project) -> dict[str, str]:
     # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    # No rule needs plug-ins of pydantic, and a look for some goes through all that is installed.
+    environment["PYDANTIC_DISABLE_PLUGINS"] = os.environ.get("PYDANTIC_DISABLE_PLUGINS", "__all__")
     environment["DXB_CALLS"] = project.calls
     if listed := project.remotes.listed:
         environment["DXB_REMOTES"] = listed
