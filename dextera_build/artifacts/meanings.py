@@ -19,7 +19,7 @@ def meanings(kind: type[BaseModel]) -> dict[str, str]:
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         if issubclass(base, BaseModel) and base is not BaseModel:
-            with suppress(OSError):  # a generic with its parameters has no source
+            with suppress(OSError, TypeError):  # a generic with its parameters has no source, nor what a program made
                 found |= _below(inspect.getsource(base))
     said = {name: field.description for name, field in kind.model_fields.items() if field.description}
     return {name: text for name, text in (found | said).items() if name in kind.model_fields}
