@@ -1,4 +1,4 @@
-"""What a trivial node costs: `python -m tests.benchmarks.node`, or two checkouts beside each other with `--beside FOLDER`.
+"""What a trivial node costs: `python -m tests.benchmarks.node`; `--beside FOLDER` measures another checkout, too.
 
 The layered graph of `tests.benchmarks.engine` is built cold in a small and in a large size, each build in a process of
 its own, and the difference is shared out among the nodes that the large one has more. So no start-up is counted, of dxb
@@ -124,7 +124,9 @@ def _version(code: Path) -> str:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.node", description=__doc__)
-    parser.add_argument("--nodes", type=int, default=3000, help=f"how many nodes more than {_SMALL} the large graph has")
+    parser.add_argument(
+        "--nodes", type=int, default=3000, help=f"how many nodes more than {_SMALL} the large graph has"
+    )
     parser.add_argument("--shape", default="layered", help="layered, wide or chain")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--console", default="none", help="none, plain or jsonl")
