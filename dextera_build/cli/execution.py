@@ -97,7 +97,7 @@ def carry_out(
         from dextera_build.engine.eventlog import EventLog
         from dextera_build.engine.execute import RunInfo, build
 
-        with EventLog(store) as log:
+        with EventLog(store, gathers=True) as log:
             result = build(
                 plan.graph,
                 wanted,
@@ -112,6 +112,7 @@ def carry_out(
                 exchange=manner.bring_from or exchange(session),
                 recall=project.asks_again and not manner.bring_from,
                 whole=manner.whole or manner.bring_from is not None,
+                pause=log.flush,
             )
     names.note(session, None if known else plan.graph, result.nodes)
     return Done(log.run, result, log.lost)
