@@ -39,7 +39,7 @@ def result_of(store: Store, node: Node, report: Ended, reading: Reading) -> Acti
     kept = node.key
     if node.call.rule.discovers:
         reading.ran(node, report.reply)
-    result = result_from(store, report.reply, report.seconds, report.log, reading.document(node))
+    result, sizes = result_from(store, report.reply, report.seconds, report.log, reading.document(node))
     known = store.actions.outline(node.key)
     first = None
     replaced = any(call["how"] == "replaced" for call in report.reply.get("calls") or ())
@@ -51,7 +51,7 @@ def result_of(store: Store, node: Node, report: Ended, reading: Reading) -> Acti
     if node.call.rule.discovers:
         tree.publish(store, node.key, result)
     elif first is None:
-        store.actions.put(node.key, result)
+        store.actions.put(node.key, result, sizes=sizes)
     store.keep.drop(kept)
     return result
 

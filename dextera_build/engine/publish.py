@@ -24,8 +24,8 @@ def publish(
     """
     if store.actions.outline(key) is not None:
         return None
-    result = result_from(store, reply, seconds, log, document)
-    needs = store.actions.write(key, result)
+    result, sizes = result_from(store, reply, seconds, log, document)
+    needs = store.actions.write(key, result, sizes=sizes)
     return {
         "result": result.digest,
         "log": result.log,
@@ -34,14 +34,21 @@ def publish(
     }
 
 
-def result_from(store: Store, reply: Mapping[str, Any], seconds: float, log: bytes, document: bytes) -> ActionResult:
-    """What a reply comes to; its log and its key document are stored.
+def result_from(
+    store: Store, reply: Mapping[str, Any], seconds: float, log: bytes, document: bytes
+) -> tuple[ActionResult, dict[str, int]]:
+    """What a reply comes to, and the sizes of blobs that were stored for it; its log and its key document are stored.
 
     Raises:
         DxbError: A metric is not finite, or the store cannot be written.
     """
+    sizes: dict[str, int] = dict(reply.get("sizes") or {})
     kept = store.blobs.put(log) if log else None
-    return spelled(reply, seconds, kept, store.blobs.put(document))
+    if kept is not None:
+        sizes[kept] = len(log)
+    name = store.blobs.put(document)
+    sizes[name] = len(document)
+    return spelled(reply, seconds, kept, name), sizes
 
 
 def spelled(reply: Mapping[str, Any], seconds: float, log: str | None, document: str) -> ActionResult:

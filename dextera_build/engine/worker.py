@@ -23,17 +23,12 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from functools import lru_cache
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dextera_build.engine.retries import names_of
 from dextera_build.engine.tasks import escaped, printed
 from dextera_build.engine.usage import Meter
 from dextera_build.errors import DxbError, MachineError
-
-if TYPE_CHECKING:
-    from dextera_build.store.store import Store
 
 _SPELL = json.JSONEncoder(separators=(",", ":"), default=str).encode
 _PR_SET_PDEATHSIG = 1
@@ -92,10 +87,12 @@ class Worker:
 
     def _publish(self, task: Mapping[str, Any], document: bytes, answer: dict[str, Any]) -> None:
         from dextera_build.engine.publish import publish
+        from dextera_build.store.store import opened
 
         reply, seconds = answer["reply"], answer["seconds"]
         try:
-            answer["published"] = publish(_store(task["store"]), task["key"], reply, seconds, printed(1), document)
+            answer["published"] = publish(opened(task["store"]), task["key"], reply, seconds, printed(1), document)
+            reply.pop("sizes", None)
         except DxbError as error:
             del answer["reply"]
             answer["error"] = error.to_json()
@@ -157,13 +154,6 @@ def main(arguments: list[str]) -> None:
         Worker(runner, tasks, replies).serve()
     # Threads and libraries that linger must not keep a worker alive that has nothing to do.
     os._exit(0)
-
-
-@lru_cache(maxsize=1)
-def _store(root: str) -> Store:
-    from dextera_build.store.store import Store
-
-    return Store(Path(root))
 
 
 def _leave(number: int, frame: object) -> None:
