@@ -4,8 +4,8 @@
 
 Standard output and error belong to the node that runs; the pool gives a file for them and reads it afterwards. The
 first line from the pool is `{"path": [...]}`, its module search path. Behind the line of a task come as many bytes of
-its key document as the line says; where there are some, the worker publishes the result itself. It ends when the task
-pipe closes and when its parent dies.
+its key document as the line says; where there are some, the worker stores the result itself, without its entry where the
+task is held. It ends when the task pipe closes and when its parent dies.
 """
 
 from __future__ import annotations
@@ -89,10 +89,12 @@ class Worker:
         from dextera_build.engine.publish import publish
         from dextera_build.store.store import opened
 
-        reply, seconds = answer["reply"], answer["seconds"]
+        store, reply = opened(task["store"]), answer["reply"]
         try:
-            answer["published"] = publish(opened(task["store"]), task["key"], reply, seconds, printed(1), document)
-            reply.pop("sizes", None)
+            made = publish(store, task["key"], reply, answer["seconds"], printed(1), document, held=task["held"])
+            if made is not None:
+                reply.pop("sizes", None)
+                answer["published"] = made
         except DxbError as error:
             del answer["reply"]
             answer["error"] = error.to_json()

@@ -187,10 +187,18 @@ class Actions:
         """Store the result of `key` as `put` does, and return all that its entry names; for who relies on nothing."""
         self._keep_calls(result)
         message, outputs = self.spell(result, beside, sizes)
+        self.enter(key, message)
+        return outputs
+
+    def enter(self, key: str, message: bytes) -> None:
+        """Store the entry of `key` as `spell` gave it.
+
+        Raises:
+            StoreError: The disk is full, or the store cannot be written.
+        """
         failpoints.reach("result.blobs")
         files.write(self._file(key), message, workshop=self._workshop)
         failpoints.reach("result.published")
-        return outputs
 
     def rely(self, key: str, outputs: Iterable[OutputFile]) -> None:
         """Note that a build stands on the result of `key`, which it has just found or made."""

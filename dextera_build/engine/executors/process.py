@@ -80,7 +80,7 @@ class Process:
     def send(self, task: Task) -> None:
         """Give it a task; a worker that is dead already shows in `hear`."""
         self.began, self.peak = time.monotonic(), 0
-        self._write(task.message() | {"document": len(task.document)}, task.document)
+        self._write(task.message() | {"document": len(task.document), "held": task.held}, task.document)
 
     def hear(self, descriptor: int) -> tuple[list[dict[str, Any]], bool]:
         """(what it said, whether it is dead), after one of `descriptors` became readable."""
