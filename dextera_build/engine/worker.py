@@ -66,6 +66,7 @@ class Worker:
     def _answer(self, task: Mapping[str, Any], document: bytes) -> None:
         if os.fstat(1).st_size:
             os.ftruncate(1, 0)
+            os.lseek(1, 0, os.SEEK_SET)  # else what is printed next stands behind as many zeros
         self._last_progress = 0.0
         self._meter.begin()
         began = time.perf_counter()
