@@ -75,12 +75,12 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         return reply | ({"reads": reads.finish()} if reads is not None else {})
 
 
-def _keep(task: Mapping[str, Any], store: Store, reads: ProjectReads | None) -> Path | Callable[[], Path] | None:
+def _keep(task: Mapping[str, Any], store: Store, reads: ProjectReads | None) -> Callable[[], Path] | None:
     """The folder in which a call keeps its progress; one that reads by itself has another when it read other things."""
-    if not task.get("key"):
+    key: str = task.get("key", "")
+    if not key:
         return None
-    folder = store.keep.path(task["key"])
-    return folder if reads is None else lambda: folder / reads.close()
+    return lambda: store.keep.path(key) if reads is None else store.keep.path(key) / reads.close()
 
 
 @contextmanager
