@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -18,6 +20,8 @@ _FORM = 1
 _NUMBERS = {int, float}
 _ROWS = 1000
 """So many nodes are spelled at a time."""
+_WRITING = re.compile(rb'{"writing": "([0-9a-f]+)"')
+"""How the file of all nodes begins: which writing of it this is. What stands beside it says to which it belongs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,28 +92,36 @@ class History:
     def save(self) -> None:
         """Write it down, all or nothing; a store that cannot be written keeps the old one."""
         if self._fresh:
-            self._write(self._more, _over(self._read(self._more), self._fresh))
-        elif self._dirty and self._write(self._path, self._load()):
+            writing = self._writing()
+            self._write(self._more, {"beside": writing}, _over(self._read(self._more, writing), self._fresh))
+        elif self._dirty and self._write(self._path, {"writing": os.urandom(8).hex()}, self._load()):
             self._dirty = False
             failpoints.reach("history.saved")
             self._more.unlink(missing_ok=True)
 
     def _load(self) -> dict[str, Entry]:
         if self._entries is None:
-            more = self._read(self._more)
+            more = self._read(self._more, self._writing())
             self._entries = _over(_over(self._read(self._path), more), self._fresh)
             self._dirty = self._dirty or bool(more)
         return self._entries
 
-    def _read(self, path: Path) -> dict[str, Entry]:
+    def _writing(self) -> str:
+        with suppress(OSError), self._path.open("rb") as file:
+            found = _WRITING.match(file.read(64))
+            return found[1].decode() if found else ""
+        return ""
+
+    def _read(self, path: Path, beside: str = "") -> dict[str, Entry]:
+        """The entries of a file; none where it stood beside another writing, which holds them already."""
         with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
             stored = digests.plain(files.read(str(path)))
-            if stored["form"] == _FORM:
+            if stored["form"] == _FORM and stored.get("beside", "") == beside:
                 return {address: _entry(row) for address, row in stored["nodes"].items()}
         return {}
 
-    def _write(self, path: Path, entries: Mapping[str, Entry]) -> bool:
-        head = json.dumps({"form": _FORM, "project": self._project})[:-1]
+    def _write(self, path: Path, mark: Mapping[str, str], entries: Mapping[str, Entry]) -> bool:
+        head = json.dumps({**mark, "form": _FORM, "project": self._project})[:-1]
         try:
             with files.new_file(str(path), 0o644) as target:
                 files.write_all(target, f'{head}, "nodes": {{'.encode())
