@@ -4,8 +4,8 @@
 
 Standard output and error belong to the node that runs; the pool gives a file for them and reads it afterwards. The
 first line from the pool is `{"path": [...]}`, its module search path. Behind the line of a task come as many bytes of
-its key document as the line says; where there are some, the worker stores the result itself, without its entry where the
-task is held. It ends when the task pipe closes and when its parent dies.
+its key document as the line says; where there are some, the worker stores the result itself, without the entry of a
+task that is `held`. It ends when the task pipe closes and when its parent dies.
 """
 
 from __future__ import annotations

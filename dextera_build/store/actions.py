@@ -162,9 +162,7 @@ class Actions:
         self.rely(key, there)
         return Found(result, is_whole)
 
-    def put(
-        self, key: str, result: ActionResult, beside: Iterable[str] = (), sizes: Mapping[str, int] = _NONE
-    ) -> str:
+    def put(self, key: str, result: ActionResult, beside: Iterable[str] = (), sizes: Mapping[str, int] = _NONE) -> str:
         """Store the result of `key` after all that it needs, and return the digest of its `result.json`.
 
         Args:
@@ -216,7 +214,11 @@ class Actions:
         document = result.document
         digest = self._blobs.put(document)
         result.know(digest)
-        outputs = [*self._needs(result, sizes), *self._beside(beside), OutputFile(_RESULT, digest, len(document), document)]
+        outputs = [
+            *self._needs(result, sizes),
+            *self._beside(beside),
+            OutputFile(_RESULT, digest, len(document), document),
+        ]
         return encode(outputs), outputs
 
     def _beside(self, digests_: Iterable[str]) -> list[OutputFile]:

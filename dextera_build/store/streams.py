@@ -8,7 +8,6 @@ from pathlib import Path
 from dextera_build.store.cas import Blobs, MissingBlob
 from dextera_build.store.materialize import place
 
-
 _SMALL = 1 << 14
 _MOST_KNOWN = 1 << 10
 
