@@ -64,7 +64,8 @@ def _judged(store: Store, node: Node, report: Ended, reading: Reading) -> Action
     """Publish what a node made whose key may have a result."""
     assert node.key is not None
     reply: Mapping[str, Any] = report.reply or {}
-    kept, sizes = node.key, {}
+    kept = node.key
+    sizes: dict[str, int] = {}
     if node.call.rule.discovers:
         reading.ran(node, reply)
     if report.published is not None:
