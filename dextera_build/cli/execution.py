@@ -91,7 +91,7 @@ def carry_out(
     project, store = session.project, session.store
     rules = known.rules if known else [call.rule for _, call in plan.graph.calls()]
     # What is only brought runs nowhere.
-    with EventLog(store) as log, executor(session, rules, idle=manner.bring_from is not None) as workers:
+    with EventLog(store, gathers=True) as log, executor(session, rules, idle=manner.bring_from is not None) as workers:
         result = build(
             plan.graph,
             wanted,
@@ -106,5 +106,6 @@ def carry_out(
             exchange=manner.bring_from or exchange(session),
             recall=project.asks_again and not manner.bring_from,
             whole=manner.whole or manner.bring_from is not None,
+            pause=log.flush,
         )
     return Done(log.run, result, log.lost)
