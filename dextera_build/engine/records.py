@@ -9,9 +9,7 @@ from itertools import chain
 from typing import Any
 
 from dextera_build.engine import events
-from dextera_build.engine.graph import RuleFacts, parse_address
 from dextera_build.engine.known import Known
-from dextera_build.engine.reach import copy_of
 from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError
 from dextera_build.store.actions import Actions
@@ -64,15 +62,13 @@ class Kept(Mapping[str, NodeRecord]):
         # One of its own: what is only told of must not be noted as what the build found.
         self._actions = Actions(store.actions.root, store.blobs, store.recent)
 
-    def made(self, address: str) -> tuple[str, str | None]:
-        """The rule and the output of a node."""
-        if address in self.own:
-            return self.own[address].rule, self.own[address].output
-        return self._rule(address).path, self._known.output(address)
+    def rule(self, address: str) -> str:
+        """The rule of a node."""
+        return self.own[address].rule if address in self.own else self._known.rule(address).path
 
-    def _rule(self, address: str) -> RuleFacts:
-        where = parse_address(address)
-        return copy_of(self._known.graph, where.call, where.labels or ()).rule
+    def output(self, address: str) -> str | None:
+        """The output of a node."""
+        return self.own[address].output if address in self.own else self._known.output(address)
 
     def __getitem__(self, address: str) -> NodeRecord:
         if address in self.own:
@@ -80,7 +76,7 @@ class Kept(Mapping[str, NodeRecord]):
         key, output = self._known.key(address), self._known.output(address)
         if key is None or output is None:
             raise KeyError(address)
-        rule = self._rule(address)
+        rule = self._known.rule(address)
         result = self._actions.known(key)
         return NodeRecord(
             status="cached",
@@ -135,8 +131,10 @@ class RunResult:
         """Records of the nodes that the run looked at."""
         return self.nodes.own if isinstance(self.nodes, Kept) else self.nodes
 
-    def made(self, address: str) -> tuple[str, str | None]:
-        """The rule and the output of a node; quicker than its whole record."""
-        if isinstance(self.nodes, Kept):
-            return self.nodes.made(address)
-        return self.nodes[address].rule, self.nodes[address].output
+    def rule(self, address: str) -> str:
+        """The rule of a node; quicker than its whole record."""
+        return self.nodes.rule(address) if isinstance(self.nodes, Kept) else self.nodes[address].rule
+
+    def output(self, address: str) -> str | None:
+        """The output of a node; quicker than its whole record."""
+        return self.nodes.output(address) if isinstance(self.nodes, Kept) else self.nodes[address].output
