@@ -108,8 +108,12 @@ class Dispatch:
             return
         tickets = frozenset(self._queues.take_back(seat.first.ticket))
         back = [node for node, _ in seat.nodes if node.ticket in tickets]
+        first = seat.first
+        seat.drop(back)
+        if seat.first is not first:
+            self._admission.hand_on(first, seat.first)
+            self._seats[seat.first] = self._seats.pop(first)
         for node in back:
-            seat.drop_last()
             del self._running[node.ticket]
             node.ticket, node.tries = -1, node.tries - 1
             self.store.locks.release(node.key or "")
@@ -221,12 +225,11 @@ class Dispatch:
             needs=rule.needs,
             devices=devices,
             key=node.key or "",
-            # Whether a file changed meanwhile, and which of two results of a forced node stays, is judged here.
-            document=self.reading.document(node) if self._is_plain(node) else b"",
+            # Which key it has, and which of two results of a forced node stays, is judged here.
+            document=b"" if rule.discovers or self.forced(node) else self.reading.document(node),
+            # And so is whether a file changed meanwhile.
+            held=bool(node.leaves),
         )
-
-    def _is_plain(self, node: Node) -> bool:
-        return not (node.leaves or node.call.rule.discovers or self.forced(node))
 
     def _take(self, report: Report) -> None:
         node = self._running.get(report.ticket)

@@ -60,7 +60,7 @@ class Kept(Mapping[str, NodeRecord]):
         self._known = known
         self._blobs = store.blobs
         # One of its own: what is only told of must not be noted as what the build found.
-        self._actions = Actions(store.actions.root, store.blobs)
+        self._actions = Actions(store.actions.root, store.blobs, store.recent)
 
     def rule(self, address: str) -> str:
         """The rule of a node."""

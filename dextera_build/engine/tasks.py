@@ -39,7 +39,9 @@ class Task:
     key: str = ""
     """Names the folder in which the call keeps its progress; "" where it shall have a fresh one."""
     document: bytes = b""
-    """The key document; whoever runs the task may publish its result. b"" where only the scheduler may."""
+    """The key document; whoever runs the task may store its result. b"" where only the scheduler may."""
+    held: bool = False
+    """Whether the entry of the result is left to the scheduler, which judges first."""
 
     def message(self) -> dict[str, object]:
         """What the runner gets."""
@@ -116,7 +118,10 @@ class Queues(Executor, Protocol):
         ...
 
     def take_back(self, ticket: int) -> list[int]:
-        """Take back all tasks that stand behind this one and were not begun; returns their tickets."""
+        """Take back what the worker that has this task has not begun, but for one task; returns the tickets.
+
+        The task itself is among them where one behind it was begun while others were taken back.
+        """
         ...
 
 
