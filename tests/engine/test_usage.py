@@ -148,6 +148,7 @@ def test_a_worker_that_died_was_seen(store: Store) -> None:
 
 
 def test_a_meter_that_nobody_needs_any_more_leaves_no_open_file() -> None:
+    gc.collect()
     before = len(os.listdir("/proc/self/fd"))
     for _ in range(10):
         Meter()
