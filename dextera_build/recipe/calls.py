@@ -123,7 +123,7 @@ class CallMaker:
         given = {name: node for name, node in arguments.items() if name not in slots}
         options = _options(decl, options_type, given)
         places = {name: node.place for name, node in given.items()}
-        return Call(decl.name, facts, options, inputs, decl.place, places, decl.salt)
+        return Call(address[-1], facts, options, inputs, decl.place, places, decl.salt)
 
     def _rule_facts(self, found: RuleFile, wanted: Node | None, decl: CallDecl) -> RuleFacts:
         name = self._backends.get(found.path, str(wanted.value) if wanted else None)

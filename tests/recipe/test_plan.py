@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dextera_build.engine.graph import Gather, Group, Item, Leaf, Output
+from dextera_build.engine.reach import copy_of
 from dextera_build.errors import DxbError, MachineError, RecipeError, UsageError
 from dextera_build.recipe import settings
 from dextera_build.recipe.plan import Request, plan
@@ -100,6 +101,21 @@ def test_a_used_recipe_keeps_its_names_apart(space):
     calls = dict(planned(space, "say/use").calls())
     assert calls["first/words",].inputs == {"text": Output(("start",))}
     assert calls["all",].inputs == {"texts": Output(("first/words",))}
+
+
+def test_an_override_reaches_a_call_of_a_recipe_that_a_group_uses(space):
+    space.write(
+        "recipes/say/loud.yaml",
+        "inputs: {text: {help: what to say}}\nnodes:\n  loud: {rule: toy.shout, text: $text}\n",
+    )
+    space.write(
+        "recipes/say/use.yaml",
+        "nodes:\n  start: {rule: toy.start}\n  words: {rule: toy.split, text: $start}\n"
+        "  own: {each: $words, as: word, nodes: {in: {recipe: say/loud, text: $word}}}\n",
+    )
+    graph = planned(space, "say/use", settings=(settings.parse("own[one].in/loud.times=5"),))
+    assert copy_of(graph, ("own", "in/loud"), ("one",)).options["times"] == 5
+    assert copy_of(graph, ("own", "in/loud"), ("two",)).options["times"] == 1
 
 
 def test_extending_takes_over_and_replaces(space):
