@@ -135,8 +135,8 @@ def _run(
     near = fresh.near(project, fingerprint, session.store) if quick else None
     if near is not None and near.idle:
         head = near.stale.head
-        nodes, *lines = head["lines"]
         if not near.placed:
+            nodes, *lines = head["lines"]
             written = results.restore(session, near.known, [line.partition("\t")[0] for line in lines])
             if written is None:
                 return _run(args, project, recipe, targets, fingerprint, started, whole=True)
