@@ -15,6 +15,7 @@ from dextera_build.engine import dispatch, seats
 from dextera_build.engine.events import Event, NodeFinished, NodeStarted
 from dextera_build.engine.execute import RunResult, build
 from dextera_build.engine.executors.local import LocalExecutor
+from dextera_build.engine.executors.nursery import Nursery
 from dextera_build.engine.executors.process import Process
 from dextera_build.engine.graph import Graph
 from dextera_build.engine.seats import LONG_S, Pace, Seat, nap_s
@@ -164,11 +165,13 @@ def task(ticket: int, do: str, value: object = 0) -> Task:
 @pytest.fixture
 def process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Process]:
     monkeypatch.setenv("TINY_STORE", str(tmp_path / "store"))
-    worker = Process(RUNNER, {"TINY_TRACE": str(tmp_path / "trace")}, [])
+    nursery = Nursery(RUNNER, {"TINY_TRACE": str(tmp_path / "trace")}, [])
+    worker = Process(nursery)
     try:
         yield worker
     finally:
         worker.end(0.0)
+        nursery.end()
 
 
 def heard(process: Process, count: int) -> list[dict[str, Any]]:

@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Self
 
 from dextera_build.engine.capacity import Capacity, available_gb
+from dextera_build.engine.executors.nursery import Nursery
 from dextera_build.engine.executors.process import Process
 from dextera_build.engine.tasks import Ended, Report, Said, Task
 from dextera_build.engine.usage import Sampler, with_peak
@@ -47,6 +48,7 @@ class LocalExecutor:
         self._runner = runner
         self._environment = dict(environment or {})
         self._selector = selectors.DefaultSelector()
+        self._nursery: Nursery | None = None
         self._idle: list[Process] = []
         self._busy: dict[int, Process] = {}
         self._sampler = Sampler()
@@ -86,9 +88,10 @@ class LocalExecutor:
         reports: list[Report] = []
         self._sampler.look(self._busy.values())
         for key, _ in self._selector.select(self._sampler.patience(timeout_s, len(self._busy))):
-            process: Process = key.data
-            if process.alive:
-                reports += self._hear(process, key.fd)
+            if isinstance(key.data, Nursery):
+                self._hear_nursery(key.data)
+            elif key.data.alive:
+                reports += self._hear(key.data, key.fd)
         return reports
 
     def stop(self) -> None:
@@ -98,10 +101,11 @@ class LocalExecutor:
             process.ask_to_end()
         deadline = time.monotonic() + _GRACE_S
         for process in workers:
-            process.end(max(0.0, deadline - time.monotonic()))
             self._forget(process)
+            process.end(max(0.0, deadline - time.monotonic()))
         self._busy.clear()
         self._idle.clear()
+        self._end_nursery()
 
     def close(self) -> None:
         """Let idle workers go; those that still run are ended."""
@@ -110,14 +114,14 @@ class LocalExecutor:
         for process in self._idle:
             process.hang_up()
         for process in self._idle:
-            # One that was given nothing may be busy with loading what it would have needed.
-            process.end(_GRACE_S if process.began else 0.0)
             self._forget(process)
+            process.end(_GRACE_S)
         self._idle.clear()
+        self._end_nursery()
 
     def pids(self) -> list[int]:
-        """Process ids of all workers."""
-        return [process.pid for process in self._workers()]
+        """Process ids of all workers; for those that are being made, the one of what makes them."""
+        return list(dict.fromkeys(process.pid or process.nursery.pid for process in self._workers()))
 
     def _workers(self) -> list[Process]:
         return [*dict.fromkeys(self._busy.values()), *self._idle]
@@ -140,20 +144,44 @@ class LocalExecutor:
         return None
 
     def _start(self, devices: tuple[str, ...]) -> Process:
-        # CUDA looks at this once in a process, so a worker stays with its devices.
-        environment = {**self._environment, "CUDA_VISIBLE_DEVICES": ",".join(devices)}
         try:
-            process = Process(self._runner, environment, [entry for entry in sys.path if entry], devices)
+            process = Process(self._nurse(), devices)
         except OSError as error:
-            raise MachineError(
-                "a worker process cannot be started",
-                code="DXB-E202",
-                facts={"system says": error.strerror, "workers": len(self._busy)},
-                hint="build with `--jobs 1`",
-            ) from None
-        for descriptor in process.descriptors():
-            self._selector.register(descriptor, selectors.EVENT_READ, process)
+            raise self._refused(error.strerror) from None
+        self._attend(process)
         return process
+
+    def _nurse(self) -> Nursery:
+        """What makes workers; started with the first."""
+        if self._nursery is not None and not self._nursery.is_running():
+            self._end_nursery()
+        if self._nursery is None:
+            self._nursery = Nursery(self._runner, self._environment, [entry for entry in sys.path if entry])
+            self._selector.register(self._nursery, selectors.EVENT_READ, self._nursery)
+        return self._nursery
+
+    def _end_nursery(self) -> None:
+        if self._nursery is not None:
+            self._forget_nursery(self._nursery)
+            self._nursery.end()
+            self._nursery = None
+
+    def _hear_nursery(self, nursery: Nursery) -> None:
+        nursery.hear()
+        if not nursery.alive:
+            self._forget_nursery(nursery)
+        for process in self._workers():
+            self._attend(process)
+            if process.refused:
+                raise self._refused(os.strerror(process.refused))
+
+    def _refused(self, reason: str | None) -> MachineError:
+        return MachineError(
+            "a worker process cannot be started",
+            code="DXB-E202",
+            facts={"system says": reason, "workers": len(self._busy)},
+            hint="build with `--jobs 1`",
+        )
 
     def _hear(self, process: Process, descriptor: int) -> list[Report]:
         lines, ended = process.hear(descriptor)
@@ -213,10 +241,19 @@ class LocalExecutor:
             self._give(self._take_idle(rest[0].devices) or self._start(rest[0].devices), rest)
         return reports
 
+    def _attend(self, process: Process) -> None:
+        for descriptor in process.descriptors():
+            if descriptor not in self._selector.get_map():
+                self._selector.register(descriptor, selectors.EVENT_READ, process)
+
     def _forget(self, process: Process) -> None:
         for descriptor in process.descriptors():
             if descriptor in self._selector.get_map():
                 self._selector.unregister(descriptor)
+
+    def _forget_nursery(self, nursery: Nursery) -> None:
+        if nursery.fileno() in self._selector.get_map():
+            self._selector.unregister(nursery)
 
 
 def _cores() -> int:

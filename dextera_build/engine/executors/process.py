@@ -12,23 +12,19 @@ import json
 import os
 import signal
 import socket
-import subprocess
-import sys
 import tempfile
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
+from dextera_build.engine.executors.nursery import Nursery
 from dextera_build.engine.tasks import PACKET, Task, printed
 from dextera_build.errors import RuleError
 from dextera_build.store.files import write_all
 
 _SPELL = json.JSONEncoder(separators=(",", ":")).encode
-_MODULE = "dextera_build.engine.worker"
-_ROOT = Path(__file__).resolve().parents[3]
 _TAIL_LINES = 12
+_LONG_S = 60.0
 _NAME = 32
 """No ticket takes more [bytes]."""
 
@@ -39,16 +35,18 @@ class Process:
     It is the leader of its own process group, so that a Ctrl-C at the terminal does not reach it and that it can be
     ended with all that it started.
 
+    It can be given tasks before it is there.
+
     Args:
-        runner: `module:function` for the worker.
-        environment: Variables beside those of this process.
-        path: Module search path for the worker.
-        devices: GPUs that it may use; `environment` says so to the libraries.
+        nursery: What makes it.
+        devices: GPUs that it may use.
+
+    Raises:
+        OSError: No more files can be opened.
     """
 
-    def __init__(
-        self, runner: str, environment: Mapping[str, str], path: Sequence[str], devices: tuple[str, ...] = ()
-    ) -> None:
+    def __init__(self, nursery: Nursery, devices: tuple[str, ...] = ()) -> None:
+        self.nursery = nursery
         self.tasks: deque[Task] = deque()
         """What it was given and has not answered; the first is the one that it has, the others stand behind."""
         self.answered = 0
@@ -66,32 +64,35 @@ class Process:
         fcntl.fcntl(self._log.fileno(), fcntl.F_SETFL, os.O_APPEND)
         self._sending, self._taking = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._sending.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 * PACKET)
-        # What the worker is told once, and behind that a task that is too large for the socket.
+        # For a task that is too large for the socket.
         self._large = os.memfd_create("task")
-        self._told = os.write(self._large, _SPELL({"path": list(path)}).encode() + b"\n")
         self._hearing, writing = os.pipe()
         os.set_blocking(self._hearing, False)
-        passed = (self._taking.fileno(), self._large, writing)
-        command = [sys.executable, "-m", _MODULE, runner, *map(str, passed), str(os.getpid())]
+        self.pid = 0
+        """0 until it is there."""
+        self.refused = 0
+        """The error number, where it cannot be made."""
+        self._code: int | None = None
+        # The pipe alone does not tell that it ended: something that it started may hold the other end.
+        self._watch = -1
         try:
-            self._child = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=self._log,
-                stderr=self._log,
-                pass_fds=passed,
-                start_new_session=True,
-                env={**os.environ, **environment, "PYTHONPATH": _search_path()},
-            )
+            # CUDA looks at this once in a process, so a worker stays with its devices.
+            environment = {"CUDA_VISIBLE_DEVICES": ",".join(devices)}
+            passed = (self._taking.fileno(), self._large, writing, self._log.fileno())
+            nursery.make(passed, environment, self._born)
         except OSError:
             self.hang_up()
             os.close(self._hearing)
             raise
         finally:
             os.close(writing)
-        self.pid = self._child.pid
-        # The pipe alone does not tell: something that the worker started may hold its other end.
-        self._watch = os.pidfd_open(self.pid) if hasattr(os, "pidfd_open") else -1
+
+    def _born(self, pid: int) -> None:
+        if pid < 0:
+            self.refused = -pid
+        elif self.alive:
+            self.pid = pid
+            self._watch = os.pidfd_open(pid) if hasattr(os, "pidfd_open") else -1
 
     def descriptors(self) -> list[int]:
         """What becomes readable when the worker speaks or dies."""
@@ -146,10 +147,10 @@ class Process:
             return name + data
         if self._sent:
             return None
-        os.ftruncate(self._large, self._told)
-        os.lseek(self._large, self._told, os.SEEK_SET)
+        os.ftruncate(self._large, 0)
+        os.lseek(self._large, 0, os.SEEK_SET)
         write_all(self._large, data)
-        return name + b"@%d %d" % (self._told, len(data))
+        return name + b"@%d" % len(data)
 
     def _taken_back(self) -> set[int]:
         """Tickets of the tasks that were taken out of the socket."""
@@ -175,8 +176,12 @@ class Process:
         return [json.loads(line) for line in lines], ended
 
     def is_running(self) -> bool:
-        """Whether the process lives."""
-        return self._child.poll() is None
+        """Whether the process lives, or is being made."""
+        if not self.pid:
+            return self.nursery.alive and not self.refused
+        if self._code is None:
+            self._code = self.nursery.wait(self.pid, self._watch, 0.0)
+        return self._code is None
 
     def hang_up(self) -> None:
         """Close the socket: the worker ends when it has nothing to do."""
@@ -188,16 +193,23 @@ class Process:
 
     def ask_to_end(self) -> None:
         """Ask it to clean up and end."""
-        self._child.send_signal(signal.SIGTERM)
+        if self.pid and self.is_running():
+            os.kill(self.pid, signal.SIGTERM)
 
     def end(self, patience_s: float) -> None:
-        """Wait at most `patience_s` [s] for its end, then kill it; what it started is killed at once."""
+        """Wait at most `patience_s` [s] for its end, then kill it; what it started is killed at once.
+
+        One that is not there yet ends when it is, since it will have nothing to do.
+        """
         self.hang_up()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._child.wait(patience_s)
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.pid, signal.SIGKILL)
-        self._child.wait()
+        self.nursery.hear()
+        if self.pid and self._code is None:
+            self._code = self.nursery.wait(self.pid, self._watch, patience_s)
+        if self.pid:
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self.pid, signal.SIGKILL)
+            while self._code is None:
+                self._code = self.nursery.wait(self.pid, self._watch, _LONG_S)
         self.alive = False
         for descriptor in self.descriptors():
             os.close(descriptor)
@@ -209,7 +221,7 @@ class Process:
 
     def death(self, log: bytes) -> RuleError:
         """What to say of a worker that died in the middle of a node."""
-        code = self._child.returncode
+        code = self._code if self._code is not None else self.nursery.code()
         if code < 0:
             try:
                 name = signal.Signals(-code).name
@@ -227,8 +239,3 @@ class Process:
             facts=facts,
             hint="build again, with `--jobs 1` where memory is short",
         )
-
-
-def _search_path() -> str:
-    inherited = os.environ.get("PYTHONPATH")
-    return os.pathsep.join([str(_ROOT), *([inherited] if inherited else [])])
