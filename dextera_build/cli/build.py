@@ -14,6 +14,7 @@ from dextera_build.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
     from dextera_build.cli.session import Session
+    from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.graph import Address
     from dextera_build.engine.known import Known
     from dextera_build.engine.records import RunResult
@@ -126,7 +127,9 @@ def _run(
     from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
 
+    nursery = None if whole else _nursery(args)
     session = Session(project, recipe)
+    session.nursery = nursery
     seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
     session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
     whole = whole or args.force or args.check or args.locked or project.asks_again
@@ -165,6 +168,17 @@ def _run(
             saved = fresh.save(project, fingerprint, seen, plan, result, lines)
         args.notes.add(recipe, place, saved)
     return 0 if result.ok else 1
+
+
+def _nursery(args: argparse.Namespace) -> Nursery | None:
+    """A fork of this process, as long as nothing is opened, that will make workers where something is to run."""
+    from dextera_build.engine.executors.nursery import Nursery
+    from dextera_build.engine.nursery import is_alone
+
+    if not args.own or args.check or not is_alone():
+        return None
+    args.own = False
+    return Nursery(forked=True)
 
 
 def _make(

@@ -40,7 +40,8 @@ def executor(
         project = session.project
         wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
         capacity = project.capacity(gpus=wants_gpu)
-        with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity) as workers:
+        nursery, session.nursery = session.nursery, None
+        with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity, nursery=nursery) as workers:
             if soon:
                 workers.warm()
             yield workers

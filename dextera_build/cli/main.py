@@ -18,11 +18,16 @@ if TYPE_CHECKING:
     from dextera_build.errors import DxbError
 
 
-def main(argv: "Sequence[str] | None" = None) -> int:
-    """Run one command and return its exit code."""
+def main(argv: "Sequence[str] | None" = None, *, own: bool = False) -> int:
+    """Run one command and return its exit code.
+
+    Args:
+        argv: The command line; None is that of this process.
+        own: This process does nothing else, so it may be forked.
+    """
     words = list(sys.argv[1:] if argv is None else argv)
     try:
-        code = 0 if quick.answer(words) or _completes(words) else _run(words)
+        code = 0 if quick.answer(words) or _completes(words) else _run(words, own)
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
@@ -40,7 +45,7 @@ def main(argv: "Sequence[str] | None" = None) -> int:
 
 def entry() -> "NoReturn":
     """The console script."""
-    code = main()
+    code = main(own=True)
     if "dextera_build.cli.grammar" not in sys.modules:
         # `quick` or `complete` answered. Nothing was opened that is to be closed, and taking the interpreter down is
         # work as well.
@@ -56,14 +61,14 @@ def _completes(words: list[str]) -> bool:
     return complete.say(words)
 
 
-def _run(words: list[str]) -> int:
+def _run(words: list[str], own: bool) -> int:
     import importlib
 
     from dextera_build.cli.grammar import parser
 
     verb = next((word for word in words if not word.startswith("-")), "")
     args = parser(verb).parse_args(words)
-    args.words = words
+    args.words, args.own = words, own
     code: int = importlib.import_module(f"dextera_build.cli.{args.verb}").run(args)
     return code
 

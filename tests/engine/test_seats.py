@@ -165,7 +165,8 @@ def task(ticket: int, do: str, value: object = 0) -> Task:
 @pytest.fixture
 def process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Process]:
     monkeypatch.setenv("TINY_STORE", str(tmp_path / "store"))
-    nursery = Nursery(RUNNER, {"TINY_TRACE": str(tmp_path / "trace")}, [])
+    nursery = Nursery()
+    nursery.load(RUNNER, {"TINY_TRACE": str(tmp_path / "trace")}, [])
     worker = Process(nursery)
     try:
         yield worker
@@ -178,7 +179,7 @@ def heard(process: Process, count: int) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     deadline = time.monotonic() + 30
     while len(found) < count and time.monotonic() < deadline:
-        lines, _ = process.hear(process.descriptors()[0])
+        lines, _ = process.hear()
         found += lines
         time.sleep(0.01)
     return found

@@ -33,6 +33,7 @@ class LocalExecutor:
         memory_gb: Memory to share out [GiB]; None is what is available now.
         environment: Variables that workers see beside those of this process.
         capacity: What to share out, over `jobs` and `memory_gb`.
+        nursery: What makes its workers; None: one is started with the first.
     """
 
     def __init__(
@@ -43,12 +44,13 @@ class LocalExecutor:
         memory_gb: float | None = None,
         environment: Mapping[str, str] | None = None,
         capacity: Capacity | None = None,
+        nursery: Nursery | None = None,
     ) -> None:
         self.capacity = capacity or Capacity(jobs or _cores(), memory_gb or available_gb())
         self._runner = runner
         self._environment = dict(environment or {})
         self._selector = selectors.DefaultSelector()
-        self._nursery: Nursery | None = None
+        self._nursery = nursery
         self._idle: list[Process] = []
         self._busy: dict[int, Process] = {}
         self._sampler = Sampler()
@@ -87,11 +89,15 @@ class LocalExecutor:
         """What workers reported; a worker that died is reported as the failure of its node."""
         reports: list[Report] = []
         self._sampler.look(self._busy.values())
+        if self._nursery is not None and self._nursery.has_news:
+            timeout_s = 0.0
         for key, _ in self._selector.select(self._sampler.patience(timeout_s, len(self._busy))):
             if isinstance(key.data, Nursery):
-                self._hear_nursery(key.data)
+                key.data.hear()
             elif key.data.alive:
-                reports += self._hear(key.data, key.fd)
+                reports += self._hear(key.data)
+        if self._nursery is not None and self._nursery.has_news:
+            reports += self._look_after(self._nursery)
         return reports
 
     def stop(self) -> None:
@@ -148,16 +154,18 @@ class LocalExecutor:
             process = Process(self._nurse(), devices)
         except OSError as error:
             raise self._refused(error.strerror) from None
-        self._attend(process)
+        self._selector.register(process.descriptor, selectors.EVENT_READ, process)
         return process
 
     def _nurse(self) -> Nursery:
-        """What makes workers; started with the first."""
+        """What makes workers; told what to load with the first."""
         if self._nursery is not None and not self._nursery.is_running():
             self._end_nursery()
         if self._nursery is None:
-            self._nursery = Nursery(self._runner, self._environment, [entry for entry in sys.path if entry])
+            self._nursery = Nursery()
+        if self._nursery.fileno() not in self._selector.get_map():
             self._selector.register(self._nursery, selectors.EVENT_READ, self._nursery)
+        self._nursery.load(self._runner, self._environment, [entry for entry in sys.path if entry])
         return self._nursery
 
     def _end_nursery(self) -> None:
@@ -166,14 +174,18 @@ class LocalExecutor:
             self._nursery.end()
             self._nursery = None
 
-    def _hear_nursery(self, nursery: Nursery) -> None:
-        nursery.hear()
-        if not nursery.alive:
+    def _look_after(self, nursery: Nursery) -> list[Report]:
+        """Look which workers ended or cannot be made."""
+        reports: list[Report] = []
+        nursery.has_news = False
+        if not nursery.is_running():
             self._forget_nursery(nursery)
         for process in self._workers():
-            self._attend(process)
             if process.refused:
                 raise self._refused(os.strerror(process.refused))
+            if process.alive and process.has_ended:
+                reports += self._hear(process)
+        return reports
 
     def _refused(self, reason: str | None) -> MachineError:
         return MachineError(
@@ -183,8 +195,8 @@ class LocalExecutor:
             hint="build with `--jobs 1`",
         )
 
-    def _hear(self, process: Process, descriptor: int) -> list[Report]:
-        lines, ended = process.hear(descriptor)
+    def _hear(self, process: Process) -> list[Report]:
+        lines, ended = process.hear()
         reports: list[Report] = []
         for line in lines:
             if not process.tasks:
@@ -241,15 +253,9 @@ class LocalExecutor:
             self._give(self._take_idle(rest[0].devices) or self._start(rest[0].devices), rest)
         return reports
 
-    def _attend(self, process: Process) -> None:
-        for descriptor in process.descriptors():
-            if descriptor not in self._selector.get_map():
-                self._selector.register(descriptor, selectors.EVENT_READ, process)
-
     def _forget(self, process: Process) -> None:
-        for descriptor in process.descriptors():
-            if descriptor in self._selector.get_map():
-                self._selector.unregister(descriptor)
+        if process.descriptor in self._selector.get_map():
+            self._selector.unregister(process.descriptor)
 
     def _forget_nursery(self, nursery: Nursery) -> None:
         if nursery.fileno() in self._selector.get_map():

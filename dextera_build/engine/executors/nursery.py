@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import select
+import signal
 import socket
 import subprocess
 import sys
@@ -13,60 +14,84 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
-from dextera_build.engine.nursery import MESSAGE
+from dextera_build.engine import nursery
+from dextera_build.engine.nursery import MESSAGE, ROOT
 from dextera_build.engine.tasks import printed
 
-_MODULE = "dextera_build.engine.nursery"
-_ROOT = Path(__file__).resolve().parents[3]
-_LOOK_S = 0.005
 _GRACE_S = 1.0
 
 
 class Nursery:
-    """A running nursery.
+    """A running nursery, which loads nothing before it is told what.
 
     Args:
-        runner: `module:function` for its workers.
-        environment: Variables beside those of this process.
-        path: Module search path.
+        forked: Whether it is a fork of this process, which has one thread and has opened and begun nothing: then it
+            need not load what is loaded here.
 
     Raises:
         OSError: No process can be started.
     """
 
-    def __init__(self, runner: str, environment: Mapping[str, str], path: Sequence[str]) -> None:
+    def __init__(self, *, forked: bool = False) -> None:
         self._asked: deque[Callable[[int], None]] = deque()
         """Who asked for a worker and has none yet."""
-        self._statuses: dict[int, int | None] = {}
-        self.alive = True
-        """Whether it was not seen dead."""
+        self._codes: dict[int, int] = {}
+        """Exit codes of workers that have ended."""
+        self._code: int | None = None
+        self.has_news = False
+        """Whether `hear` took in something that the pool has not looked at."""
+        self._has_answered = False
+        self._is_told = False
+        # Without a name, so that nothing is left behind however this ends.
         self._log = tempfile.TemporaryFile(mode="w+b", buffering=0)  # noqa: SIM115
         self._control, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._control.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, MESSAGE)
-        self._has_answered = False
         try:
-            self._child = subprocess.Popen(
-                [sys.executable, "-m", _MODULE, runner, str(theirs.fileno()), str(os.getpid())],
-                stdin=subprocess.DEVNULL,
-                stdout=self._log,
-                stderr=self._log,
-                pass_fds=[theirs.fileno()],
-                start_new_session=True,
-                env={**os.environ, **environment, "PYTHONPATH": _search_path()},
-            )
+            forks = forked and min(theirs.fileno(), self._log.fileno()) > 2  # the others take these places
+            self.pid = (self._fork if forks else self._spawn)(theirs.fileno())
         except OSError:
             self._control.close()
             raise
         finally:
             theirs.close()
-        self.pid = self._child.pid
-        self._tell({"path": list(path)})
+
+    def _fork(self, control: int) -> int:
+        parent = os.getpid()
+        pid = nursery.fork()
+        if not pid:
+            nursery.begin_forked(control, self._log.fileno(), parent)
+        return pid
+
+    def _spawn(self, control: int) -> int:
+        child = subprocess.Popen(
+            [sys.executable, "-m", nursery.__name__, str(control), str(os.getpid())],
+            stdin=subprocess.DEVNULL,
+            stdout=self._log,
+            stderr=self._log,
+            pass_fds=[control],
+            start_new_session=True,
+            env={**os.environ, "PYTHONPATH": _search_path()},
+        )
+        child.returncode = 0  # it is looked after here
+        return child.pid
+
+    def load(self, runner: str, environment: Mapping[str, str], path: Sequence[str]) -> None:
+        """Have it load what workers need, unless it was told to before.
+
+        Args:
+            runner: `module:function` for its workers.
+            environment: Variables beside those of this process.
+            path: Module search path.
+        """
+        if not self._is_told:
+            self._is_told = True
+            seen = {**environment, "PYTHONPATH": _search_path()}
+            self._tell({"runner": runner, "environment": seen, "path": list(path)})
 
     def fileno(self) -> int:
-        """What becomes readable when it has made a worker, or dies; -1 when that is over."""
+        """What becomes readable when it has made a worker, when one has ended, and when it dies itself."""
         return self._control.fileno()
 
     def make(self, descriptors: Sequence[int], environment: Mapping[str, str], made: Callable[[int], None]) -> None:
@@ -81,56 +106,51 @@ class Nursery:
         self._tell({"environment": dict(environment)}, descriptors)
 
     def hear(self) -> None:
-        """Pass on what it has answered."""
+        """Take in what it says: who was made, who has ended."""
         while self._read(socket.MSG_DONTWAIT):
             pass
 
-    def status(self, pid: int) -> int | None:
-        """Exit code of a worker, negative for a signal; None while it runs, and the nursery's where that has died."""
-        self._statuses.pop(pid, None)
-        self._tell({"look": pid})
-        while pid not in self._statuses:
-            if not self._read(0):
-                return self.code()
-        found = self._statuses[pid]
-        return None if found is None else os.waitstatus_to_exitcode(found)
+    def ended(self, pid: int) -> int | None:
+        """Exit code of a worker, negative for a signal; None as long as it is not heard to have ended.
 
-    def wait(self, pid: int, watch: int, patience_s: float) -> int | None:
-        """As `status`, after its end or `patience_s` [s], whichever is first.
-
-        Args:
-            pid: The worker.
-            watch: Descriptor that becomes readable when it ends, -1 for none.
-            patience_s: How long to wait at most.
+        Where the nursery has died, that is what ended its workers.
         """
-        deadline = time.monotonic() + patience_s
-        if watch >= 0:
-            poll = select.poll()  # any descriptor, where `select` takes those below 1024
-            poll.register(watch, select.POLLIN)
-            poll.poll(patience_s * 1e3)
-        code = self.status(pid)
-        while code is None and watch < 0 and time.monotonic() < deadline:
-            time.sleep(_LOOK_S)
-            code = self.status(pid)
-        return code
+        return self._codes.get(pid, self._code)
+
+    def wait(self, pid: int, patience_s: float | None) -> int | None:
+        """As `ended`, after the end of the worker or `patience_s` [s]; None: as long as it takes."""
+        deadline = None if patience_s is None else time.monotonic() + patience_s
+        self.hear()
+        while self.ended(pid) is None:
+            rest_s = None if deadline is None else deadline - time.monotonic()
+            if rest_s is not None and rest_s <= 0.0:
+                break
+            _poll(self._control.fileno(), rest_s)
+            self.hear()
+        return self.ended(pid)
+
+    def forget(self, pid: int) -> None:
+        """Nobody will ask for this worker, which has ended; its process id may be another's from now on."""
+        self._tell({"forget": pid})
 
     def is_running(self) -> bool:
         """Whether it lives."""
-        return self.alive and self._child.poll() is None
+        return self._wait(os.WNOHANG) is None
+
+    def code(self) -> int:
+        """Its exit code, negative for a signal; it is killed where it lives still."""
+        if self._wait(os.WNOHANG) is None:
+            os.kill(self.pid, signal.SIGKILL)
+        return self._wait(0) or 0
 
     def end(self) -> None:
         """Let it go, and its workers with it."""
-        self._control.close()
-        with suppress(subprocess.TimeoutExpired):
-            # One that is loading still would not hear of it for long.
-            self._child.wait(_GRACE_S if self._has_answered else 0.0)
+        with suppress(OSError):
+            self._control.shutdown(socket.SHUT_WR)
+        if self._has_answered:  # one that is loading still would not hear of it for long
+            _poll(self._control.fileno(), _GRACE_S)
         self.code()
-
-    def code(self) -> int:
-        """Its exit code; it is killed where it lives still."""
-        self.alive = False
-        self._child.kill()
-        return self._child.wait()
+        self._control.close()
 
     def log(self) -> bytes:
         """What it printed."""
@@ -151,18 +171,35 @@ class Nursery:
             return False
         except ConnectionResetError:
             data = b""
+        self.has_news = True
         if not data:
-            self.alive = False
+            self.code()
             return False
         self._has_answered = True
         answer = json.loads(data)
-        if "look" in answer:
-            self._statuses[answer["look"]] = answer["status"]
+        if "ended" in answer:
+            self._codes[answer["ended"]] = answer["code"]
         else:
             self._asked.popleft()(answer["pid"] if "pid" in answer else -answer["refused"])
         return True
 
+    def _wait(self, flags: int) -> int | None:
+        if self._code is None:
+            try:
+                pid, status = os.waitpid(self.pid, flags)
+            except ChildProcessError:  # this process does not want to know of its children
+                pid, status = self.pid, 0
+            self._code = os.waitstatus_to_exitcode(status) if pid else None
+        return self._code
+
+
+def _poll(descriptor: int, patience_s: float | None) -> None:
+    """Wait until it becomes readable; any descriptor, where `select.select` takes those below 1024."""
+    poll = select.poll()
+    poll.register(descriptor, select.POLLIN)
+    poll.poll(None if patience_s is None else patience_s * 1e3)
+
 
 def _search_path() -> str:
     inherited = os.environ.get("PYTHONPATH")
-    return os.pathsep.join([str(_ROOT), *([inherited] if inherited else [])])
+    return os.pathsep.join([str(ROOT), *([inherited] if inherited else [])])

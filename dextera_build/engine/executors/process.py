@@ -24,7 +24,6 @@ from dextera_build.store.files import write_all
 
 _SPELL = json.JSONEncoder(separators=(",", ":")).encode
 _TAIL_LINES = 12
-_LONG_S = 60.0
 _NAME = 32
 """No ticket takes more [bytes]."""
 
@@ -72,9 +71,6 @@ class Process:
         """0 until it is there."""
         self.refused = 0
         """The error number, where it cannot be made."""
-        self._code: int | None = None
-        # The pipe alone does not tell that it ended: something that it started may hold the other end.
-        self._watch = -1
         try:
             # CUDA looks at this once in a process, so a worker stays with its devices.
             environment = {"CUDA_VISIBLE_DEVICES": ",".join(devices)}
@@ -92,11 +88,16 @@ class Process:
             self.refused = -pid
         elif self.alive:
             self.pid = pid
-            self._watch = os.pidfd_open(pid) if hasattr(os, "pidfd_open") else -1
 
-    def descriptors(self) -> list[int]:
-        """What becomes readable when the worker speaks or dies."""
-        return [descriptor for descriptor in (self._hearing, self._watch) if descriptor >= 0]
+    @property
+    def descriptor(self) -> int:
+        """What becomes readable when the worker speaks; -1 when it has ended."""
+        return self._hearing
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the nursery said so; the pipe need not, as something that it started may hold the other end."""
+        return self.nursery.ended(self.pid) is not None
 
     def give(self, task: Task) -> None:
         """Give it a task, behind those that it has; a worker that is dead already shows in `hear`."""
@@ -160,9 +161,9 @@ class Process:
                 tickets.add(int(packet.partition(b"\n")[0]))
         return tickets
 
-    def hear(self, descriptor: int) -> tuple[list[dict[str, Any]], bool]:
-        """(what it said, whether it is dead), after one of `descriptors` became readable."""
-        ended = descriptor == self._watch or (self._watch < 0 and not self.is_running())
+    def hear(self) -> tuple[list[dict[str, Any]], bool]:
+        """(what it said, whether it is dead)."""
+        ended = self.has_ended
         while True:
             try:
                 part = os.read(self._hearing, 1 << 16)
@@ -177,11 +178,8 @@ class Process:
 
     def is_running(self) -> bool:
         """Whether the process lives, or is being made."""
-        if not self.pid:
-            return self.nursery.alive and not self.refused
-        if self._code is None:
-            self._code = self.nursery.wait(self.pid, self._watch, 0.0)
-        return self._code is None
+        self.nursery.hear()
+        return not (self.refused or self.has_ended)
 
     def hang_up(self) -> None:
         """Close the socket: the worker ends when it has nothing to do."""
@@ -203,17 +201,15 @@ class Process:
         """
         self.hang_up()
         self.nursery.hear()
-        if self.pid and self._code is None:
-            self._code = self.nursery.wait(self.pid, self._watch, patience_s)
         if self.pid:
+            self.nursery.wait(self.pid, patience_s)
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(self.pid, signal.SIGKILL)
-            while self._code is None:
-                self._code = self.nursery.wait(self.pid, self._watch, _LONG_S)
+            self.nursery.wait(self.pid, None)
+            self.nursery.forget(self.pid)
         self.alive = False
-        for descriptor in self.descriptors():
-            os.close(descriptor)
-        self._hearing = self._watch = -1
+        os.close(self._hearing)
+        self._hearing = -1
 
     def log(self) -> bytes:
         """What the node printed so far."""
@@ -221,7 +217,7 @@ class Process:
 
     def death(self, log: bytes) -> RuleError:
         """What to say of a worker that died in the middle of a node."""
-        code = self._code if self._code is not None else self.nursery.code()
+        code = self.nursery.ended(self.pid) or 0
         if code < 0:
             try:
                 name = signal.Signals(-code).name
@@ -230,7 +226,10 @@ class Process:
             reason, facts = f"signal {-code}", {"signal": f"{-code} ({name})"}
         else:
             reason, facts = f"exit code {code}", {"exit code": str(code)}
-        tail = log.decode(errors="replace").strip().splitlines()[-_TAIL_LINES:]
+        tail = log.decode(errors="replace").strip().splitlines()
+        # Where Python says where it was, the innermost call stands first.
+        fatal = next((place for place, line in enumerate(tail) if line.startswith("Fatal Python error")), None)
+        tail = tail[-_TAIL_LINES:] if fatal is None else tail[fatal : fatal + _TAIL_LINES]
         if tail:
             facts["log"] = "\n".join(tail)
         return RuleError(
