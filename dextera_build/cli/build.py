@@ -127,9 +127,7 @@ def _run(
     from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
 
-    nursery = None if whole else _nursery(args)
     session = Session(project, recipe)
-    session.nursery = nursery
     seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
     session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
     whole = whole or args.force or args.check or args.locked or project.asks_again
@@ -146,6 +144,7 @@ def _run(
             head["lines"] = [nodes, *written]
         args.notes.add(recipe, place, fresh.renew(project, fingerprint, seen, near, head["lines"][1:]))
         return _say_nothing_ran(project, recipe, head, started)
+    session.nursery = _nursery(args, project, soon=near is not None)
     plan = Plan(near.known.graph, ()) if near else session.plan(options.request(args, project.profile))
     wanted = [address for target in targets for address in addresses(plan.graph, target)]
     args.locking.refuse(session, plan, wanted)
@@ -170,15 +169,25 @@ def _run(
     return 0 if result.ok else 1
 
 
-def _nursery(args: argparse.Namespace) -> Nursery | None:
-    """A fork of this process, as long as nothing is opened, that will make workers where something is to run."""
+def _nursery(args: argparse.Namespace, project: Project, *, soon: bool) -> Nursery | None:
+    """A fork of this process, as long as it has opened and begun nothing, to make workers; None where it may not be.
+
+    Args:
+        args: The command line.
+        project: For which workers would be.
+        soon: There will be some, so that it loads what they need.
+    """
+    from dextera_build.cli import executors
     from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.nursery import is_alone
 
-    if not args.own or args.check or not is_alone():
+    if not args.own or args.check or project.executor != "local" or not is_alone():
         return None
-    args.own = False
-    return Nursery(forked=True)
+    args.own = False  # it may be once
+    made = Nursery(forked=True)
+    if soon:
+        executors.load(made, project)
+    return made
 
 
 def _make(

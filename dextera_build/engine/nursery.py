@@ -31,6 +31,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from dextera_build.engine import worker
+from dextera_build.store import failpoints
 
 MESSAGE = 1 << 20
 """No message takes more [bytes]."""
@@ -186,7 +187,8 @@ def begin_forked(control: int, log: int, parent: int) -> None:
                     os.close(int(name))
         sys.argv = [__file__]
         sys.modules["__main__"] = sys.modules[__name__]  # for what a rule starts with `multiprocessing`
-        sys.path[:1] = list(dict.fromkeys([os.getcwd(), str(ROOT)]))
+        failpoints.arm(os.environ.get(failpoints.VARIABLE, ""))  # its visits count from here
+        sys.path[:] = dict.fromkeys([os.getcwd(), str(ROOT), *sys.path[1:]])
         worker.main(begin(control, parent))
     except BaseException:
         traceback.print_exc()
