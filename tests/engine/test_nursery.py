@@ -38,6 +38,9 @@ def look(task: Mapping[str, Any], emit: Callable[[str, Any], None]) -> dict[str,
             time.sleep(60.0)
         emit("log", {"text": Path(f"/proc/self/task/{os.getpid()}/children").read_text().strip()})
         os.kill(os.getpid(), signal.SIGKILL)
+    if task["options"] == {"do": "sleep"}:
+        emit("log", {"text": "began"})
+        time.sleep(60.0)
     opened = {int(name) for name in os.listdir("/proc/self/fd")} - {0, 1, 2}
     seen = {
         "files": sorted(_kind(descriptor) for descriptor in opened if os.path.exists(f"/proc/self/fd/{descriptor}")),
@@ -165,17 +168,19 @@ def test_a_worker_is_seen_to_die_though_a_child_of_it_holds_its_pipe(tmp_path: P
         assert gone([int(said.data["text"])])
 
 
-def test_workers_die_with_what_made_them_and_others_come(store: Store) -> None:
-    with LocalExecutor(RUNNER, 2) as pool:
-        assert build(graph(call("a")), [("a",)], store=store, executor=pool, listen=Record()).ok
-        pool.submit(Task(7, "tiny.rule", None, {"do": "sleep", "value": 60, "name": "t"}, {}, "/tmp", "", ""))
+def test_workers_die_with_what_made_them_and_others_come(tmp_path: Path) -> None:
+    sleep, see = ({"do": do} for do in ("sleep", "look"))
+    with LocalExecutor(HERE, 2) as pool:
+        pool.submit(Task(0, "tiny.rule", None, sleep, {}, str(tmp_path), "", ""))
+        assert reported(pool, 1)[0].data["text"] == "began"
         (worker,) = pool.pids()
         assert pool._nursery is not None
         os.kill(pool._nursery.pid, signal.SIGKILL)
         (ended,) = reported(pool, 1)
         assert ended.error.message == "worker died (signal 9)"
         assert gone([worker])
-        assert build(graph(call("b")), [("b",)], store=store, executor=pool, listen=Record()).ok
+        pool.submit(Task(1, "tiny.rule", None, see, {}, str(tmp_path), "", ""))
+        assert reported(pool, 1)[0].reply["pids"][0] != worker
 
 
 def test_a_worker_that_the_system_refuses_is_told(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -233,6 +233,9 @@ class LocalExecutor:
 
     def _bury(self, process: Process) -> list[Report]:
         """A worker is dead: what it had begun has failed, what stood behind goes to another."""
+        process.nursery.hear()
+        if process.refused:
+            raise self._refused(os.strerror(process.refused))
         rest = process.take_back()
         self._forget(process)
         process.end(_GRACE_S)
