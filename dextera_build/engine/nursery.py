@@ -35,6 +35,8 @@ from dextera_build.store import failpoints
 
 MESSAGE = 1 << 20
 """No message takes more [bytes]."""
+_YOUNG = (700, 10, 10)
+"""When Python looks for objects that nobody reaches, as it does by itself."""
 ROOT = Path(__file__).resolve().parents[2]
 """Where this package lies."""
 
@@ -60,10 +62,13 @@ class Nursery:
         told = json.loads(data)
         os.environ.update(told["environment"])
         sys.path += [entry for entry in told["path"] if entry not in sys.path]
+        gc.disable()
         with suppress(Exception):  # the worker says what is wrong, to whoever gives it a task
             worker.load(told["runner"])
         # What is here stays: no worker need look at it again, and so copy its pages.
         gc.freeze()
+        gc.set_threshold(*_YOUNG)
+        gc.enable()
         os.set_blocking(self._woken, False)
         os.set_blocking(self._waking, False)
         signal.signal(signal.SIGCHLD, lambda number, frame: None)
@@ -145,7 +150,10 @@ class Nursery:
 
 def is_alone() -> bool:
     """Whether this process has one thread: a fork takes no other along, but what the others had locked stays locked."""
-    return len(os.listdir("/proc/self/task")) == 1
+    try:
+        return len(os.listdir("/proc/self/task")) == 1
+    except OSError:
+        return False
 
 
 def fork() -> int:
@@ -164,6 +172,7 @@ def begin(control: int, parent: int) -> list[str]:
         parent: Process id of who started it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     worker.live_with(parent)
     faulthandler.enable()
     os.set_inheritable(control, False)

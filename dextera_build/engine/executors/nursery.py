@@ -59,9 +59,14 @@ class Nursery:
 
     def _fork(self, control: int) -> int:
         parent = os.getpid()
-        pid = nursery.fork()
-        if not pid:
-            nursery.begin_forked(control, self._log.fileno(), parent)
+        # Until the fork hears no Ctrl-C, which would have it go on as this process would.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            pid = nursery.fork()
+            if not pid:
+                nursery.begin_forked(control, self._log.fileno(), parent)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         return pid
 
     def _spawn(self, control: int) -> int:
