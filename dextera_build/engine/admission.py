@@ -14,11 +14,12 @@ import itertools
 import math
 from collections import deque
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Generic, TypeVar
 
 from dextera_build.engine.capacity import Capacity, Needs
 from dextera_build.errors import MachineError
+from dextera_build.plain import dataclass
 
 T = TypeVar("T", bound=Hashable)
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ from dextera_build.engine.reach import copy_of
 from dextera_build.engine.reread import Reread
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Node, Opening, Packing, Unit
+from dextera_build.plain import dataclass
 from dextera_build.store import frames
 from dextera_build.store.actions import ActionResult
 

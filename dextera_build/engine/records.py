@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import chain
 from typing import Any
 
@@ -12,6 +12,7 @@ from dextera_build.engine import events
 from dextera_build.engine.known import Known
 from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError
+from dextera_build.plain import dataclass
 from dextera_build.store.actions import Actions
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.store import Store

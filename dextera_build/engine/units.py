@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from dextera_build.engine.graph import Call, Group, Input, Leaf
 from dextera_build.engine.states import State
 from dextera_build.errors import DxbError
+from dextera_build.plain import dataclass
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.traces.steps import Steps
 

@@ -8,8 +8,8 @@ Digest       { string hash = 1; int64 size_bytes = 2; }
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
+from dextera_build.plain import dataclass
 from dextera_build.store.cas import is_digest
 from dextera_build.store.wire import field, fields, varint
 
