@@ -89,9 +89,8 @@ def carry_out(
     from dextera_build.engine.execute import RunInfo, build
 
     project, store = session.project, session.store
-    rules = known.rules if known else [call.rule for _, call in plan.graph.calls()]
     # What is only brought runs nowhere.
-    with EventLog(store) as log, executor(session, rules, idle=manner.bring_from is not None) as workers:
+    with EventLog(store) as log, executor(session, plan.rules, idle=manner.bring_from is not None) as workers:
         result = build(
             plan.graph,
             wanted,

@@ -45,6 +45,7 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.dryrun import plan
     from dextera_build.engine.graph import parse_address
+    from dextera_build.engine.reach import copy_of
 
     project = options.project(args)
     wanted = options.wish(args.target)
@@ -54,13 +55,12 @@ def run(args: argparse.Namespace) -> int:
         from dextera_build.cli import stale
 
         return stale.check(session, graph, addresses(graph, wanted.target), as_json=args.json)
-    calls = dict(graph.calls())
     capacity = project.capacity(gpus=True) if args.resources is not None else None
     rows = []
     nodes = plan(graph, addresses(graph, wanted.target), session.store, history=session.past_builds)
     elsewhere = remotes.held(session, nodes)
     for node in nodes:
-        rule = calls[parse_address(node.address).call].rule
+        rule = copy_of(graph, parse_address(node.address).call, ()).rule
         row = {
             "node": node.address,
             "status": _status(node, elsewhere),

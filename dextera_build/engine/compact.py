@@ -1,6 +1,7 @@
-"""A graph as bytes whose members are read one by one: what a build of a hundred thousand nodes need not plan anew.
+"""The members of a graph as JSON texts, one behind the other, each read when it is asked for.
 
-A head (JSON: name, targets, rules) and a heap of JSON texts, one a member of the graph, found by the hash of its name.
+As objects a call takes 1.5 KB, as a text 0.15. A plan is made of such texts, and a build that goes on from the last one
+need not plan anew: it finds them in a file.
 """
 
 from __future__ import annotations
@@ -9,8 +10,9 @@ import dataclasses
 import hashlib
 import json
 from array import array
-from bisect import bisect_left
-from collections.abc import Iterator, Mapping, Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import ItemsView, Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +20,13 @@ from dextera_build.engine.graph import Call, Fixed, Gather, Graph, Group, Input,
 from dextera_build.errors import Place
 
 _ENCODE = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"), default=dict).encode
+_RECENT = 256
+"""So many calls are held as objects: what is asked for is asked for again soon."""
 
 
 def hash_of(name: str) -> int:
     """Eight bytes that stand for a name."""
-    return int.from_bytes(hashlib.blake2b(name.encode(), digest_size=8).digest(), "big")
+    return int.from_bytes(hashlib.blake2b(name.encode(errors="surrogatepass"), digest_size=8).digest(), "big")
 
 
 class Names:
@@ -30,41 +34,167 @@ class Names:
 
     def __init__(self, hashes: array[int], numbers: array[int]) -> None:
         self.hashes = hashes
+        """In ascending order."""
         self.numbers = numbers
 
     @classmethod
-    def of(cls, names: Sequence[str]) -> Names | None:
-        """The numbers of names, or None where two have one hash."""
-        pairs = sorted((hash_of(name), number) for number, name in enumerate(names))
-        hashes = array("Q", [first for first, _ in pairs])
-        if any(hashes[place] == hashes[place + 1] for place in range(len(hashes) - 1)):
-            return None
-        return cls(hashes, array("I", [number for _, number in pairs]))
+    def of(cls, names: Iterable[str]) -> Names:
+        """The numbers of names, in their order."""
+        return cls.of_hashes(array("Q", map(hash_of, names)))
+
+    @classmethod
+    def of_hashes(cls, found: array[int]) -> Names:
+        """The numbers of names that have these hashes."""
+        numbers = array("I", sorted(range(len(found)), key=found.__getitem__))
+        return cls(array("Q", (found[number] for number in numbers)), numbers)
+
+    @property
+    def are_distinct(self) -> bool:
+        """Whether no two names have one hash, so that `find` cannot err in a name that is there."""
+        return all(self.hashes[place] != self.hashes[place + 1] for place in range(len(self.hashes) - 1))
 
     def find(self, name: str) -> int | None:
         """The number of a name, or None where there is none of this hash."""
+        return next(iter(self.candidates(name)), None)
+
+    def candidates(self, name: str) -> array[int]:
+        """The numbers of all names that have the hash of this one."""
         wanted = hash_of(name)
         place = bisect_left(self.hashes, wanted)
-        if place < len(self.hashes) and self.hashes[place] == wanted:
-            return self.numbers[place]
-        return None
+        return self.numbers[place : bisect_right(self.hashes, wanted, place)]
+
+
+class Texts:
+    """Texts, one behind the other.
+
+    Args:
+        heap: All of them.
+        ends: Where each ends, after a 0.
+    """
+
+    def __init__(self, heap: bytearray | memoryview, ends: array[int]) -> None:
+        self.heap = heap
+        self.ends = ends
+
+    def __len__(self) -> int:
+        return len(self.ends) - 1
+
+    def __getitem__(self, number: int) -> bytes:
+        return bytes(self.heap[self.ends[number] : self.ends[number + 1]])
+
+
+class Members(Mapping[str, Call | Group]):
+    """Members of a graph, each made of its text when it is asked for.
+
+    Args:
+        names: Finds a member's number.
+        texts: Of the members, in the order of the recipe.
+        rules: What calls refer to.
+        groups: Those that have no text; they come first.
+    """
+
+    def __init__(
+        self, names: Names, texts: Texts, rules: Sequence[RuleFacts], groups: Mapping[str, Group] | None = None
+    ) -> None:
+        self.names = names
+        self.texts = texts
+        self.rules = rules
+        self.groups = groups or {}
+        self._groups = dict(self.groups)
+        self._recent: dict[str, Call] = {}
+
+    def __getitem__(self, name: str) -> Call | Group:
+        known = self._recent.get(name) or self._groups.get(name)
+        if known is not None:
+            return known
+        for number in self.names.candidates(name):
+            member = self._read(json.loads(self.texts[number]))
+            if member.name == name:
+                return self._held(member)
+        raise KeyError(name)
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self.groups
+        for number in range(len(self.texts)):
+            yield json.loads(self.texts[number])[1]
+
+    def __len__(self) -> int:
+        return len(self.groups) + len(self.texts)
+
+    def items(self) -> ItemsView[str, Call | Group]:
+        """Name and member, one after another; none of them is held."""
+        return _Items(self)
+
+    def each(self) -> Iterator[Call | Group]:
+        """All members, one after another."""
+        return chain(self.groups.values(), (self._read(json.loads(self.texts[n])) for n in range(len(self.texts))))
+
+    def _held(self, member: Call | Group) -> Call | Group:
+        if isinstance(member, Group):
+            self._groups[member.name] = member
+        else:
+            if len(self._recent) >= _RECENT:
+                self._recent.clear()
+            self._recent[member.name] = member
+        return member
+
+    def _read(self, plain: Any) -> Call | Group:
+        if plain[0] == "call":
+            return self._call(plain[1:])
+        _, name, over, members, overrides, where = plain
+        source = Fixed(tuple(over[1])) if over[0] == "fixed" else _input_of(over)
+        assert isinstance(source, Output | Item | Fixed)
+        inner = [self._read(member) for member in members]
+        replaced = {label: {one: self._call(call) for one, call in calls.items()} for label, calls in overrides.items()}
+        return Group(name, source, {member.name: member for member in inner}, replaced, Place(*where))
+
+    def _call(self, plain: Any) -> Call:
+        name, rule, options, inputs, where, places, salt = plain
+        return Call(
+            name,
+            self.rules[rule],
+            options,
+            {slot: _input_of(source) for slot, source in inputs.items()},
+            Place(*where),
+            {option: Place(where[0], *place) if len(place) == 2 else Place(*place) for option, place in places.items()},
+            salt,
+        )
+
+
+class _Items(ItemsView[str, Call | Group]):
+    _mapping: Members
+
+    def __iter__(self) -> Iterator[tuple[str, Call | Group]]:
+        return ((member.name, member) for member in self._mapping.each())
 
 
 class Writer:
-    """Turns a graph into a head and a heap."""
+    """Turns members into texts; those of one rule refer to it by its number.
 
-    def __init__(self) -> None:
-        self._rules: dict[int, tuple[int, RuleFacts]] = {}
+    Args:
+        rules: Those that have numbers already.
+    """
 
-    def write(self, graph: Graph) -> tuple[dict[str, Any], list[bytes]]:
-        """(head, one text a member)."""
-        texts = [_ENCODE(self._member(member)).encode() for member in graph.members.values()]
-        head = {
-            "name": graph.name,
-            "targets": graph.targets,
-            "rules": [facts_to_plain(rule) for _, rule in self._rules.values()],
-        }
-        return head, texts
+    def __init__(self, rules: Iterable[RuleFacts] = ()) -> None:
+        self._rules = {id(rule): (number, rule) for number, rule in enumerate(rules)}
+        self._hashes = array("Q")
+        self._heap = bytearray()
+        self._ends = array("Q", [0])
+
+    def add(self, member: Call | Group) -> None:
+        """Take one more member."""
+        self.copy(member.name, _ENCODE(self._member(member)).encode(errors="surrogatepass"))
+
+    def copy(self, name: str, text: bytes) -> None:
+        """Take one more member, which has a text already."""
+        self._hashes.append(hash_of(name))
+        self._heap += text
+        self._ends.append(len(self._heap))
+
+    def members(self, groups: Mapping[str, Group] | None = None) -> Members:
+        """All that was taken, after some groups that need no texts."""
+        rules = [rule for _, rule in self._rules.values()]
+        return Members(Names.of_hashes(self._hashes), Texts(self._heap, self._ends), rules, groups)
 
     def _member(self, member: Call | Group) -> list[Any]:
         if isinstance(member, Call):
@@ -83,64 +213,25 @@ class Writer:
             call.options,
             {slot: _input_to_plain(source) for slot, source in call.inputs.items()},
             _place_to_plain(call.where),
-            {name: _place_to_plain(place) for name, place in call.option_places.items()},
+            {name: _place_to_plain(place, call.where.file) for name, place in call.option_places.items()},
             call.salt,
         ]
 
 
-class Members(Mapping[str, Call | Group]):
-    """Members of a graph, each read when it is asked for.
-
-    Args:
-        names: Finds a member's number.
-        text: The text of a member by its number.
-        rules: What calls refer to.
-        order: Numbers in the order of the recipe.
-    """
-
-    def __init__(self, names: Names, text: Any, rules: Sequence[RuleFacts]) -> None:
-        self._names = names
-        self._text = text
-        self._rules = rules
-        self._known: dict[str, Call | Group] = {}
-
-    def __getitem__(self, name: str) -> Call | Group:
-        if name not in self._known:
-            number = self._names.find(name)
-            member = self._read(json.loads(self._text(number))) if number is not None else None
-            if member is None or member.name != name:
-                raise KeyError(name)
-            self._known[name] = member
-        return self._known[name]
-
-    def __iter__(self) -> Iterator[str]:
-        for number in range(len(self)):
-            yield json.loads(self._text(number))[1]
-
-    def __len__(self) -> int:
-        return len(self._names.hashes)
-
-    def _read(self, plain: Any) -> Call | Group:
-        if plain[0] == "call":
-            return self._call(plain[1:])
-        _, name, over, members, overrides, where = plain
-        source = Fixed(tuple(over[1])) if over[0] == "fixed" else _input_of(over)
-        assert isinstance(source, Output | Item | Fixed)
-        inner = [self._read(member) for member in members]
-        replaced = {label: {one: self._call(call) for one, call in calls.items()} for label, calls in overrides.items()}
-        return Group(name, source, {member.name: member for member in inner}, replaced, Place(*where))
-
-    def _call(self, plain: Any) -> Call:
-        name, rule, options, inputs, where, places, salt = plain
-        return Call(
-            name,
-            self._rules[rule],
-            options,
-            {slot: _input_of(source) for slot, source in inputs.items()},
-            Place(*where),
-            {option: Place(*place) for option, place in places.items()},
-            salt,
-        )
+def members_of(graph: Graph) -> Members:
+    """The members of a graph, all of them with texts."""
+    members = graph.members
+    if isinstance(members, Members) and not members.groups:
+        return members
+    known = members if isinstance(members, Members) else None
+    writer = Writer(known.rules if known else ())
+    for member in known.groups.values() if known else members.values():
+        writer.add(member)
+    if known:
+        for number in range(len(known.texts)):
+            text = known.texts[number]
+            writer.copy(json.loads(text)[1], text)
+    return writer.members()
 
 
 def facts_to_plain(facts: RuleFacts) -> dict[str, Any]:
@@ -163,19 +254,21 @@ def _tuples(value: Any) -> Any:
     return tuple(_tuples(inner) for inner in value) if isinstance(value, list) else value
 
 
-def _place_to_plain(place: Place) -> list[Any]:
-    return [place.file, place.line, place.column]
+def _place_to_plain(place: Place, near: str | None = None) -> list[Any]:
+    """Without the file where it is `near`: then it goes without saying."""
+    return [place.line, place.column] if place.file == near else [place.file, place.line, place.column]
 
 
-def _over_to_plain(source: Output | Item | Fixed) -> list[Any]:
+def _over_to_plain(source: Output | Item | Fixed) -> list[Any] | str:
     return ["fixed", source.labels] if isinstance(source, Fixed) else _input_to_plain(source)
 
 
-def _input_to_plain(source: Input) -> list[Any]:
+def _input_to_plain(source: Input) -> list[Any] | str:
     if isinstance(source, Leaf):
         return ["leaf", str(source.path), _place_to_plain(source.where)]
     if isinstance(source, Output):
-        return ["output", source.call, source.fields]
+        # What most inputs are is a word: a graph of many nodes has still more of them.
+        return source.call[0] if len(source.call) == 1 and not source.fields else ["output", source.call, source.fields]
     if isinstance(source, Item):
         return ["item", source.group, source.fields]
     if isinstance(source, Gather):
@@ -184,6 +277,8 @@ def _input_to_plain(source: Input) -> list[Any]:
 
 
 def _input_of(plain: Any) -> Input:
+    if isinstance(plain, str):
+        return Output((plain,))
     kind, first, *rest = plain
     if kind == "leaf":
         return Leaf(Path(first), Place(*rest[0]))

@@ -17,7 +17,7 @@ from dextera_build.engine.units import Node
 from dextera_build.store.store import Store
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Planned:
     """What a build would do with one node."""
 
@@ -55,13 +55,15 @@ def plan(
     for unit, error in zip(scheduler.failed, scheduler.errors, strict=True):
         if unit in scheduler.wishes:
             raise error
-    copies: dict[tuple[str, ...], list[Node]] = {path: [] for path in reach(graph, wanted)}
+    copies: dict[tuple[str, ...], list[Node]] = {}
     for node in scheduler.wiring.nodes.values():
-        copies[node.path].append(node)
-    order = {path: place for place, (path, _) in enumerate(graph.calls())}
-    found = []
-    for path in sorted(copies, key=order.__getitem__):
-        found += [_planned(node, history, scheduler.reading) for node in copies[path]] or [_open(path, history)]
+        copies.setdefault(node.path, []).append(node)
+    reached, found = set(reach(graph, wanted)), []
+    for path, _ in graph.calls():
+        if path in copies:
+            found += [_planned(node, history, scheduler.reading) for node in copies[path]]
+        elif path in reached:
+            found.append(_open(path, history))
     return found
 
 

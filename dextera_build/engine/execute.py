@@ -15,7 +15,7 @@ from dextera_build.engine.graph import Address, Graph, Leaf, Pack
 from dextera_build.engine.history import Entry, History
 from dextera_build.engine.known import Known, is_stub
 from dextera_build.engine.policy import Hooks, Policy
-from dextera_build.engine.reach import leaves, reach
+from dextera_build.engine.reach import leaves_of, walk
 from dextera_build.engine.records import Kept
 from dextera_build.engine.records import NodeRecord as NodeRecord
 from dextera_build.engine.records import RunResult as RunResult
@@ -108,10 +108,11 @@ class _Run:
 
     def run(self, targets: list[Address]) -> RunResult:
         if self.known is None:
-            self.members = Counter(path[:-1] for path in reach(self.graph, targets))
-            # What is missing is said before an hour of work, not after.
-            for leaf in leaves(self.graph, targets):
-                self.scheduler.wiring.leaf(leaf)
+            for path, calls in walk(self.graph, targets):
+                self.members[path[:-1]] += 1
+                # What is missing is said before an hour of work, not after.
+                for leaf in leaves_of(calls):
+                    self.scheduler.wiring.leaf(leaf)
         began = time.monotonic()
         self._announce(targets)
         interrupted = whole = False

@@ -143,22 +143,24 @@ class Graph:
     """Target name -> call addresses as tuples; `default` is always there."""
 
     def calls(self) -> Iterator[tuple[tuple[str, ...], Call]]:
-        """Every call with its address, groups in order; iterative, because chains may be long."""
-        stack: list[tuple[tuple[str, ...], Call | Group]] = [((n,), m) for n, m in reversed(list(self.members.items()))]
-        while stack:
-            address, member = stack.pop()
-            if isinstance(member, Call):
-                yield address, member
-            else:
-                stack += [((*address, name), inner) for name, inner in reversed(list(member.members.items()))]
+        """Every call with its address, groups in order; one after another, because there may be many."""
+        for top, outer in self.members.items():
+            stack: list[tuple[tuple[str, ...], Call | Group]] = [((top,), outer)]
+            while stack:
+                address, member = stack.pop()
+                if isinstance(member, Call):
+                    yield address, member
+                else:
+                    stack += [((*address, name), inner) for name, inner in reversed(list(member.members.items()))]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The graph, and every file that planning read."""
+    """The graph, every file that planning read, and the rules of its calls."""
 
     graph: Graph
     recipes: tuple[Path, ...]
+    rules: tuple[RuleFacts, ...]
 
 
 def node_address(call: tuple[str, ...], labels: tuple[str, ...]) -> str:

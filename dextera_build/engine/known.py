@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.engine import compact
-from dextera_build.engine.compact import Members, Names
+from dextera_build.engine.compact import Members, Names, Texts
 from dextera_build.engine.graph import Graph, RuleFacts
 from dextera_build.engine.reread import Reread
 from dextera_build.engine.states import State
@@ -196,24 +196,25 @@ def write(
     nodes = list(wiring.nodes.values())
     others: list[Unit] = [*wiring.openings.values(), *wiring.gatherings()]
     numbers = {id(unit): number for number, unit in enumerate([*nodes, *others])}
-    names, members = Names.of([node.address for node in nodes]), Names.of(list(graph.members))
-    if names is None or members is None or any(unit.state is not State.DONE for unit in [*nodes, *others]):
+    names = Names.of(node.address for node in nodes)
+    if not names.are_distinct or any(unit.state is not State.DONE for unit in [*nodes, *others]):
         return False
     starts, read_by = _readers([*nodes, *others], numbers)
-    head, texts = compact.Writer().write(graph)
-    ends = array("Q", [0])
-    for text in texts:
-        ends.append(ends[-1] + len(text))
-    head |= {
+    members = compact.members_of(graph)
+    head: dict[str, Any] = {
+        "name": graph.name,
+        "targets": graph.targets,
+        "rules": [compact.facts_to_plain(rule) for rule in members.rules],
         "calls": len({node.path for node in nodes}),
         "groups": len({node.path[:depth] for node in nodes for depth in range(1, len(node.path))}),
         "others": [["opening", u.address] if isinstance(u, Opening) else ["gathering", _name(u)] for u in others],
         "leaves": _leaves(nodes),
     }
-    parts = [names.hashes, names.numbers, starts, read_by, members.hashes, members.numbers, ends]
+    found, texts = members.names, members.texts
+    parts = [names.hashes, names.numbers, starts, read_by, found.hashes, found.numbers, texts.ends]
     lines = "\n".join(node.address for node in nodes)
     framed = [*(part.tobytes() for part in parts), lines.encode()]
-    frames.write(f"{path}.plan", head, [*framed, *texts], len(framed))
+    frames.write(f"{path}.plan", head, [*framed, texts.heap], len(framed))
     known = Known(
         head=head,
         graph=graph,
@@ -250,11 +251,7 @@ def read(path: Path) -> Known:
         frames.numbers(kind, part) for kind, part in zip("QIIIQIQ", parts[:7], strict=True)
     )
     rules = [compact.facts_of(rule) for rule in head["rules"]]
-
-    def text(number: int) -> bytes:
-        return bytes(heap[ends[number] : ends[number + 1]])
-
-    members = Members(Names(member_hashes, member_numbers), text, rules)
+    members = Members(Names(member_hashes, member_numbers), Texts(heap, ends), rules)
     targets = {name: tuple(tuple(call) for call in calls) for name, calls in head["targets"].items()}
     return Known(
         head=head,

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from dextera_build.engine.graph import Call, Group, Input, Leaf
+from dextera_build.engine.graph import Call, Graph, Group, Input, Leaf
+from dextera_build.engine.reach import copy_of
 from dextera_build.engine.states import State
 from dextera_build.errors import DxbError
 from dextera_build.store.actions import ActionResult
@@ -73,7 +74,7 @@ class Unit:
 class Node(Unit):
     """One copy of a call."""
 
-    call: Call
+    graph: Graph = field(repr=False)
     links: dict[str, Link] = field(default_factory=lambda: _NOTHING, repr=False)
     leaves: list[tuple[Leaf, str]] = field(default_factory=lambda: _NOBODY, repr=False)
     """Files and folders that it reads directly, with the digests that entered its key."""
@@ -111,6 +112,11 @@ class Node(Unit):
     """Its result is known, and bytes of it may be absent."""
     followers: list[Node] = field(default_factory=lambda: _NOBODY, repr=False)
     """Nodes with the same key that wait for this one."""
+
+    @property
+    def call(self) -> Call:
+        """What it is a copy of; made anew where the graph holds texts, for as objects calls would outweigh all else."""
+        return copy_of(self.graph, self.path, self.labels)
 
     def follow(self, owner: Node) -> None:
         """Wait for `owner`, which has the same key."""

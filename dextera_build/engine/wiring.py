@@ -17,10 +17,9 @@ from dextera_build.engine.graph import (
     Output,
     Pack,
     node_address,
-    parts_of,
 )
 from dextera_build.engine.known import Known
-from dextera_build.engine.reach import copy_of, group_at
+from dextera_build.engine.reach import group_at, leaves_of
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Labels, Link, Node, Opening, Packing, Path, Unit
 from dextera_build.errors import DxbError, UsageError, did_you_mean, listing
@@ -57,8 +56,7 @@ class Wiring:
         """The copy of a call with these labels."""
         unit = self.nodes.get((path, labels))
         if unit is None:
-            call = copy_of(self.graph, path, labels)
-            unit = Node(address=node_address(path, labels), path=path, labels=labels, call=call)
+            unit = Node(address=node_address(path, labels), path=path, labels=labels, graph=self.graph)
             self.nodes[path, labels] = unit
             self._welcome(unit)
         return unit
@@ -107,11 +105,11 @@ class Wiring:
             DxbError: A leaf cannot be read, or a label does not exist.
         """
         if isinstance(unit, Node):
-            read = [part for source in unit.call.inputs.values() for part in parts_of(source)]
-            leaves = [(source, self.leaf(source)) for source in read if isinstance(source, Leaf)]
+            call = unit.call
+            leaves = [(source, self.leaf(source)) for source in leaves_of((call,))]
             if leaves:
                 unit.leaves = leaves
-            self._await_all(unit, unit.call.inputs)
+            self._await_all(unit, call.inputs)
         elif isinstance(unit, Packing):
             self._await_all(unit, unit.parts)
         elif isinstance(unit, Opening) and not isinstance(unit.group.over, Fixed):

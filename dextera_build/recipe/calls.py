@@ -13,7 +13,7 @@ from dextera_build.engine.retries import Retries, name_of
 from dextera_build.errors import MachineError, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.loader import BackendFile, Library, RuleFile, choose_backend, version_of
 from dextera_build.recipe import matrix
-from dextera_build.recipe.schema import CallDecl
+from dextera_build.recipe.schema import CallDecl, PackedCall
 from dextera_build.recipe.scope import Scope, type_name
 from dextera_build.recipe.settings import Setting
 from dextera_build.recipe.strict_yaml import Node
@@ -38,7 +38,12 @@ class CallMaker:
         for rule in backends:
             library.find(rule)
 
-    def rule_file(self, decl: CallDecl) -> RuleFile:
+    @property
+    def rules(self) -> tuple[RuleFacts, ...]:
+        """Those of all calls that were made."""
+        return tuple(self._facts.values())
+
+    def rule_file(self, decl: CallDecl | PackedCall) -> RuleFile:
         """The rule that a declaration names."""
         return self._library.find(decl.rule, decl.place)
 
@@ -90,6 +95,8 @@ class CallMaker:
         Raises:
             UsageError: One names none.
         """
+        if not self._settings:
+            return
         calls = {address for address, _ in graph.calls()}
         known = [".".join(address) for address in calls]
         for setting in self._settings:
@@ -123,7 +130,7 @@ class CallMaker:
         given = {name: node for name, node in arguments.items() if name not in slots}
         options = _options(decl, options_type, given)
         places = {name: node.place for name, node in given.items()}
-        return Call(decl.name, facts, options, inputs, decl.place, places, decl.salt)
+        return Call(address[-1], facts, options, inputs, decl.place, places, decl.salt)
 
     def _rule_facts(self, found: RuleFile, wanted: Node | None, decl: CallDecl) -> RuleFacts:
         name = self._backends.get(found.path, str(wanted.value) if wanted else None)

@@ -15,7 +15,6 @@ from dextera_build.store import files
 _FORM = 1
 _FRAME = struct.Struct("<8sQI")
 _MAGIC = b"dxbplan1"
-_CHUNK = 1 << 20
 
 
 def write(path: str, head: Mapping[str, Any], parts: Sequence[bytes], framed: int | None = None) -> None:
@@ -31,13 +30,9 @@ def write(path: str, head: Mapping[str, Any], parts: Sequence[bytes], framed: in
     for part in parts:
         check = zlib.crc32(part, check)
     with files.new_file(path, 0o644) as target:
-        buffer = bytearray(_FRAME.pack(_MAGIC, len(text), check) + text)
+        files.write_all(target, _FRAME.pack(_MAGIC, len(text), check) + text)
         for part in parts:
-            buffer += part
-            if len(buffer) > _CHUNK:
-                files.write_all(target, bytes(buffer))
-                buffer.clear()
-        files.write_all(target, bytes(buffer))
+            files.write_all(target, part)
 
 
 def read(path: str) -> tuple[dict[str, Any], list[memoryview], memoryview]:

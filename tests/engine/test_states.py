@@ -11,7 +11,7 @@ from tests.engine.tiny import call
 
 @pytest.fixture
 def node() -> Node:
-    return Node(address="a", path=("a",), labels=(), call=call("a"))
+    return Node(address="a", path=("a",), labels=(), graph=graph(call("a")))
 
 
 def test_queues_follow_from_states(node: Node) -> None:
