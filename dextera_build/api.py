@@ -148,8 +148,7 @@ class Project(settings_of.Project):
             locking.refuse(session, plan, wanted)
             locking.note(session, plan, wanted, done.result)
             locking.write()
-        failed = {name: record.error for name, record in done.result.nodes.items() if record.error is not None}
-        errors = {**done.result.errors, **failed}
+        errors = {**done.result.errors, **done.result.own.errors()}
         return Result(done.result.ok, done.run, done.result.nodes, done.result.targets, errors, session)
 
     def plan(

@@ -173,7 +173,7 @@ def _make(
             return result, results.place(session, result)
         except StoreError as error:
             if error.code != MissingBlob.CODE:
-                if any(node.error and node.error.code == error.code for node in result.own.values()):
+                if any(failed.code == error.code for failed in result.own.errors().values()):
                     return result, []  # a node failed of the same, and that was said
                 raise
             if known is not None:

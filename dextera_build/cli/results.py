@@ -42,7 +42,7 @@ def place(session: Session, result: RunResult) -> list[str]:
                 raise files.store_error(error, error.filename or folder) from None
             lines.append(f"{node}\t{main.removeprefix(here)}")
     # A stamp says that the files beside it are whole, so it comes when they are on the disk.
-    if session.project.durable and (stamps or any(record.status == "ran" for record in result.own.values())):
+    if session.project.durable and (stamps or "ran" in result.own.statuses()):
         durable.settle(session.store.root)
     for folder, text in stamps.items():
         failpoints.reach("export.stamp")

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any
 
 from dextera_build.engine import events
 from dextera_build.engine.graph import RuleFacts, parse_address
-from dextera_build.engine.known import Known
+from dextera_build.engine.known import Known, is_stub
 from dextera_build.engine.reach import copy_of
+from dextera_build.engine.states import State
+from dextera_build.engine.units import Node
 from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError
-from dextera_build.store.actions import Actions
+from dextera_build.store.actions import ActionResult, Actions
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.store import Store
 
@@ -48,6 +50,68 @@ class NodeRecord:
     """Recorded calls that its result came of; of those made in this run also service, amounts, and how."""
 
 
+class Records(Mapping[str, NodeRecord]):
+    """Records of the nodes that a run looked at, made when asked for.
+
+    Args:
+        nodes: By address.
+        blockers: Address -> addresses of the failed nodes that it waits for.
+        usage: What a node used that ran.
+        store: Has what a node does not hold itself any more.
+    """
+
+    def __init__(
+        self,
+        nodes: Mapping[str, Node],
+        blockers: Mapping[str, Sequence[str]],
+        usage: Callable[[str], Mapping[str, float]],
+        store: Store,
+    ) -> None:
+        self._nodes, self._blockers, self._usage = nodes, blockers, usage
+        self._told = _Told(store)
+
+    def statuses(self) -> Iterator[events.Status]:
+        """Of all nodes, without their records."""
+        return (status_of(node) for node in self._nodes.values() if not is_stub(node))
+
+    def errors(self) -> dict[str, DxbError]:
+        """Address -> error of the nodes that failed."""
+        return {address: node.error for address, node in self._nodes.items() if node.error is not None}
+
+    def made(self, address: str) -> tuple[str, str | None]:
+        """The rule and the output of a node."""
+        node = self._node(address)
+        return node.call.rule.path, node.output if node.state is State.DONE else None
+
+    def __getitem__(self, address: str) -> NodeRecord:
+        node = self._node(address)
+        if node.state is not State.DONE or node.result is not None:
+            return record_of(node, self._blockers.get(address, ()))
+        result = self._told.result(node.key)
+        usage = node.usage or (self._usage(address) if node.status == "ran" else {})
+        return replace(
+            record_of(node, (), result),
+            inputs=self._told.inputs(result),
+            usage=usage,
+            tries=node.tries or int(node.status == "ran"),
+        )
+
+    def __iter__(self) -> Iterator[str]:
+        return (address for address, node in self._nodes.items() if not is_stub(node))
+
+    def __len__(self) -> int:
+        return sum(not is_stub(node) for node in self._nodes.values())
+
+    def __contains__(self, address: object) -> bool:
+        return address in self._nodes and not is_stub(self._nodes[str(address)])
+
+    def _node(self, address: str) -> Node:
+        node = self._nodes[address]
+        if is_stub(node):
+            raise KeyError(address)
+        return node
+
+
 class Kept(Mapping[str, NodeRecord]):
     """Records of the nodes that a run looked at, and of those that it knew from before, read when asked for.
 
@@ -57,17 +121,15 @@ class Kept(Mapping[str, NodeRecord]):
         store: Has the rest.
     """
 
-    def __init__(self, own: Mapping[str, NodeRecord], known: Known, store: Store) -> None:
+    def __init__(self, own: Records, known: Known, store: Store) -> None:
         self.own = own
         self._known = known
-        self._blobs = store.blobs
-        # One of its own: what is only told of must not be noted as what the build found.
-        self._actions = Actions(store.actions.root, store.blobs)
+        self._told = _Told(store)
 
     def made(self, address: str) -> tuple[str, str | None]:
         """The rule and the output of a node."""
         if address in self.own:
-            return self.own[address].rule, self.own[address].output
+            return self.own.made(address)
         return self._rule(address).path, self._known.output(address)
 
     def _rule(self, address: str) -> RuleFacts:
@@ -81,7 +143,7 @@ class Kept(Mapping[str, NodeRecord]):
         if key is None or output is None:
             raise KeyError(address)
         rule = self._rule(address)
-        result = self._actions.known(key)
+        result = self._told.result(key)
         return NodeRecord(
             status="cached",
             key=key,
@@ -89,7 +151,7 @@ class Kept(Mapping[str, NodeRecord]):
             seconds=self._known.took(address) or 0.0,
             line=result.line if result else "",
             error=None,
-            inputs=self._inputs(result.key_document) if result else {},
+            inputs=self._told.inputs(result),
             rule=rule.path,
             backend=rule.backend,
             result=result.digest if result else None,
@@ -104,11 +166,55 @@ class Kept(Mapping[str, NodeRecord]):
     def __len__(self) -> int:
         return len(self._known.seconds) + sum(self._known.names.find(address) is None for address in self.own)
 
-    def _inputs(self, document: str) -> dict[str, str]:
+
+class _Told:
+    """What the store says of results, for who only tells of them."""
+
+    def __init__(self, store: Store) -> None:
+        self._blobs = store.blobs
+        # One of its own: what is only told of must not be noted as what the build found.
+        self._actions = Actions(store.actions.root, store.blobs)
+
+    def result(self, key: str | None) -> ActionResult | None:
+        return self._actions.known(key) if key else None
+
+    def inputs(self, result: ActionResult | None) -> dict[str, str]:
         try:
-            return dict(json.loads(self._blobs.get(document))["inputs"])
+            return dict(json.loads(self._blobs.get(result.key_document))["inputs"]) if result else {}
         except MissingBlob:
             return {}
+
+
+def record_of(node: Node, blockers: Sequence[str] = (), result: ActionResult | None = None) -> NodeRecord:
+    """What became of a node, from what it holds and, where it holds none, its result."""
+    result, rule, done = node.result or result, node.call.rule, node.state is State.DONE
+    made = result if done else None
+    return NodeRecord(
+        status=status_of(node),
+        key=node.key,
+        output=node.output if done else None,
+        seconds=node.made_s if done and node.status != "fetched" else node.seconds,
+        line=made.line if made else "",
+        error=node.error,
+        inputs=node.inputs,
+        rule=rule.path,
+        backend=rule.backend,
+        result=made.digest if made else None,
+        log=made.log if made else node.log,
+        blocked_by=tuple(blockers),
+        usage=node.usage,
+        tries=node.tries,
+        calls=node.calls or (made.called if made else ()),
+    )
+
+
+def status_of(node: Node) -> events.Status:
+    """What a node came to, in the words of events."""
+    if node.state is State.DONE:
+        return "ran" if node.status == "ran" else "fetched" if node.status == "fetched" else "cached"
+    if node.state is State.FAILED:
+        return "failed"
+    return "waits" if node.state is State.BLOCKED else "cancelled"
 
 
 @dataclass(frozen=True)
@@ -131,12 +237,14 @@ class RunResult:
     """Memory that a node took the last time that it ran [GiB], where that is known."""
 
     @property
-    def own(self) -> Mapping[str, NodeRecord]:
+    def own(self) -> Records:
         """Records of the nodes that the run looked at."""
-        return self.nodes.own if isinstance(self.nodes, Kept) else self.nodes
+        own = self.nodes.own if isinstance(self.nodes, Kept) else self.nodes
+        assert isinstance(own, Records)
+        return own
 
     def made(self, address: str) -> tuple[str, str | None]:
         """The rule and the output of a node; quicker than its whole record."""
-        if isinstance(self.nodes, Kept):
+        if isinstance(self.nodes, Records | Kept):
             return self.nodes.made(address)
         return self.nodes[address].rule, self.nodes[address].output

@@ -51,21 +51,22 @@ class Presence:
         rows = bytes(self._rows[shard])
         return sorted({rows[place : place + _ROW] for place in range(0, len(rows), _ROW)})
 
-    def freeze(self) -> tuple[Shards, bytes] | None:
-        """The folders as they are now and the files in them, or None where a file is gone already."""
+    def freeze(self) -> tuple[Shards, list[bytes]] | None:
+        """The folders as they are now and the files in them, or None where a file is gone already; nothing is left."""
         shards: Shards = {}
         parts: list[bytes] = []
         place = 0
         for shard in sorted(self._rows):
             rows = self._noted(shard)
+            del self._rows[shard]  # of many files the rows outweigh what a build holds of its nodes
             found = look(self._root, shard)
             names = frozenset(_names(f"{self._root}/{shard}"))
             if found is None or not all(row.hex()[2:64] in names for row in rows):
                 return None
             shards[shard] = [*found, place, place + len(rows)]
             place += len(rows)
-            parts += rows
-        return shards, b"".join(parts)
+            parts.append(b"".join(rows))
+        return shards, parts
 
     def extend(self, shards: Shards, rows: bytes | memoryview) -> tuple[Shards, bytes] | None:
         """The folders of what `freeze` gave once and of what was noted since, and the rows to add, or None."""

@@ -6,7 +6,7 @@ import pytest
 
 from dextera_build.engine.states import State, States
 from dextera_build.engine.units import Node
-from tests.engine.tiny import call
+from tests.engine.tiny import call, graph
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from dextera_build.engine import compact, eventlog, known
 from dextera_build.engine.eventlog import EventLog
 from dextera_build.engine.events import NodeFinished, NodesKept, fan_out
 from dextera_build.engine.execute import RunInfo, RunResult, build
-from dextera_build.engine.graph import Address, Fixed, Graph, Leaf, parts_of
+from dextera_build.engine.graph import Address, Fixed, Graph
 from dextera_build.engine.history import History
 from dextera_build.engine.known import Known
 from dextera_build.engine.reach import leaves
