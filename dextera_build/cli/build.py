@@ -133,7 +133,11 @@ def _run(
         head = near.stale.head
         args.notes.add(recipe, place, fresh.renew(project, fingerprint, seen, near, head["lines"][1:]))
         return _say_nothing_ran(project, recipe, head, started)
-    plan = Plan(near.known.graph, (), tuple(near.known.rules)) if near else session.plan(options.request(args, project.profile))
+    plan = (
+        Plan(near.known.graph, (), tuple(near.known.rules))
+        if near
+        else session.plan(options.request(args, project.profile))
+    )
     wanted = [address for target in targets for address in addresses(plan.graph, target)]
     args.locking.refuse(session, plan, wanted)
     if args.check:

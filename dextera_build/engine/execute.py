@@ -286,4 +286,3 @@ def _readers(root: Unit) -> Iterator[Unit]:
             seen.add(id(unit))
             yield unit
             stack += unit.dependents
-

@@ -148,15 +148,15 @@ class _Packed(MutableMapping[str, Entry]):
 
     def __init__(self) -> None:
         self._rows: dict[str, bytes] = {}
-        self._words: list[object] = []
+        self._words: list[Any] = []
         """Runs, and names of what was used, which many entries share."""
         self._places: dict[object, int] = {}
 
     def __getitem__(self, address: str) -> Entry:
         key, document, run, seconds, time, names, *values = marshal.loads(self._rows[address])
         key, words = _long(key), self._words
-        usage = dict(zip(words[names], values, strict=True))  # type: ignore[call-overload]
-        return Entry(key, key if document is None else _long(document), str(words[run]), seconds, time, usage)
+        usage = dict(zip(words[names], values, strict=True))
+        return Entry(key, key if document is None else _long(document), words[run], seconds, time, usage)
 
     def __setitem__(self, address: str, entry: Entry) -> None:
         document = None if entry.key_document == entry.key else _short(entry.key_document)

@@ -57,8 +57,10 @@ def _makers(units: Iterable[Unit]) -> Iterator[Node]:
         source = stack.pop()
         if isinstance(source, Node):
             yield source
+        elif isinstance(source, Gathering):
+            stack += source.nodes.values()
         else:
-            stack += source.nodes.values() if isinstance(source, Gathering) else source.sources
+            stack += source.sources
 
 
 def _is_here(node: Node, store: Store) -> bool:

@@ -25,7 +25,7 @@ from contextlib import suppress
 from dextera_build import digest as digests
 from dextera_build.engine import rewind
 from dextera_build.engine.dispatch import Dispatch
-from dextera_build.engine.graph import Address, Fixed, Gather, Graph, Input, Leaf, Pack
+from dextera_build.engine.graph import Address, Fixed, Graph
 from dextera_build.engine.key import Writer
 from dextera_build.engine.known import is_stub
 from dextera_build.engine.policy import Hooks, Policy
@@ -34,6 +34,7 @@ from dextera_build.engine.sharing import Sharing
 from dextera_build.engine.states import LOST, State, States
 from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Gathering, Node, Opening, Unit
+from dextera_build.engine.values import value
 from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
 from dextera_build.store import header
@@ -72,7 +73,6 @@ class Scheduler:
         self.policy = policy
         self.hooks = hooks or Hooks()
         self.states = States()
-        self._writer = Writer()
         self.wiring = Wiring(graph, store.leaves.digest_leaf, policy.known)
         self.wishes: list[Gathering] = []
         self.failed: list[Unit] = []
@@ -170,7 +170,7 @@ class Scheduler:
         call = node.call
         if node.leaves:
             self.wiring.note_leaves(node)  # another node that reads one of them may have looked again since
-        node.inputs = {slot: self._value(source, node) for slot, source in call.inputs.items()}
+        node.inputs = {slot: value(source, node, self.wiring, self.store.blobs) for slot, source in call.inputs.items()}
         node.document = self._writer.document(call, node.inputs)
         node.key = digests.of_bytes(node.document)
         try:
@@ -255,7 +255,7 @@ class Scheduler:
         if isinstance(unit.group.over, Fixed):
             unit.items = dict.fromkeys(unit.group.over.labels, "")
         else:
-            unit.items = header.items(self.store.blobs.get, self._value(unit.group.over, unit))
+            unit.items = header.items(self.store.blobs.get, value(unit.group.over, unit, self.wiring, self.store.blobs))
         for label in unit.items:
             if not _LABEL.fullmatch(label):
                 raise RuleError(
@@ -368,24 +368,6 @@ class Scheduler:
             if reader.state is State.WAITS:
                 self.states.set(reader, State.BLOCKED)
                 stack += reader.dependents
-
-    def _value(self, source: Input, reader: Unit) -> str:
-        """The digest of an input of `reader`, all of whose sources are known; what it lists by label is stored."""
-        if isinstance(source, Pack):
-            parts = {label: self._value(part, reader) for label, part in source.parts.items()}
-            return self.store.blobs.put(header.collection_header(parts))
-        if isinstance(source, Leaf):
-            return self.wiring.leaf(source)
-        unit = self.wiring.source(source, reader)
-        start: str | None = None
-        if isinstance(unit, Opening):
-            start = unit.items[reader.labels[len(unit.labels)]]
-        elif isinstance(unit, Node | Gathering):
-            start = unit.output
-        assert start is not None
-        # A gathering has followed the fields already.
-        fields = () if isinstance(source, Gather) else source.fields
-        return header.project(self.store.blobs.get, start, fields) if fields else start
 
     def _is_forced(self, node: Node) -> bool:
         if node.status or not (self.policy.force or self.policy.recall):

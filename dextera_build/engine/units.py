@@ -143,7 +143,7 @@ class Node(Unit):
         graph: Has the call.
 
     Attributes:
-        status: What it came to; one of `events.Status`, "kept" where that is known from the last build, or "" as long as
+        status: What it came to; one of `events.Status`, "kept" where that is known from the last build, "" as long as
             that is open.
         made_s: How long the run took that made its result [s].
         asked: Somebody reads its bytes or wants them; else it is enough to know its result.
@@ -152,6 +152,8 @@ class Node(Unit):
 
     __slots__ = ("asked", "bare", "graph", "key_bytes", "made_s", "output_bytes", "status")
 
+    key_bytes: bytes | None
+    output_bytes: bytes | None
     key = Digest()
     output = Digest()
     """What it returned, the last time that it was done."""
@@ -247,7 +249,9 @@ class Gathering(Unit):
 
     __slots__ = ("collect", "fields", "nodes", "output")
 
-    def __init__(self, *, address: str, path: Path, labels: Labels, collect: bool, fields: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, *, address: str, path: Path, labels: Labels, collect: bool, fields: tuple[str, ...] = ()
+    ) -> None:
         super().__init__(address=address, path=path, labels=labels)
         self.collect, self.fields = collect, fields
         self.nodes: dict[Labels, Node] = {}

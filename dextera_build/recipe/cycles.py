@@ -85,4 +85,3 @@ def _needs(address: Address, call: Call, graph: Graph) -> Iterator[Address]:
             over = group_at(graph, given.group).over
             if isinstance(over, Output):
                 yield over.call
-

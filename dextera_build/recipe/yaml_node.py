@@ -14,8 +14,8 @@ _COLUMNS = 1 << 24
 class Node:
     """One YAML value with its place; a mapping holds `dict[str, Node]`, a sequence `list[Node]`.
 
-    A recipe of a hundred thousand nodes has millions of these, so places are made when somebody asks, and a value may be
-    held as a few bytes (`pack`): a call of such a recipe then takes 0.3 KB rather than 2.
+    A recipe of a hundred thousand nodes has millions of these, so places are made when somebody asks, and a value may
+    be held as a few bytes (`pack`): a call of such a recipe then takes 0.3 KB rather than 2.
 
     Args:
         value: What stands there.

@@ -7,7 +7,7 @@ import struct
 import zlib
 from array import array
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 from dextera_build import digest as digests
 from dextera_build.store import files
@@ -15,9 +15,10 @@ from dextera_build.store import files
 _FORM = 1
 _FRAME = struct.Struct("<8sQI")
 _MAGIC = b"dxbplan1"
+Part: TypeAlias = bytes | bytearray | memoryview
 
 
-def write(path: str, head: Mapping[str, Any], parts: Sequence[bytes], framed: int | None = None) -> None:
+def write(path: str, head: Mapping[str, Any], parts: Sequence[Part], framed: int | None = None) -> None:
     """Write a frame, the head, and parts; those after the first `framed` are one heap.
 
     Raises:
