@@ -9,6 +9,10 @@ from typing import Annotated, Literal
 import numpy as np
 
 from dextera_build.artifacts.base import Array, Artifact, Value
+from dextera_build.errors import ArtifactError
+
+_MOST = 1 << 30
+"""What the film of one episode may hold [bytes]: 24 min of 128 x 96 px at 20 Hz."""
 
 Origin = Literal["operator", "synthesis", "policy", "replay"]
 """Who acted."""
@@ -139,8 +143,21 @@ class Film(Artifact):
         return zlib.compress(changes.tobytes(), 6)
 
     def pixels(self, index: str) -> np.ndarray:
-        """Frames (T, H, W, 3) uint8 sRGB of one episode."""
-        changes = np.frombuffer(zlib.decompress(self.frames[index]), np.uint8)
+        """Frames (T, H, W, 3) uint8 sRGB of one episode.
+
+        Raises:
+            ArtifactError: The stream is damaged, does not end with a whole frame, or holds more than 1 GiB.
+        """
+        stream = zlib.decompressobj()
+        try:
+            data = stream.decompress(self.frames[index], _MOST)
+        except zlib.error as error:
+            raise _bad_film(index, str(error)) from None
+        if not stream.eof:
+            raise _bad_film(index, "more than 1 GiB" if stream.unconsumed_tail else "its end is missing")
+        if min(self.height, self.width) < 1 or len(data) % (self.height * self.width * 3):
+            raise _bad_film(index, f"its last frame is not whole ({self.width} x {self.height} px)")
+        changes = np.frombuffer(data, np.uint8)
         return np.cumsum(changes.reshape(-1, self.height, self.width, 3), axis=0, dtype=np.uint8)
 
     def export(self, folder: Path, stem: str) -> list[Path]:
@@ -154,3 +171,7 @@ class Film(Artifact):
             written.append(folder / stem / f"{index}.png")
             first.save(written[-1], save_all=True, append_images=rest, duration=50, loop=0)
         return written
+
+
+def _bad_film(index: str, why: str) -> ArtifactError:
+    return ArtifactError(f"the film of episode {index} cannot be read", code="DXB-A113", facts={"why": why})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from typing import TypeVar
 
 from dextera_build import digest
@@ -16,6 +17,17 @@ ROOT = "artifact"
 """Member that holds the digest of the header; every other member is a blob named by its digest."""
 DAY = (1980, 1, 1, 0, 0, 0)
 """Date of every member, so that equal artifacts give equal bytes."""
+_MOST = 1 << 30
+"""What a packed artifact may hold [bytes]; a small file could come from a stranger and unpack to all of the memory."""
+_UNREADABLE = (
+    zipfile.BadZipFile,
+    KeyError,
+    UnicodeDecodeError,
+    NotImplementedError,
+    RuntimeError,
+    EOFError,
+    zlib.error,
+)
 
 
 def pack(artifact: Artifact) -> bytes:
@@ -39,14 +51,23 @@ def unpack(kind: type[A], data: bytes) -> A:
     """The artifact in a file that `pack` wrote.
 
     Raises:
-        ArtifactError: The file is damaged, or holds another type.
+        ArtifactError: The file is damaged, holds another type, or unpacks to more than 1 GiB.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            _forbid_bombs(archive)
             root = archive.read(ROOT).decode("ascii")
             return kind.decode(root, lambda key: _blob(archive, key))
-    except (zipfile.BadZipFile, KeyError, UnicodeDecodeError) as error:
+    except _UNREADABLE as error:
         raise ArtifactError(f"this is no packed {kind.name()}", code="DXB-A109", facts={"why": error}) from None
+
+
+def _forbid_bombs(archive: zipfile.ZipFile) -> None:
+    # No more is read of a member than it declares.
+    size = sum(member.file_size for member in archive.infolist())
+    if size > _MOST:
+        facts = {"bytes": f"{size:,}", "most": f"{_MOST:,}"}
+        raise ArtifactError("a packed artifact is too large", code="DXB-A112", facts=facts)
 
 
 def _blob(archive: zipfile.ZipFile, key: str) -> bytes:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import marshal
+import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -22,6 +24,8 @@ _NUMBERS = {int, float}
 _CHUNK = 1 << 16
 _OPEN, _CLOSE = b'"nodes": {\n', b"}}"
 """Between them stands a row a line."""
+_WRITING = re.compile(rb'{"writing": "([0-9a-f]+)"')
+"""How the file of all nodes begins: which writing of it this is. What stands beside it says to which it belongs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,10 +101,11 @@ class History:
     def save(self) -> None:
         """Write it down, all or nothing; a store that cannot be written keeps the old one."""
         if self._fresh:
-            more = self._read(self._more)
+            writing = self._writing()
+            more = self._read(self._more, writing)
             _lay_over(more, self._fresh)
-            self._write(self._more, more)
-        elif self._dirty and self._write(self._path, self._load()):
+            self._write(self._more, {"beside": writing}, more)
+        elif self._dirty and self._write(self._path, {"writing": os.urandom(8).hex()}, self._load()):
             self._dirty = False
             failpoints.reach("history.saved")
             self._more.unlink(missing_ok=True)
@@ -108,25 +113,32 @@ class History:
     def _load(self) -> _Packed:
         if self._entries is None:
             self._entries = self._read(self._path)
-            more = self._read(self._more)
+            more = self._read(self._more, self._writing())
             _lay_over(self._entries, more)
             _lay_over(self._entries, self._fresh)
             self._dirty = self._dirty or bool(more)
         return self._entries
 
-    def _read(self, path: Path) -> _Packed:
-        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError), open(path, "rb") as file:
+    def _writing(self) -> str:
+        with suppress(OSError), self._path.open("rb") as file:
+            found = _WRITING.match(file.read(64))
+            return found[1].decode() if found else ""
+        return ""
+
+    def _read(self, path: Path, beside: str = "") -> _Packed:
+        """The entries of a file; none where it stood beside another writing, which holds them already."""
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError), path.open("rb") as file:
             head = file.readline()
             stored = digests.plain(head + _CLOSE if head.endswith(_OPEN) else head)
-            if stored["form"] == _FORM:
+            if stored["form"] == _FORM and stored.get("beside", "") == beside:
                 found = _Packed()
                 for address, row in chain(stored["nodes"].items(), _lines(file) if head.endswith(_OPEN) else ()):
                     found[address] = _entry(row)
                 return found
         return _Packed()
 
-    def _write(self, path: Path, entries: Mapping[str, Entry]) -> bool:
-        head = json.dumps({"form": _FORM, "project": self._project})[:-1]
+    def _write(self, path: Path, mark: Mapping[str, str], entries: Mapping[str, Entry]) -> bool:
+        head = json.dumps({**mark, "form": _FORM, "project": self._project})[:-1]
         try:
             with files.new_file(str(path), 0o644) as target:
                 files.write_all(target, f'{head}, "nodes": {{\n'.encode())

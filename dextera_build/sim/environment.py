@@ -54,6 +54,8 @@ class Environment:
         self.model = compile_folder(bundle.model)
         self.data = mujoco.MjData(self.model)
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        # What rests and is touched by nothing that moves costs nothing: most objects, nearly all of the time.
+        self.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
         self.substeps = max(1, round(1.0 / (self.task.control_hz * self.model.opt.timestep)))
         self.period_s = self.substeps * self.model.opt.timestep
         self.goal = np.array(bundle.task.goal, np.float32)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import io
+import re
 import zipfile
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from dextera_build import digest
 from dextera_build.artifacts.packed import pack, unpack
@@ -59,3 +62,53 @@ def test_a_lost_blob_is_refused():
             changed.writestr(name, whole.read(name))
     with pytest.raises(ArtifactError, match="this is no packed TaskBundle"):
         unpack(TaskBundle, written.getvalue())
+
+
+def altered(edit) -> bytes:
+    """A packed view whose members `edit` wrote."""
+    written = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(pack(episodes.view()))) as whole, zipfile.ZipFile(written, "w") as changed:
+        for name in whole.namelist():
+            edit(changed, name, whole.read(name))
+    return written.getvalue()
+
+
+def test_a_small_file_that_would_unpack_to_all_of_the_memory_is_refused_before_it_is_unpacked():
+    data = bytearray(altered(lambda changed, name, data: changed.writestr(name, data)))
+    entry = data.rindex(
+        b"PK\x01\x02"
+    )  # the last member's entry in the directory; its declared size stands 24 further on
+    data[entry + 24 : entry + 28] = (2 << 30).to_bytes(4, "little")
+    with pytest.raises(ArtifactError, match="a packed artifact is too large") as caught:
+        unpack(View, bytes(data))
+    assert caught.value.code == "DXB-A112"
+    assert caught.value.facts["most"] == "1,073,741,824"
+
+
+def test_no_more_is_read_than_a_member_declares():
+    data = bytearray(altered(lambda changed, name, data: changed.writestr(name, data + b" " * (1 << 20), 8)))
+    for start in (found.start() for found in re.finditer(re.escape(b"PK\x01\x02"), bytes(data))):
+        data[start + 24 : start + 28] = (3).to_bytes(4, "little")
+    with pytest.raises(ArtifactError, match="this is no packed View"):
+        unpack(View, bytes(data))
+
+
+@pytest.mark.parametrize(("place", "value"), [(8, b"\x01\x00"), (10, b"\x63\x00")], ids=["encrypted", "unknown method"])
+def test_a_member_that_cannot_be_opened_is_refused(place, value):
+    data = bytearray(pack(episodes.view()))
+    for start in (found.start() for found in re.finditer(re.escape(b"PK\x01\x02"), bytes(data))):
+        data[start + place : start + place + 2] = value
+    with pytest.raises(ArtifactError, match="this is no packed View"):
+        unpack(View, bytes(data))
+
+
+@given(st.binary(max_size=60), st.integers(0, 3000))
+@settings(deadline=None, max_examples=60)
+def test_a_torn_or_overwritten_file_is_refused_or_is_the_same_artifact(patch, place):
+    whole = pack(episodes.view())
+    data = whole[:place] + patch + whole[place + len(patch) :]
+    try:
+        found = unpack(View, data)
+    except ArtifactError:
+        return
+    assert found.encode(digest.of_bytes) == episodes.view().encode(digest.of_bytes)

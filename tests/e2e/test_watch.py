@@ -25,6 +25,17 @@ def read(ctx: Context, notes: Folder) -> File:
     """Return all files, one after another."""
     return File(data=b" ".join(data for _, data in sorted(notes.files.items())))
 '''
+FOUND = '''
+"""toy.found: the parts that there are, and whether the last one came."""
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Context, rule
+
+@rule(version=1, discovers=True)
+def found(ctx: Context) -> File:
+    """Return them."""
+    parts = [ctx.read(name) for name in ctx.glob("parts/*.txt")]
+    return File(data=b" ".join([*parts, b"complete" if ctx.exists("parts/end") else b"open"]))
+'''
 
 
 class Watching:
@@ -205,3 +216,31 @@ def test_a_name_that_does_not_exist_ends_it(notes, watch):
     watching = watch("say/nots")
     assert watching.process.wait(150) == 2
     watching.until("no recipe is called `say/nots`")
+
+
+def test_it_builds_again_for_what_a_node_found_by_itself(notes, watch):
+    notes.write("rules/toy/found.py", FOUND.lstrip())
+    notes.write("recipes/say/found.yaml", "nodes: {all: {rule: toy.found}}\n")
+    notes.write("parts/a.txt", "one")
+    time.sleep(0.1)  # stamps of files that were written before lie in the past
+
+    def made():
+        return (notes.root / "cache/out/say/found/all/all").read_bytes()
+
+    watching = watch("say/found")
+    assert watching.round().endswith("(first build)")
+    assert made() == b"one open"
+    for name, text, line in (
+        ("parts/a.txt", "two", b"two open"),  # read
+        ("parts/b.txt", "three", b"two three open"),  # a name that the pattern finds
+        ("parts/end", "", b"two three complete"),  # a file that was asked for and was not there
+    ):
+        notes.write(name, text)
+        assert "1 ran" in watching.round(), name
+        assert made() == line
+    notes.write("parts/c.md", "nobody asks for this")
+    assert watching.is_silent(1.5) or "ran" not in watching.round()
+    (notes.root / "parts/b.txt").unlink()
+    watching.until("1 ran")
+    assert made() == b"two complete"
+    assert watching.interrupt() == 0

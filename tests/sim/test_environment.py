@@ -62,6 +62,54 @@ def test_a_reset_leaves_nothing_of_the_episode_before():
     assert fresh.model.body_mass.tobytes() == used.model.body_mass.tobytes()
 
 
+def is_awake(environment: Environment) -> bool:
+    """Whether the task's object is simulated now."""
+    body = environment.model.body(environment.task.object).id
+    return bool(environment.data.tree_awake[environment.model.body_treeid[body]])
+
+
+def rest(environment: Environment, periods: int) -> None:
+    for _ in range(periods):
+        environment.step(environment.previous_action)
+
+
+def test_what_rests_sleeps_until_somebody_moves_it():
+    environment = Environment(task_bundles.lift())
+    box = environment.data.joint(environment.task.object)
+    stood = box.qpos.copy()
+    assert is_awake(environment)
+    rest(environment, 10)
+    assert not is_awake(environment)
+    assert np.allclose(box.qpos, stood, atol=5e-4)
+    box.qpos[2] += 0.3
+    rest(environment, 2)
+    assert is_awake(environment), "what was put somewhere else falls"
+    rest(environment, 40)
+    assert not is_awake(environment)
+    assert np.allclose(box.qpos[2], stood[2], atol=5e-3)
+    box.qvel[2] = 2.0
+    rest(environment, 1)
+    assert is_awake(environment)
+    assert box.qpos[2] > 0.05
+
+
+def test_sleep_changes_nothing_that_a_hand_does():
+    ways = []
+    for sleeps in (True, False):
+        environment = Environment(task_bundles.lift())
+        if not sleeps:
+            environment.model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+        rest(environment, 10)
+        assert is_awake(environment) is not sleeps
+        for along in (0.0, 0.4):  # fingers together beside the box, then along through it
+            for _ in range(20):
+                environment.step(np.array([along, 0.1, 0.0, 0.0, 0.0]))
+                ways.append(environment.object_poses()[0])
+    asleep, awake = np.array(ways).reshape(2, -1, 7)
+    assert np.ptp(awake[:, 0]) > 0.05, "the box was pushed"
+    assert np.allclose(asleep[:, :3], awake[:, :3], atol=2e-3)
+
+
 def test_the_judge_of_an_episode_knows_only_its_own_start():
     environment = Environment(task_bundles.close(goal=1.5))
     assert environment.judge.held_at_reset

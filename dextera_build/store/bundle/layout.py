@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
@@ -233,7 +233,7 @@ def write(source: Source, path: Path) -> list[Descriptor]:
     """Copy a bundle to a file `NAME.tar`, or to a folder, and return its manifests.
 
     Raises:
-        UsageError: The name says neither, or the folder is not empty.
+        UsageError: The name says neither, or the folder holds something else than an unfinished bundle.
         StoreError: The disk is full, or the place cannot be written.
     """
     if path.suffix == ".tar" and not path.is_dir():
@@ -246,13 +246,40 @@ def write(source: Source, path: Path) -> list[Descriptor]:
         raise UsageError(
             f"`{path}` is neither a folder nor a `.tar`", code="DXB-U140", hint=f"`-o {path.with_suffix('.tar')}`"
         )
-    with suppress(FileNotFoundError, NotADirectoryError):
-        if os.listdir(path):
-            raise UsageError(f"the folder `{path}` is not empty", code="DXB-U141", hint="name a new folder")
+    _make_room(path)
     spread = FolderSink(path)
     found = checked.copy(source, spread)
     spread.close()
     return found
+
+
+def _make_room(path: Path) -> None:
+    """See that a folder is empty; the blobs of an attempt that was cut off before it wrote its index go.
+
+    Raises:
+        UsageError: It holds something else.
+    """
+    try:
+        found = set(os.listdir(path))
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    if found and not (found <= {"blobs", "oci-layout"} and _are_blobs(path / "blobs")):
+        raise UsageError(f"the folder `{path}` is not empty", code="DXB-U141", hint="name a new folder")
+    if found:
+        shutil.rmtree(path / "blobs")
+
+
+def _are_blobs(folder: Path) -> bool:
+    """Whether a folder holds blobs of a layout, finished or not, and nothing else."""
+    try:
+        names = os.listdir(folder / "sha256")
+        return os.listdir(folder) == ["sha256"] and all(map(_is_blob, names))
+    except OSError:
+        return False
+
+
+def _is_blob(name: str) -> bool:
+    return is_digest(name) or name.startswith(f"{files.TEMPORARY}-")
 
 
 def _choose(source: Source, index: bytes) -> list[Descriptor]:

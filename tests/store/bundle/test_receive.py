@@ -10,6 +10,7 @@ import pytest
 from dextera_build.digest import canonical
 from dextera_build.engine.graph import Address
 from dextera_build.engine.survey import survey
+from dextera_build.errors import UsageError
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.bundle import layout, receive
 from dextera_build.store.bundle.contents import Contents
@@ -49,6 +50,23 @@ def test_a_build_of_its_targets_runs_nothing(tmp_path, store, other, plan, closu
     assert record.with_status("ran") == []
     # The second look is at what the first one wrote down.
     assert run(plan, other)[1].with_status("ran") == []
+
+
+def test_a_folder_that_an_attempt_left_is_written_anew_and_any_other_is_refused(tmp_path, store, plan):
+    place = tmp_path / "bundle"
+    layout.write(bundle(store, plan), place)
+    whole = {file.name: file.read_bytes() for file in place.rglob("*") if file.is_file()}
+    with pytest.raises(UsageError, match="is not empty"):
+        layout.write(bundle(store, plan), place)
+    (place / "index.json").unlink()
+    (place / "blobs" / "sha256" / ("0" * 64)).write_bytes(b"of another bundle")
+    (place / "blobs" / "sha256" / ".tmp-12345678-1-1").write_bytes(b"torn")
+    layout.write(bundle(store, plan), place)
+    assert {file.name: file.read_bytes() for file in place.rglob("*") if file.is_file()} == whole
+    (place / "index.json").unlink()
+    (place / "blobs" / "sha256" / "notes.txt").write_text("of the user")
+    with pytest.raises(UsageError, match="is not empty"):
+        layout.write(bundle(store, plan), place)
 
 
 def test_bytes_that_come_later_make_a_bare_result_whole(tmp_path, store, other, plan, folder):
