@@ -107,8 +107,8 @@ class Unit:
         """Depend on all of `sources` too, and wait for those that are not known."""
         more = tuple(sources)
         if self.sources:
-            held = self.sources if isinstance(self.sources, list) else [*self.sources]
-            held += more
+            held: list[Unit] = self.sources if isinstance(self.sources, list) else [*self.sources]
+            held.extend(more)
             self.sources = held
         else:
             self.sources = more
