@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dextera_build.engine.graph import Call, Fixed, Gather, Graph, Input, Item, Output, parts_of
+from dextera_build.engine.graph import Call, Fixed, Gather, Graph, Input, Item, Leaf, Output, parts_of
 from dextera_build.engine.reach import copy_of, group_at
 from dextera_build.errors import RecipeError
 
@@ -17,18 +17,27 @@ def refuse(graph: Graph) -> None:
     Raises:
         RecipeError: There is a cycle; the message shows it from node to node.
     """
-    if not _stands_in_order(graph):
-        _Walk(graph).run()
+    _Walk(graph).run()
 
 
-def _stands_in_order(graph: Graph) -> bool:
-    """Whether every call reads only what stands before it, as in most recipes: then there is no cycle."""
-    before: set[Address] = set()
-    for address, call in graph.calls():
-        if not all(need in before for need in _needs(address, call, graph)):
-            return False
-        before.add(address)
-    return True
+class Order:
+    """Whether every call so far reads only what stood before it, as in most recipes: then there is no cycle.
+
+    A group makes an end of that; so `holds` is a yes, and else nothing is known.
+    """
+
+    def __init__(self) -> None:
+        self.holds = True
+        self._before: set[str] = set()
+
+    def note(self, address: Address, call: Call) -> None:
+        """Take note of one more call."""
+        if self.holds:
+            read = (part for source in call.inputs.values() for part in parts_of(source) if not isinstance(part, Leaf))
+            self.holds = len(address) == 1 and all(
+                isinstance(part, Output) and len(part.call) == 1 and part.call[0] in self._before for part in read
+            )
+            self._before.add(address[0])
 
 
 class _Walk:

@@ -54,13 +54,14 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
     planner = _Planner(read, library, project, request or Request())
     recipe = planner.recipe(address, Place("the command line"))
     scope = planner.root(recipe)
-    planner.fill()
+    order = planner.fill()
     targets = {"default": [], **recipe.targets} if not recipe.targets else dict(recipe.targets)
     resolved = {name: tuple(planner.target(scope, node) for node in nodes) for name, nodes in targets.items()}
     if not resolved.get("default"):
         resolved["default"] = tuple((name,) for name, decl in recipe.nodes.items() if isinstance(decl, PackedCall))
     graph = Graph(address, planner.tree(), resolved)
-    cycles.refuse(graph)
+    if not order.holds:
+        cycles.refuse(graph)
     planner.maker.refuse_unused_settings(graph)
     return Plan(graph, tuple(planner.files), planner.maker.rules)
 
@@ -127,8 +128,9 @@ class _Planner:
                 )
         return self._open(recipe, "", (), {}, self._request.inputs)
 
-    def fill(self) -> None:
-        """Make every declared call."""
+    def fill(self) -> cycles.Order:
+        """Make every declared call, and say in what order they stand."""
+        order = cycles.Order()
         for run in self._pending:
             around = self._groups[run.group][0] if run.group else None
             # The call of a matrix that stands for its copies is that of the first one.
@@ -136,12 +138,14 @@ class _Planner:
             for address, packed in run.addresses():
                 decl = packed.decl
                 call = self.maker.call(decl, run.scope, address, self.maker.values(decl, first))
+                order.note(address, call)
                 if run.group:
                     self._inner[address] = call
                 else:
                     self._writer.add(call)
         for address, (group, _) in self._groups.items():
             self._overrides[address] = self._override(address, group)
+        return order
 
     def target(self, scope: Scope, node: Node) -> tuple[str, ...]:
         """The call that a target of the recipe names."""

@@ -111,13 +111,19 @@ class _Builder:
             value = _tagged(event.tag, text, place_of(self._file, mark))
         else:
             value = _plain(text, self._file, mark) if event.implicit[0] else text
+        if event.anchor is None and self._awaits_key():
+            self._name(value, mark)
+            return
         node = Node(value, self._file, mark)
         if event.anchor is not None:
             self._anchors[event.anchor] = (node, 1, 0)
         self._take(node, mark, 0)
 
+    def _awaits_key(self) -> bool:
+        return bool(self._open) and self._key[-1] is None and type(self._open[-1][1]) is dict
+
     def _take(self, node: Node, mark: int, height: int) -> None:
-        if self._open and self._key[-1] is None and isinstance(self._open[-1][1], dict):
+        if self._awaits_key():
             self._name(node.value, mark)
         else:
             self._add(node, height)
@@ -127,7 +133,7 @@ class _Builder:
         is_mapping = isinstance(event, yaml.MappingStartEvent)
         if event.tag not in (None, "!", f"{_CORE}{'map' if is_mapping else 'seq'}"):
             raise _unknown_tag(event.tag, place_of(self._file, mark))
-        if self._open and self._key[-1] is None and isinstance(self._open[-1][1], dict):
+        if self._awaits_key():
             raise _no_text({} if is_mapping else [], place_of(self._file, mark))
         self._limit_depth(1, mark)
         value: Any = {} if is_mapping else []

@@ -36,7 +36,8 @@ class Node:
     @property
     def value(self) -> Any:
         """What stands there."""
-        return self.opened()._held
+        held = self._held
+        return held if type(held) is not bytes else self.opened()._held
 
     def pack(self) -> None:
         """Hold the value as bytes from now on; what is asked of it is made anew each time."""
