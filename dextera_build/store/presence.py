@@ -64,7 +64,8 @@ class Presence:
 
         self._held = 0
         with suppress(OSError):  # where there is no room for it they stay in memory
-            self._aside = self._aside or TemporaryFile(buffering=0)
+            if self._aside is None:
+                self._aside = TemporaryFile(buffering=0)  # noqa: SIM115 - as long as the build
             for shard, rows in self._rows.items():
                 place = self._aside.seek(0, os.SEEK_END)
                 files.write_all(self._aside.fileno(), rows)
