@@ -90,7 +90,8 @@ def carry_out(
 
     project, store = session.project, session.store
     # What is only brought runs nowhere.
-    with EventLog(store) as log, executor(session, plan.rules, idle=manner.bring_from is not None) as workers:
+    idle = manner.bring_from is not None
+    with EventLog(store, gathers=True) as log, executor(session, plan.rules, idle=idle) as workers:
         result = build(
             plan.graph,
             wanted,
@@ -105,5 +106,6 @@ def carry_out(
             exchange=manner.bring_from or exchange(session),
             recall=project.asks_again and not manner.bring_from,
             whole=manner.whole or manner.bring_from is not None,
+            pause=log.flush,
         )
     return Done(log.run, result, log.lost)

@@ -4,15 +4,17 @@ Tasks that need the same stand in one line, the eldest at its head, so that what
 however many tasks wait. The eldest head that fits starts. One that does not fit may be passed by younger ones, a few
 times; then it has a reservation: from there on a younger one starts only if the two fit beside each other, so that the
 elder starts at the latest when all that ran at that moment has ended.
+
+A task may also be taken to follow one that runs, with what that was given, as if it were a part of it.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections import Counter, deque
-from collections.abc import Hashable, Mapping
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from dextera_build.engine.capacity import Capacity, Needs
@@ -59,13 +61,18 @@ class Ledger:
 
     def place(self, needs: Needs) -> Grant | None:
         """Where `needs` fit now, or None. More cores or memory than there are become all that there is."""
-        amounts = self._asked.get(needs)
-        if amounts is None:
-            amounts = self._asked[needs] = self._amounts(needs)
+        amounts = self._amounts(needs)
         if any(self._free[name] < amount for name, amount in amounts):
             return None
         devices = self._devices(needs)
         return None if devices is None else Grant(amounts, devices)
+
+    def covers(self, grant: Grant, needs: Needs) -> bool:
+        """Whether a task with these needs, none of them devices, has enough of what another was given."""
+        if needs.gpus or needs.gpu_gb or grant.devices:
+            return False
+        amounts, given = self._amounts(needs), dict(grant.amounts)
+        return amounts is grant.amounts or all(given.get(name, 0) >= amount for name, amount in amounts)
 
     def take(self, grant: Grant) -> None:
         """No longer free."""
@@ -76,6 +83,12 @@ class Ledger:
         self._move(grant, 1)
 
     def _amounts(self, needs: Needs) -> tuple[tuple[str, int], ...]:
+        known = self._asked.get(needs)
+        if known is None:
+            known = self._asked[needs] = self._amounts_of(needs)
+        return known
+
+    def _amounts_of(self, needs: Needs) -> tuple[tuple[str, int], ...]:
         wanted = {"cpu": max(needs.cpus, 1) * _UNITS, "memory": _count(needs.memory_gb)}
         if any(wanted[name] > self._whole[name] for name in wanted):
             # Every task takes a core, so with all cores this one is alone.
@@ -100,6 +113,21 @@ class Ledger:
             self._left[device] += sign * amount
 
 
+@dataclass(slots=True)
+class _Line(Generic[T]):
+    """Tasks that need the same, with their places among all; the eldest first."""
+
+    needs: Needs
+    waiting: deque[tuple[int, T]] = field(default_factory=deque)
+    passed: int = 0
+    """How often younger tasks of other lines started before its head."""
+
+    @property
+    def place(self) -> int:
+        """That of its head."""
+        return self.waiting[0][0]
+
+
 class Admission(Generic[T]):
     """The tasks of one run that wait or run.
 
@@ -112,8 +140,7 @@ class Admission(Generic[T]):
         self.capacity = capacity
         self._passes = passes
         self._ledger = Ledger(capacity)
-        self._lines: dict[Needs, deque[tuple[int, T]]] = {}
-        self._passed: Counter[Needs] = Counter()
+        self._lines: dict[Needs, _Line[T]] = {}
         self._running: dict[T, Grant] = {}
         self._order = itertools.count()
         self._reserved = -1
@@ -121,22 +148,42 @@ class Admission(Generic[T]):
 
     def wait(self, task: T, needs: Needs) -> None:
         """Join the line; `needs` lack nothing of the capacity."""
-        self._lines.setdefault(needs, deque()).append((next(self._order), task))
+        line = self._lines.get(needs)
+        if line is None:
+            line = self._lines[needs] = _Line(needs)
+        line.waiting.append((next(self._order), task))
 
     def next(self) -> T | None:
         """Take the task that starts now, with what it needs; None where none fits."""
         if not self._lines or self._ledger.is_busy:
             return None
-        reserved: Needs | None = None
-        for place, needs in sorted((line[0][0], needs) for needs, line in self._lines.items()):
-            grant = self._ledger.place(needs)
+        reserved: _Line[T] | None = None
+        for line in sorted(self._lines.values(), key=lambda line: line.place):
+            grant = self._ledger.place(line.needs)
             if grant is None:
-                if reserved is None and self._passed[needs] >= self._passes:
-                    reserved = needs
-                    self._reserve(place)
-            elif reserved is None or self._fit_together(reserved, grant):
-                return self._start(place, needs, grant, passes=reserved is not None)
+                if reserved is None and line.passed >= self._passes:
+                    reserved = line
+                    self._reserve(line.place)
+            elif reserved is None or self._fit_together(reserved.needs, grant):
+                return self._start(line, grant, passes=reserved is not None)
         return None
+
+    def follower(self, task: T, suits: Callable[[T], bool]) -> T | None:
+        """Take the task that is to start when `task` ends, with what that has; None where there is none.
+
+        It is the eldest of all that wait, so that nobody is passed; it needs no devices, and no more than `task` has.
+        """
+        eldest = min(self._lines.values(), key=lambda line: line.place, default=None)
+        if eldest is None or not self._ledger.covers(self._running[task], eldest.needs):
+            return None
+        return self._take_head(eldest) if suits(eldest.waiting[0][1]) else None
+
+    def hand_on(self, task: T, follower: T) -> None:
+        """`task` is over, and its follower has what it had."""
+        self._running[follower] = self._running.pop(task)
+        if task in self._passers:
+            self._passers.remove(task)
+            self._passers.add(follower)
 
     def end(self, task: T) -> None:
         """What `task` had is free again."""
@@ -147,18 +194,22 @@ class Admission(Generic[T]):
         """Names of the devices that a running task has."""
         return tuple(self.capacity.gpus[device].id for device, _ in self._running[task].devices)
 
-    def _start(self, place: int, needs: Needs, grant: Grant, passes: bool) -> T:
-        line = self._lines[needs]
-        _, task = line.popleft()
-        if not line:
-            del self._lines[needs]
-        del self._passed[needs]
-        for other, waiting in self._lines.items():
-            self._passed[other] += waiting[0][0] < place
+    def _start(self, line: _Line[T], grant: Grant, passes: bool) -> T:
+        place = line.place
+        task = self._take_head(line)
+        for other in self._lines.values():
+            other.passed += other.place < place
         self._ledger.take(grant)
         self._running[task] = grant
         if passes:
             self._passers.add(task)
+        return task
+
+    def _take_head(self, line: _Line[T]) -> T:
+        _, task = line.waiting.popleft()
+        line.passed = 0
+        if not line.waiting:
+            del self._lines[line.needs]
         return task
 
     def _reserve(self, place: int) -> None:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import itertools
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from dextera_build.engine.admission import Admission, estimate, lacks
 from dextera_build.engine.capacity import Capacity
 from dextera_build.engine.finish import log_of, result_of
 from dextera_build.engine.reading import Reading
+from dextera_build.engine.seats import LONG_S, Pace, Seat, nap_s
 from dextera_build.engine.sharing import Sharing
 from dextera_build.engine.states import State, States
-from dextera_build.engine.tasks import Ended, Executor, Report, Said, Task
+from dextera_build.engine.tasks import Ended, Executor, Queues, Report, Said, Task
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError
 from dextera_build.store.actions import ActionResult
@@ -43,27 +46,74 @@ class Dispatch:
     said: Callable[[Node, str, Any], None]
     succeed: Callable[[Node, str, ActionResult], None]
     broke: Callable[[Node, DxbError], None]
+    pause: Callable[[], None]
 
     def __post_init__(self) -> None:
         self._running: dict[int, Node] = {}
         self._tickets = itertools.count()
         self._resting: list[Node] = []
         self._admission: Admission[Node] = Admission(self.executor.capacity if self.executor else Capacity())
+        self._seats: dict[Node, Seat] = {}
+        """By the node that runs."""
+        self._pace = Pace()
+        self._queues = self.executor if isinstance(self.executor, Queues) else None
 
-    def start(self) -> None:
-        """Start queued nodes as long as there is room for one of them."""
+    def start(self, *, stopping: bool) -> None:
+        """Start queued nodes as long as there is room for one of them, and have short ones stand behind.
+
+        Where the run is stopping nothing starts, and what was handed over and has not begun is taken back.
+        """
         if self.executor is None:
+            return
+        if stopping:
+            for seat in list(self._seats.values()):
+                self._take_back(seat)
             return
         self._line_up()
         while (node := self._admission.next()) is not None:
             if not self._claim(node):
                 self._admission.end(node)
                 continue
-            node.ticket, node.tries = next(self._tickets), node.tries + 1
-            self._running[node.ticket] = node
-            self.states.set(node, State.RUNNING)
+            expected_s = self._pace.expected_s(node.call.rule)
+            self._seats[node] = Seat(deque([(node, expected_s)]), expected_s)
+            self._hand_over(node)
             self.started(node)
-            self.executor.submit(self._task(node))
+            self.executor.submit(self._task(node, self._admission.devices(node)))
+        if self._queues is not None:
+            self._line_up_behind(self._queues)
+
+    def _hand_over(self, node: Node) -> None:
+        node.ticket, node.tries = next(self._tickets), node.tries + 1
+        self._running[node.ticket] = node
+        self.states.set(node, State.RUNNING)
+
+    def _line_up_behind(self, executor: Queues) -> None:
+        """Have short nodes stand behind those that run, as evenly as can be."""
+        seats = [seat for seat in self._seats.values() if seat.fits(0.0)]
+        while seats:
+            seat = min(seats, key=lambda seat: len(seat.nodes))
+            node = self._admission.follower(seat.first, partial(self._fits, seat))
+            if node is None:
+                seats.remove(seat)
+            elif self._claim(node):
+                seat.add(node, self._pace.expected_s(node.call.rule))
+                self._hand_over(node)
+                executor.submit_behind(self._task(node, ()), seat.first.ticket)
+
+    def _fits(self, seat: Seat, node: Node) -> bool:
+        return seat.fits(self._pace.expected_s(node.call.rule))
+
+    def _take_back(self, seat: Seat) -> None:
+        if self._queues is None or len(seat.nodes) == 1:
+            return
+        tickets = frozenset(self._queues.take_back(seat.first.ticket))
+        back = [node for node, _ in seat.nodes if node.ticket in tickets]
+        for node in back:
+            seat.drop_last()
+            del self._running[node.ticket]
+            node.ticket, node.tries = -1, node.tries - 1
+            self.store.locks.release(node.key or "")
+            self.states.set(node, State.QUEUED)
 
     def _line_up(self) -> None:
         """Let queued nodes stand in line for what they need; those that rest before another try do so later."""
@@ -82,11 +132,13 @@ class Dispatch:
 
     def wait(self, idle: bool) -> bool:
         """Take what the executor reports, waiting for it where `idle`; False: nothing runs here or elsewhere."""
+        self.pause()
         busy = self.states.locked or self.states.fetching
         patience = 0.0 if not idle else _PATIENCE_S if busy else _REST_S if self._resting else None
         if self._running and self.executor is not None:
-            for report in self.executor.poll(patience):
+            for report in self.executor.poll(self._nap(patience)):
                 self._take(report)
+            self._look_after_seats()
         elif self.states.fetching:
             self.sharing.wait(patience or 0.0)
         elif patience:
@@ -94,6 +146,30 @@ class Dispatch:
         else:
             return not idle
         return True
+
+    def _nap(self, patience: float | None) -> float | None:
+        """Let workers go on that have enough to do, so that what they report is taken together; returns `patience`."""
+        if patience == 0.0 or self._queues is None or all(len(seat.nodes) == 1 for seat in self._seats.values()):
+            return patience
+        if nap := nap_s(self._seats.values()):
+            time.sleep(nap)
+        return LONG_S if patience is None else min(patience, LONG_S)
+
+    def _look_after_seats(self) -> None:
+        """Say who began, and let nobody stand behind one that takes long."""
+        if self._queues is None:
+            return
+        late = time.monotonic() - LONG_S
+        for seat in list(self._seats.values()):
+            self._tell(seat)
+            if seat.began < late:
+                seat.is_late = True
+                self._take_back(seat)
+
+    def _tell(self, seat: Seat) -> None:
+        if not seat.is_told:
+            seat.is_told = True
+            self.started(seat.first)
 
     def retry_locked(self) -> None:
         """Look again at what other processes were building."""
@@ -131,7 +207,7 @@ class Dispatch:
         self.succeed(node, "cached", hit)
         return False
 
-    def _task(self, node: Node) -> Task:
+    def _task(self, node: Node, devices: tuple[str, ...]) -> Task:
         rule = node.call.rule
         return Task(
             ticket=node.ticket,
@@ -143,7 +219,7 @@ class Dispatch:
             project=self.project,
             profile=self.profile,
             needs=rule.needs,
-            devices=self._admission.devices(node),
+            devices=devices,
             key=node.key or "",
             # Whether a file changed meanwhile, and which of two results of a forced node stays, is judged here.
             document=self.reading.document(node) if self._is_plain(node) else b"",
@@ -156,6 +232,7 @@ class Dispatch:
         node = self._running.get(report.ticket)
         if node is None:
             return
+        self._tell(self._seats[node])
         if isinstance(report, Said):
             if report.kind == "read":
                 self.reading.watch(node, report.data.get("steps"))
@@ -163,7 +240,7 @@ class Dispatch:
                 self.said(node, report.kind, report.data)
             return
         del self._running[report.ticket]
-        self._admission.end(node)
+        self._leave(node)
         node.ticket = -1
         key = node.key or ""  # what the node read gives it another
         try:
@@ -171,9 +248,20 @@ class Dispatch:
         finally:
             self.store.locks.release(key)
 
+    def _leave(self, node: Node) -> None:
+        """The seat of a node is the next one's, or free."""
+        seat = self._seats.pop(node)
+        seat.advance()
+        if seat.nodes:
+            self._admission.hand_on(node, seat.first)
+            self._seats[seat.first] = seat
+        else:
+            self._admission.end(node)
+
     def _end(self, node: Node, report: Ended) -> None:
         node.seconds, node.usage = report.seconds, report.usage
         node.calls = tuple((report.reply or {}).get("calls") or ())
+        self._pace.note(node.call.rule, report.seconds)
         retries = node.call.rule.retries
         if report.error is not None and retries.again(node.tries, report.error, report.raised):
             self._rest(node, report, report.error)

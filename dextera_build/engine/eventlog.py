@@ -19,26 +19,31 @@ from dextera_build.store.store import Store
 
 _FILE = "events.jsonl"
 _PROGRESS_S = 1.0
+_MOST = 256
+"""So many events are gathered at most."""
 _NOT_WRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, *space.FULL}
 
 
 class EventLog:
-    """A listener that writes every event down as it comes; use it as a context manager.
+    """A listener that writes every event down; use it as a context manager.
 
-    Each event is one `write`, so a killed build leaves whole lines and at most one torn one at the end. Where the disk
-    is full an event is left out: what the build makes matters more, and says by itself where it has no room.
+    Whole lines are written at a time, so a killed build leaves whole lines and at most one torn one at the end. Where
+    the disk is full an event is left out: what the build makes matters more, and says by itself where it has no room.
 
     Args:
         store: The run gets the next free id there.
+        gathers: Events are written together; whoever tells them calls `flush` before he waits for anything.
 
     Attributes:
         run: Id of the run, `0143`; "" where the store cannot be written, then nothing is.
         lost: How many events had no room.
     """
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, *, gathers: bool = False) -> None:
         self.run = ""
         self.lost = 0
+        self._gathers = gathers
+        self._lines: list[bytes] = []
         self._told: dict[str, float] = {}
         self._descriptor = -1
         self._size = 0
@@ -58,19 +63,31 @@ class EventLog:
             raise files.store_error(error, str(folder)) from None
 
     def __call__(self, event: Event) -> None:
-        """Append one event; of a node's progress no more than what a second brings."""
+        """Take one event; of a node's progress no more than what a second brings."""
         if self._descriptor < 0 or self._is_told(event):
             return
-        line = event.to_line().encode() + b"\n"
+        self._lines.append(event.to_line().encode() + b"\n")
+        if not self._gathers or len(self._lines) >= _MOST:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what was gathered."""
+        lines, self._lines = self._lines, []
+        if len(lines) > 1 and self._write(b"".join(lines)):
+            return
+        # Where there is no room for all there may be for some.
+        self.lost += sum(not self._write(line) for line in lines)
+
+    def _write(self, data: bytes) -> bool:
         try:
             failpoints.reach("log.event")
-            files.write_all(self._descriptor, line)
+            files.write_all(self._descriptor, data)
         except OSError:
-            self.lost += 1
             with suppress(OSError):
                 os.ftruncate(self._descriptor, self._size)  # a torn line would spoil the next one
-        else:
-            self._size += len(line)
+            return False
+        self._size += len(data)
+        return True
 
     def __enter__(self) -> Self:
         return self
@@ -83,6 +100,7 @@ class EventLog:
     def close(self) -> None:
         """No more events."""
         if self._descriptor >= 0:
+            self.flush()
             os.close(self._descriptor)
             self._descriptor = -1
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -58,6 +58,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     exchange: Exchange | None = None,
     recall: bool = False,
     whole: bool = False,
+    pause: Callable[[], None] = lambda: None,
 ) -> RunResult:
     """Bring targets up to date.
 
@@ -75,6 +76,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
         exchange: Remotes to take results from and to give them to; closed here.
         recall: Nodes whose results came of recorded calls run although they are cached.
         whole: Bring or make the bytes of all nodes, also of those that nobody has to read.
+        pause: Called when all that there is to tell was told, before time passes.
 
     Raises:
         UsageError: A target names nothing.
@@ -87,7 +89,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     if info.project:
         store.workspaces.note(info.project)
     with store.running.announced():
-        return _Run(graph, store, executor, policy, Uplink(exchange, listen), info).run(wanted)
+        return _Run(graph, store, executor, policy, Uplink(exchange, listen, pause), info).run(wanted)
 
 
 class _Run:
@@ -98,6 +100,7 @@ class _Run:
         self.listen = uplink.listen
         self.history = History(store, graph.name, info.project)
         hooks = Hooks(self._sized, self._opened, self._missed, self._started, self._said, self._settled, self._broken)
+        hooks.pause = uplink.pause
         self.known = policy.known
         self.history.lean = self.known is not None
         policy = replace(policy, peak_gb=self.known.peak_gb if self.known else self.history.peak_gb)

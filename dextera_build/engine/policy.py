@@ -50,3 +50,5 @@ class Hooks:
     """A node is done or failed."""
     broken: Callable[[Unit, DxbError], None] = lambda unit, error: None
     """A group cannot be opened, or a collection not be gathered."""
+    pause: Callable[[], None] = lambda: None
+    """Now time passes: what was told so far is all that there is to tell."""

@@ -94,6 +94,7 @@ class Scheduler:
             said=self.hooks.said,
             succeed=self._succeed,
             broke=self._broke,
+            pause=self.hooks.pause,
         )
         self._owners: dict[str, Node] = {}
         self._measured = (0, 0)
@@ -114,8 +115,7 @@ class Scheduler:
         while True:
             more = self._settle()
             self._measure()
-            if not self.stopping:
-                self.dispatch.start()
+            self.dispatch.start(stopping=self.stopping)
             if not self.dispatch.wait(idle=self.stopping or not (more or self.states.ready)):
                 break
             if self.stopping and not self.states.running:

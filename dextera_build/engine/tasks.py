@@ -8,11 +8,13 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 from dextera_build.engine.capacity import Capacity, Needs
 from dextera_build.errors import DxbError, RuleError
 
+PACKET = 1 << 15
+"""A task that takes more is not sent to a worker as one message [bytes]."""
 _LITTLE = Needs()
 _LOG_MOST = 1 << 20
 """A longer log is kept from its end [bytes]."""
@@ -102,6 +104,19 @@ class Executor(Protocol):
 
     def stop(self) -> None:
         """End everything that runs, at once; what was running is never reported."""
+        ...
+
+
+@runtime_checkable
+class Queues(Executor, Protocol):
+    """An executor whose workers take tasks that stand behind one another without asking in between."""
+
+    def submit_behind(self, task: Task, ticket: int) -> None:
+        """Have the worker that has the task of this ticket begin `task` when it has ended all that it has."""
+        ...
+
+    def take_back(self, ticket: int) -> list[int]:
+        """Take back all tasks that stand behind this one and were not begun; returns their tickets."""
         ...
 
 

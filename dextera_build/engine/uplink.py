@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from dextera_build.engine import events
 from dextera_build.engine.events import Listener
@@ -17,10 +18,11 @@ class Uplink:
     Args:
         exchange: None where there are no remotes.
         listen: Takes every event.
+        pause: Called before time passes.
     """
 
-    def __init__(self, exchange: Exchange | None, listen: Listener) -> None:
-        self.exchange, self.listen = exchange, listen
+    def __init__(self, exchange: Exchange | None, listen: Listener, pause: Callable[[], None]) -> None:
+        self.exchange, self.listen, self.pause = exchange, listen, pause
 
     def tell(self) -> None:
         """Say which remotes were given up since the last call."""
@@ -31,10 +33,12 @@ class Uplink:
         """Wait for uploads, and say how far they are."""
         if self.exchange is None:
             return
+        self.pause()
         while left := self.exchange.wait(_TICK_S):
             total = self.exchange.offered
             self.tell()
             self.listen(events.Uploading(time.time(), total - left, total))
+            self.pause()
 
     def close(self) -> None:
         """Let connections go, and say what was uploaded and what was not."""

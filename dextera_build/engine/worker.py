@@ -1,11 +1,12 @@
-"""A worker process: takes tasks as JSON lines, hands each to the runner, and answers with JSON lines.
+"""A worker process: takes one task after another, hands each to the runner, and answers with JSON lines.
 
-    python -m dextera_build.engine.worker <module:function> <descriptor of tasks> <descriptor of replies>
+    python -m dextera_build.engine.worker <module:function> <descriptors of tasks, file and replies> <process id>
 
-Standard output and error belong to the node that runs; the pool gives a file for them and reads it afterwards. The
-first line from the pool is `{"path": [...]}`, its module search path. Behind the line of a task come as many bytes of
-its key document as the line says; where there are some, the worker publishes the result itself. It ends when the task
-pipe closes and when its parent dies.
+Standard output and error belong to the node that runs; the pool gives a file for them and reads it when a worker has
+died. Each message of the socket is a task: a JSON line and its key document; where there is one, the worker publishes
+the result itself. `@<place> <size>` stands for a message that is too large, and lies in the file, whose first line is
+`{"path": [...]}`, the pool's module search path. Tasks that the worker has not taken from the socket the pool may take
+back. It ends when the socket closes and when its parent dies.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.engine.retries import names_of
-from dextera_build.engine.tasks import escaped, printed
+from dextera_build.engine.tasks import PACKET, escaped, printed
 from dextera_build.engine.usage import Meter
 from dextera_build.errors import DxbError, MachineError
 
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 
 _SPELL = json.JSONEncoder(separators=(",", ":"), default=str).encode
 _PR_SET_PDEATHSIG = 1
+_TOLD = 1 << 20
+"""No module search path takes more [bytes]."""
 _PROGRESS_S = 0.05
 """Progress is passed on at most this often [s]."""
 
@@ -46,14 +49,16 @@ class Worker:
 
     Args:
         runner: `module:function`, imported at the first task.
-        tasks: Descriptor to read from.
+        tasks: Descriptor of a socket to take from.
+        large: Descriptor of the file for what is too large for it.
         replies: Descriptor to write to.
     """
 
-    def __init__(self, runner: str, tasks: int, replies: int) -> None:
+    def __init__(self, runner: str, tasks: int, large: int, replies: int) -> None:
         self._runner_name = runner
         self._runner: Callable[..., Mapping[str, Any]] | None = None
         self._tasks = tasks
+        self._large = large
         self._replies = replies
         self._writing = threading.Lock()
         self._last_progress = 0.0
@@ -62,11 +67,14 @@ class Worker:
 
     def serve(self) -> None:
         """Answer every task, one after another."""
-        with os.fdopen(self._tasks, "rb") as lines:
-            sys.path += [entry for entry in json.loads(lines.readline())["path"] if entry not in sys.path]
-            for line in lines:
-                task = json.loads(line)
-                self._answer(task, lines.read(task.pop("document")))
+        told = os.pread(self._large, _TOLD, 0).partition(b"\n")[0]
+        sys.path += [entry for entry in json.loads(told)["path"] if entry not in sys.path]
+        while packet := os.read(self._tasks, PACKET):
+            if packet.startswith(b"@"):
+                place, size = map(int, packet[1:].split())
+                packet = os.pread(self._large, size, place)
+            line, _, document = packet.partition(b"\n")
+            self._answer(json.loads(line), document)
 
     def _answer(self, task: Mapping[str, Any], document: bytes) -> None:
         if os.fstat(1).st_size:
@@ -88,6 +96,8 @@ class Worker:
         self._flush()
         if document and "reply" in answer:
             self._publish(task, document, answer)
+        if not answer.get("published") and (log := printed(1)):
+            answer["log"] = log.decode("latin-1")  # any bytes; the next task writes over them
         self._write(answer)
 
     def _publish(self, task: Mapping[str, Any], document: bytes, answer: dict[str, Any]) -> None:
@@ -140,21 +150,21 @@ class Worker:
 
 def main(arguments: list[str]) -> None:
     """Entry point; see the module's text."""
-    runner, tasks, replies, parent = arguments[0], *map(int, arguments[1:])
+    runner, tasks, large, replies, parent = arguments[0], *map(int, arguments[1:])
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != parent:  # it died before we asked to be told
         os._exit(1)
-    for descriptor in (tasks, replies):
+    for descriptor in (tasks, large, replies):
         os.set_inheritable(descriptor, False)
     faulthandler.enable()
     # Line by line, so that a worker that dies has said everything.
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)
     with contextlib.suppress(BrokenPipeError, SystemExit):
-        Worker(runner, tasks, replies).serve()
+        Worker(runner, tasks, large, replies).serve()
     # Threads and libraries that linger must not keep a worker alive that has nothing to do.
     os._exit(0)
 

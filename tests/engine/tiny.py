@@ -38,6 +38,8 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     for name in sorted(task["inputs"]):
         _read_all(store, task["inputs"][name])
     _misbehave(options, emit)
+    if options["do"] == "await":
+        _await(Path(options["value"]))
     reply = {"line": f"{options['do']} done", "previews": [], "metrics": {"size": (1.0, "")}}
     if options["do"] == "read":
         asked = Recording(Look(Path(options["value"]["folder"]), store.leaves, store.root))
@@ -123,6 +125,13 @@ def _misbehave(options: Mapping[str, Any], emit: Emit) -> None:
         time.sleep(float(value))
     if do == "edit":
         Path(value).write_text("edited")
+
+
+def _await(file: Path) -> None:
+    deadline = time.monotonic() + 120
+    while not file.exists():
+        assert time.monotonic() < deadline, "nobody came"
+        time.sleep(0.01)
 
 
 def _read_all(store: Store, header: str) -> None:

@@ -6,7 +6,7 @@ import os
 import selectors
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import TracebackType
 from typing import Self
 
@@ -61,10 +61,21 @@ class LocalExecutor:
 
     def submit(self, task: Task) -> None:
         """Hand the task to a worker that waits, or to a new one."""
-        process = self._take_idle(task.devices) or self._start(task.devices)
-        process.task = task
-        self._busy[task.ticket] = process
-        process.send(task)
+        self._give(self._take_idle(task.devices) or self._start(task.devices), [task])
+
+    def submit_behind(self, task: Task, ticket: int) -> None:
+        """Hand the task to the worker that has the task of this ticket; it begins when that and others have ended."""
+        self._give(self._busy[ticket], [task])
+
+    def take_back(self, ticket: int) -> list[int]:
+        """Take back all tasks behind this one that its worker has not begun; returns their tickets."""
+        process = self._busy[ticket]
+        back = process.take_back()
+        if not process.tasks:  # it has not even begun the first, which stays
+            self._give(process, [back.pop(0)])
+        for task in back:
+            del self._busy[task.ticket]
+        return [task.ticket for task in back]
 
     def poll(self, timeout_s: float | None) -> list[Report]:
         """What workers reported; a worker that died is reported as the failure of its node."""
@@ -78,7 +89,7 @@ class LocalExecutor:
 
     def stop(self) -> None:
         """End all workers and whatever they started."""
-        workers = [*self._busy.values(), *self._idle]
+        workers = self._workers()
         for process in workers:
             process.ask_to_end()
         deadline = time.monotonic() + _GRACE_S
@@ -101,7 +112,15 @@ class LocalExecutor:
 
     def pids(self) -> list[int]:
         """Process ids of all workers."""
-        return [process.pid for process in [*self._busy.values(), *self._idle]]
+        return [process.pid for process in self._workers()]
+
+    def _workers(self) -> list[Process]:
+        return [*dict.fromkeys(self._busy.values()), *self._idle]
+
+    def _give(self, process: Process, tasks: Iterable[Task]) -> None:
+        for task in tasks:
+            self._busy[task.ticket] = process
+            process.give(task)
 
     def _take_idle(self, devices: tuple[str, ...]) -> Process | None:
         for process in reversed(self._idle):
@@ -135,11 +154,11 @@ class LocalExecutor:
         lines, ended = process.hear(descriptor)
         reports: list[Report] = []
         for line in lines:
-            if process.task is None:
+            if not process.tasks:
                 continue
             if "said" in line:
                 kind, data = line["said"]
-                reports.append(Said(process.task.ticket, kind, data))
+                reports.append(Said(process.tasks[0].ticket, kind, data))
             else:
                 reports.append(self._end(process, line))
         if ended:
@@ -147,40 +166,46 @@ class LocalExecutor:
         return reports
 
     def _end(self, process: Process, line: Mapping[str, object]) -> Ended:
-        task = self._release(process)
-        self._idle.append(process)
+        peak = process.peak
+        task = process.advance()
+        del self._busy[task.ticket]
+        if not process.tasks:
+            self._idle.append(process)
         error, reply, raised, used, made = (
             line.get(name) for name in ("error", "reply", "raised", "usage", "published")
         )
         return Ended(
             ticket=task.ticket,
             seconds=float(str(line["seconds"])),
-            log=b"" if made else process.log(),
+            log=str(line.get("log", "")).encode("latin-1"),
             reply=reply if isinstance(reply, dict) else None,
             error=from_json(error) if isinstance(error, dict) else None,
             raised=tuple(raised) if isinstance(raised, list) else (),
-            usage=with_peak(used if isinstance(used, dict) else {}, process.peak),
+            usage=with_peak(used if isinstance(used, dict) else {}, peak),
             published=made if isinstance(made, dict) else None,
         )
 
     def _bury(self, process: Process) -> list[Report]:
+        """A worker is dead: what it had begun has failed, what stood behind goes to another."""
+        rest = process.take_back()
         self._forget(process)
         process.end(_GRACE_S)
         if process in self._idle:
             self._idle.remove(process)
-        if process.task is None:
-            return []
-        seconds = time.monotonic() - process.began
-        log = process.log()
-        task = self._release(process)
-        usage = with_peak({}, process.peak)
-        return [Ended(task.ticket, seconds, log, error=process.death(log), usage=usage)]
-
-    def _release(self, process: Process) -> Task:
-        task, process.task = process.task, None
-        assert task is not None
-        del self._busy[task.ticket]
-        return task
+        reports: list[Report] = []
+        if not process.tasks and rest and not process.answered:
+            # One that dies before it has done anything would do so again.
+            process.tasks.append(rest.pop(0))
+        if process.tasks:
+            seconds = time.monotonic() - process.began
+            log = process.log()
+            ticket = process.tasks[0].ticket
+            del self._busy[ticket]
+            usage = with_peak({}, process.peak)
+            reports.append(Ended(ticket, seconds, log, error=process.death(log), usage=usage))
+        if rest:
+            self._give(self._take_idle(rest[0].devices) or self._start(rest[0].devices), rest)
+        return reports
 
     def _forget(self, process: Process) -> None:
         for descriptor in process.descriptors():

@@ -1,21 +1,29 @@
-"""One worker process, seen from the pool: two pipes, a log, and how it died."""
+"""One worker process, seen from the pool: what it was given, what it says, and how it died.
+
+Tasks go through a socket that keeps messages apart, and the pool holds both of its ends: so it can take back what the
+worker has not taken yet, and the system sees to it that each task is taken once.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dextera_build.engine.tasks import Task, printed
+from dextera_build.engine.tasks import PACKET, Task, printed
 from dextera_build.errors import RuleError
+from dextera_build.store.files import write_all
 
 _SPELL = json.JSONEncoder(separators=(",", ":")).encode
 _MODULE = "dextera_build.engine.worker"
@@ -39,48 +47,110 @@ class Process:
     def __init__(
         self, runner: str, environment: Mapping[str, str], path: Sequence[str], devices: tuple[str, ...] = ()
     ) -> None:
-        self.task: Task | None = None
+        self.tasks: deque[Task] = deque()
+        """What it was given and has not answered; the first is the one that it has, the others stand behind."""
+        self.answered = 0
+        """How many tasks it has answered."""
+        self._sent = 0
+        """How many of `tasks` lie in the socket or are with the worker."""
         self.devices = devices
         self.began = 0.0
         self.peak = 0
         self.alive = True
         self._buffer = b""
         # Without a name, so that nothing is left behind however this ends.
-        self._log = tempfile.TemporaryFile(mode="a+b", buffering=0)  # noqa: SIM115
-        reading, self._sending = os.pipe()
+        self._log = tempfile.TemporaryFile(mode="w+b", buffering=0)  # noqa: SIM115
+        # What is printed after the file was cut goes to its beginning.
+        fcntl.fcntl(self._log.fileno(), fcntl.F_SETFL, os.O_APPEND)
+        self._sending, self._taking = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._sending.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 * PACKET)
+        # What the worker is told once, and behind that a task that is too large for the socket.
+        self._large = os.memfd_create("task")
+        self._told = os.write(self._large, _SPELL({"path": list(path)}).encode() + b"\n")
         self._hearing, writing = os.pipe()
         os.set_blocking(self._hearing, False)
-        command = [sys.executable, "-m", _MODULE, runner, str(reading), str(writing), str(os.getpid())]
+        passed = (self._taking.fileno(), self._large, writing)
+        command = [sys.executable, "-m", _MODULE, runner, *map(str, passed), str(os.getpid())]
         try:
             self._child = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
                 stdout=self._log,
                 stderr=self._log,
-                pass_fds=(reading, writing),
+                pass_fds=passed,
                 start_new_session=True,
                 env={**os.environ, **environment, "PYTHONPATH": _search_path()},
             )
         except OSError:
-            os.close(self._sending)
+            self.hang_up()
             os.close(self._hearing)
             raise
         finally:
-            os.close(reading)
             os.close(writing)
         self.pid = self._child.pid
         # The pipe alone does not tell: something that the worker started may hold its other end.
         self._watch = os.pidfd_open(self.pid) if hasattr(os, "pidfd_open") else -1
-        self._write({"path": list(path)})
 
     def descriptors(self) -> list[int]:
         """What becomes readable when the worker speaks or dies."""
         return [descriptor for descriptor in (self._hearing, self._watch) if descriptor >= 0]
 
-    def send(self, task: Task) -> None:
-        """Give it a task; a worker that is dead already shows in `hear`."""
+    def give(self, task: Task) -> None:
+        """Give it a task, behind those that it has; a worker that is dead already shows in `hear`."""
+        self.tasks.append(task)
+        if len(self.tasks) == 1:
+            self._begin()
+        self._send()
+
+    def advance(self) -> Task:
+        """It has answered its first task, and begins the next."""
+        task = self.tasks.popleft()
+        self.answered, self._sent = self.answered + 1, self._sent - 1
+        self._begin()
+        self._send()
+        return task
+
+    def take_back(self) -> list[Task]:
+        """Take back all tasks that it has not begun, the first as well where it has not."""
+        begun = self._sent - self._taken_back()
+        back = [self.tasks.pop() for _ in range(len(self.tasks) - begun)]
+        self._sent = begun
+        return back[::-1]
+
+    def _begin(self) -> None:
         self.began, self.peak = time.monotonic(), 0
-        self._write(task.message() | {"document": len(task.document)}, task.document)
+
+    def _send(self) -> None:
+        """Put into the socket what it has room for."""
+        while self._sent < len(self.tasks):
+            packet = self._packet(self.tasks[self._sent])
+            if packet is None:
+                return
+            try:
+                self._sending.send(packet, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return
+            self._sent += 1
+
+    def _packet(self, task: Task) -> bytes | None:
+        """What stands for a task in the socket; None for a large one whose turn has not come."""
+        data = _SPELL(task.message()).encode() + b"\n" + task.document
+        if len(data) <= PACKET:
+            return data
+        if self._sent:
+            return None
+        os.ftruncate(self._large, self._told)
+        os.lseek(self._large, self._told, os.SEEK_SET)
+        write_all(self._large, data)
+        return f"@{self._told} {len(data)}".encode()
+
+    def _taken_back(self) -> int:
+        """How many messages were taken out of the socket."""
+        count = 0
+        with contextlib.suppress(BlockingIOError):
+            while self._taking.recv(1, socket.MSG_DONTWAIT):
+                count += 1
+        return count
 
     def hear(self, descriptor: int) -> tuple[list[dict[str, Any]], bool]:
         """(what it said, whether it is dead), after one of `descriptors` became readable."""
@@ -102,10 +172,12 @@ class Process:
         return self._child.poll() is None
 
     def hang_up(self) -> None:
-        """Close the task pipe: the worker ends when it has nothing to do."""
-        if self._sending >= 0:
-            os.close(self._sending)
-            self._sending = -1
+        """Close the socket: the worker ends when it has nothing to do."""
+        self._sending.close()
+        self._taking.close()
+        if self._large >= 0:
+            os.close(self._large)
+            self._large = -1
 
     def ask_to_end(self) -> None:
         """Ask it to clean up and end."""
@@ -148,13 +220,6 @@ class Process:
             facts=facts,
             hint="build again, with `--jobs 1` where memory is short",
         )
-
-    def _write(self, message: Mapping[str, object], more: bytes = b"") -> None:
-        data = _SPELL(message).encode() + b"\n" + more
-        with contextlib.suppress(BrokenPipeError):
-            done = 0
-            while done < len(data):
-                done += os.write(self._sending, data[done:])
 
 
 def _search_path() -> str:
