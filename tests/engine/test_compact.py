@@ -12,8 +12,7 @@ from dextera_build.engine import compact
 from dextera_build.engine.compact import Members, Names, Writer, members_of
 from dextera_build.engine.graph import Graph, Leaf, Pack
 from dextera_build.errors import Place
-from dextera_build.store.store import Store
-from tests.engine.tiny import call, facts, graph, group, item, leaf, out, run
+from tests.engine.tiny import call, facts, graph, group, item, leaf, out
 from tests.oracle.graphs import RandomGraph
 
 
@@ -80,13 +79,3 @@ def test_a_call_takes_few_bytes() -> None:
         return writer.members()
 
     assert held(write) < 400
-
-
-@pytest.mark.slow
-def test_a_node_takes_few_bytes(tmp_path: Path) -> None:
-    def built(count: int) -> object:
-        plan = graph(call("n0"), *(call(f"n{number}", x=out(f"n{number - 1}")) for number in range(1, count)))
-        plan = Graph(plan.name, members_of(plan), plan.targets)
-        return run(plan, Store(tmp_path / str(count)))[0]
-
-    assert held(built) < 3_000
