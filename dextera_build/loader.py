@@ -12,7 +12,7 @@ import importlib
 import importlib.machinery
 import importlib.util
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -134,20 +134,19 @@ class Library:
         """Where rules are looked for, in order."""
         import importlib.metadata  # slow to import, and not every command asks for rules
 
-        folders: list[Path] = []
-        if self._project is not None and (self._project / "rules").is_dir():
-            folders.append((self._project / "rules").resolve())
-        folders += [
+        folders = [
             Path(str(importlib.util.find_spec(point.value).submodule_search_locations[0]))  # type: ignore[union-attr,index]
             for point in importlib.metadata.entry_points(group="dxb.rules")
         ]
-        own = bundled("rules").resolve()
-        folders += [own] if own not in folders else []
-        # Named after the folder, so that libraries of several projects can stand in one process.
-        roots = [Root(f"dxb_rules_{digest.of_bytes(str(folder).encode())[:12]}", folder) for folder in folders]
-        for root in roots:
-            root.mount()
-        return roots
+        folders += [] if (own := bundled("rules").resolve()) in folders else [own]
+        known = {root.path for root in self._first}
+        return [*self._first, *(_mounted(folder) for folder in folders if folder not in known)]
+
+    @cached_property
+    def _first(self) -> list[Root]:
+        """The project's own root, if it has one."""
+        folder = self._project / "rules" if self._project else None
+        return [_mounted(folder.resolve())] if folder and folder.is_dir() else []
 
     def find(self, path: str, where: Place | None = None) -> RuleFile:
         """The rule called `path`.
@@ -176,11 +175,11 @@ class Library:
         return CodeIndex(roots, PACKAGE, self._project)
 
     def _search(self, path: str, where: Place | None) -> RuleFile:
-        stage, dot, name = path.partition(".")
-        for root in self.roots:
-            file = root.path / stage / f"{name}.py"
-            if dot and file.is_file() and _holds_rule(file):
-                return RuleFile(path, file, root)
+        # What the project has itself is found without a look at what is installed.
+        found = _among(self._first, path) or _among(self.roots, path)
+        if found is not None:
+            return found
+        stage = path.partition(".")[0]
         known = [found.path for found in self.rules()]
         same = [rule for rule in known if rule.startswith(f"{stage}.")]
         raise RecipeError(
@@ -190,6 +189,22 @@ class Library:
             facts={f"rules of `{stage}`" if same else "rules": listing(same or known, most=40)},
             hint=did_you_mean(path, known) or "`dxb ls rules` shows all of them",
         )
+
+
+def _among(roots: Sequence[Root], path: str) -> RuleFile | None:
+    stage, dot, name = path.partition(".")
+    for root in roots:
+        file = root.path / stage / f"{name}.py"
+        if dot and file.is_file() and _holds_rule(file):
+            return RuleFile(path, file, root)
+    return None
+
+
+def _mounted(folder: Path) -> Root:
+    # Named after the folder, so that libraries of several projects can stand in one process.
+    root = Root(f"dxb_rules_{digest.of_bytes(str(folder).encode())[:12]}", folder)
+    root.mount()
+    return root
 
 
 def choose_backend(found: RuleFile, wanted: str | None, profile: str, where: Place | None = None) -> BackendFile | None:

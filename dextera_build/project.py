@@ -110,6 +110,11 @@ class Project:
         return self._path(str(self.config["cache"].value))
 
     @property
+    def pins(self) -> Path:
+        """The lock file, there or not."""
+        return self.root / LOCK
+
+    @property
     def profile(self) -> str:
         """The profile in force."""
         return str(self.config["profile"].value)
@@ -240,7 +245,7 @@ class Project:
         # Targets are written below a folder of the recipe's address, so that has one spelling.
         if {"", ".", ".."} & set(address.split("/")) or not address.isprintable():
             return None
-        for folder in self._recipe_folders():
+        for folder in self.recipe_folders():
             file = folder / f"{address}.yaml"
             # `Path.is_file` raises where a name is too long.
             if os.path.isfile(file) and file.resolve().is_relative_to(folder.resolve()):
@@ -258,13 +263,9 @@ class Project:
 
     def recipes(self) -> Iterator[tuple[str, Path]]:
         """Every recipe: address and file."""
-        seen: set[str] = set()
-        for folder in self._recipe_folders():
-            for file in sorted(folder.rglob("*.yaml")):
-                address = file.relative_to(folder).with_suffix("").as_posix()
-                if "." not in address and address.isprintable() and address not in seen:
-                    seen.add(address)
-                    yield address, file
+        from dextera_build.recipe.addresses import addresses
+
+        yield from ((address, Path(file)) for address, file in addresses(map(str, self.recipe_folders())))
 
     def shown(self, path: Path) -> str:
         """A path as messages show it: relative where it lies below the current folder."""
@@ -275,11 +276,11 @@ class Project:
         """A path of the settings; unlike `Path.expanduser`, one of an unknown user is a name like any other."""
         return (self.root / os.path.expanduser(text)).absolute()
 
-    def _recipe_folders(self) -> list[Path]:
+    def recipe_folders(self) -> list[Path]:
+        """Where recipes lie, there or not; the project's own come first."""
         from dextera_build.loader import bundled
 
-        folders = [self.root / "recipes", bundled("recipes")]
-        return [folder for number, folder in enumerate(folders) if folder.is_dir() and folder not in folders[:number]]
+        return list(dict.fromkeys((self.root / "recipes", bundled("recipes"))))
 
     def _layers(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
         own = [self.root / name for name in (settings_file.PYPROJECT, MARKER, "dxb.local.toml")]

@@ -31,9 +31,7 @@ R = TypeVar("R", bound=Artifact)
 class Options(BaseModel):
     """Options of a rule: typed, frozen, every field in the key. Nested groups derive from it too."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 @dataclass(frozen=True)

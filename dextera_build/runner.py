@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build import digest as digests
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.loader import Library, RuleFile
+from dextera_build.rule import Context
 from dextera_build.store import header, space
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import Blobs
@@ -25,7 +26,6 @@ from dextera_build.store.streams import Reader
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import File
-    from dextera_build.rule import Context
     from dextera_build.store.remotes.exchange import Exchange
 
 _SMALL = 1 << 14
@@ -48,8 +48,6 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     Raises:
         DxbError: The rule refused its inputs, a check failed, or a disk is full.
     """
-    from dextera_build.rule import Context
-
     found = _library(task["project"]).find(task["rule"])
     backend = found.backends[task["backend"]].load() if task["backend"] else None
     store, read = _store(task["store"])

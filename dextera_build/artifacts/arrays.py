@@ -1,13 +1,20 @@
-"""The declared form of array fields: shape, dtype, unit and frame, and whether an array has it."""
+"""The declared form of array fields: shape, dtype, unit and frame, and whether an array has it.
+
+NumPy is loaded with the first array: that takes long, and many rules take none.
+"""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, get_args, get_origin
-
-import numpy as np
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeGuard, get_args, get_origin
 
 from dextera_build.errors import ArtifactError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 @dataclass(frozen=True)
@@ -48,6 +55,32 @@ def array_in(annotation: Any, metadata: list[Any]) -> Array | None:
     return None
 
 
+def is_array(value: object) -> TypeGuard[np.ndarray]:
+    """Whether `value` is an array; where NumPy is not loaded there is none."""
+    return isinstance(value, getattr(sys.modules.get("numpy"), "ndarray", ()))
+
+
+def array_bytes(value: np.ndarray) -> bytes:
+    """What is stored of an array: its numbers, little-endian, in C order."""
+    import numpy as np
+
+    return np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<")).tobytes()
+
+
+def array_of(dtype: str, shape: list[int], data: bytes) -> np.ndarray:
+    """The array that was stored as `data`."""
+    import numpy as np
+
+    return np.frombuffer(data, dtype=np.dtype(dtype)).reshape(shape).copy()
+
+
+def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays by name into an NPZ file."""
+    import numpy as np
+
+    np.savez(path, **arrays)  # type: ignore[arg-type]
+
+
 def check_array(place: str, name: str, value: np.ndarray, spec: Array, axes: dict[str, tuple[str, int]]) -> None:
     """Refuse an array that has not the declared form, and make it read-only.
 
@@ -61,6 +94,8 @@ def check_array(place: str, name: str, value: np.ndarray, spec: Array, axes: dic
     Raises:
         ArtifactError: Its dtype, number of axes, sizes or numbers are not right.
     """
+    import numpy as np
+
     if value.dtype != np.dtype(spec.dtype):
         raise ArtifactError(f"{place}: dtype is {value.dtype}, but {spec.describe()} is declared", code="DXB-A103")
     wanted = spec.shape.split()

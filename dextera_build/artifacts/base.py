@@ -17,7 +17,6 @@ import io
 import json
 import types
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from typing import (
@@ -34,12 +33,11 @@ from typing import (
     get_origin,
 )
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, model_validator
 
 from dextera_build import digest
 from dextera_build.artifacts.arrays import Array as Array
-from dextera_build.artifacts.arrays import array_in, check_array
+from dextera_build.artifacts.arrays import array_bytes, array_in, array_of, check_array, is_array, save_arrays
 from dextera_build.artifacts.content import SMALL, Content, Get, OnDisk, Put, Stored
 from dextera_build.errors import ArtifactError, StoreError
 
@@ -47,7 +45,7 @@ from dextera_build.errors import ArtifactError, StoreError
 class Value(BaseModel):
     """A small plain structure that is stored inline in the header of the artifact that holds it."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Artifact(BaseModel):
@@ -57,7 +55,7 @@ class Artifact(BaseModel):
         ArtifactError: A field has a wrong type, shape or dtype, disagrees with another field, or is not finite.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
     type_name: ClassVar[str] = ""
 
@@ -116,12 +114,12 @@ class Artifact(BaseModel):
         The default writes every field that is an artifact into its own files, and the rest as JSON and NPZ.
         """
         folder.mkdir(parents=True, exist_ok=True)
-        arrays: dict[str, np.ndarray] = {}
+        arrays: dict[str, Any] = {}
         plain: dict[str, Any] = {}
         written: list[Path] = []
         for name in type(self).model_fields:
             value = getattr(self, name)
-            if isinstance(value, np.ndarray):
+            if is_array(value):
                 arrays[name] = value
             elif isinstance(value, Artifact):
                 written += value.export(folder, f"{stem}.{name}")
@@ -132,7 +130,7 @@ class Artifact(BaseModel):
                 plain[name] = value.model_dump(mode="json") if isinstance(value, BaseModel) else value
         if arrays:
             path = folder / f"{stem}.npz"
-            np.savez(path, **arrays)  # type: ignore[arg-type]
+            save_arrays(path, arrays)
             written.append(path)
         if plain:
             path = folder / f"{stem}.json"
@@ -258,6 +256,8 @@ class Folder(Artifact):
         paths = {name: _inside(folder, name) for name in sorted(tree, key=_depth)}
         for parent in dict.fromkeys(path.parent for path in paths.values()):
             parent.mkdir(parents=True, exist_ok=True)
+        from concurrent.futures import ThreadPoolExecutor  # slow to load
+
         with ThreadPoolExecutor() as pool:
             list(pool.map(lambda name: place(tree[name]["$bytes"][0], paths[name]), paths))
         return list(paths.values())
@@ -296,9 +296,8 @@ def schema_digest(annotation: Any) -> str:
 
 
 def _encode(value: Any, put: Put) -> Any:
-    if isinstance(value, np.ndarray):
-        blob = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
-        return {"$array": [value.dtype.name, list(value.shape), put(blob.tobytes())]}
+    if is_array(value):
+        return {"$array": [value.dtype.name, list(value.shape), put(array_bytes(value))]}
     if isinstance(value, bytes):
         return {"$bytes": [put(value), len(value)]}
     if isinstance(value, Artifact):
@@ -325,7 +324,7 @@ def _decode(raw: Any, hint: Any, get: Get) -> Any:
     ((tag, body),) = raw.items()
     if tag == "$array":
         dtype, shape, blob = body
-        return np.frombuffer(get(blob), dtype=np.dtype(dtype)).reshape(shape).copy()
+        return array_of(dtype, shape, get(blob))
     if tag == "$bytes":
         return get(body[0])
     if tag == "$ref":

@@ -62,6 +62,8 @@ def run(args: argparse.Namespace) -> int:
         notice = args.locking.write()
         if notice and project.config["console"].value not in ("none", "jsonl"):
             print(notice, file=sys.stderr)
+    if args.cache is None:
+        args.notes.write_place(project)
     kind = project.config["console"].value
     if not (code or args.force or args.lock or args.locked or project.asks_again or kind == "jsonl"):
         args.notes.write(len(recipes), told=kind != "none")
@@ -116,7 +118,7 @@ def _run(
     *,
     whole: bool = False,
 ) -> int:
-    from dextera_build.cli import fresh
+    from dextera_build.cli import fresh, results
     from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.graph import Plan
     from dextera_build.store.presence import Presence
@@ -131,6 +133,12 @@ def _run(
     near = fresh.near(project, fingerprint, session.store) if quick else None
     if near is not None and near.idle:
         head = near.stale.head
+        nodes, *lines = head["lines"]
+        if not near.placed:
+            written = results.restore(session, near.known, [line.partition("\t")[0] for line in lines])
+            if written is None:
+                return _run(args, project, recipe, targets, fingerprint, started, whole=True)
+            head["lines"] = [nodes, *written]
         args.notes.add(recipe, place, fresh.renew(project, fingerprint, seen, near, head["lines"][1:]))
         return _say_nothing_ran(project, recipe, head, started)
     plan = (

@@ -1,36 +1,46 @@
-"""What may stand at the end of a command line: from the grammar, the project's files and the logs of past runs.
+"""What may stand at the end of a command line: from the grammar, the project's files, and what builds noted.
 
-No rule is imported and no recipe is read, so that an answer is there before a person notices.
+No rule is imported, no recipe is read and next to nothing is loaded, so that an answer is there before a person
+notices.
 """
 
-from __future__ import annotations
-
-import argparse
-import json
 import os
-import re
-import shlex
-from collections.abc import Iterable, Iterator
-from functools import cached_property
-from pathlib import Path
+import sys
 
-from dextera_build.cli.grammar import VERBS, parser
+from dextera_build.cli import names, quick
+from dextera_build.cli.verbs import VERBS
+from dextera_build.recipe.addresses import addresses
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
 
 Candidate = tuple[str, str]
 """A word and what it is."""
 
-_FINISHED = re.compile(rb'^\{.*?"event": "node_finished".*?"node": ("(?:[^"\\]|\\.)*")', re.MULTILINE)
-_LABEL = re.compile(r"\[[^\]]*\]")
+_FINISHED = rb'^\{.*?"event": "node_finished".*?"node": ("(?:[^"\\]|\\.)*")'
 _LOOK = 200
 """How many runs are looked at."""
 _RUNS = 3
 """How many of a recipe are read."""
-_SPECIAL = re.compile(r"([\[\]*?()&;|<>$`\\\"'! ])")
+_SPECIAL = str.maketrans({letter: f"\\{letter}" for letter in "[]*?()&;|<>$`\\\"'! "})
 
 _TARGETS = {"build", "plan", "get", "why", "show", "view", "check", "graph", "watch", "push", "pull"}
 _PAST = {"log", "report", "trace"}
 _WORDS = {"new": ("recipe", "rule", "backend"), "completion": ("bash", "zsh", "fish"), "cache": ("size", "sweep")}
 _VALUES = {"--profile": ("stub", "cpu", "gpu", "cloud"), "--console": ("live", "plain", "jsonl", "none")}
+
+
+def say(words: list[str]) -> bool:
+    """Answer a command line (without `dxb`) of a shell's script; False for every other one, and where that fails."""
+    if len(words) != 4 or words[0] != "completion" or words[1] not in _WORDS["completion"] or words[2] != "--line":
+        return False
+    try:
+        lines = answer(words[1], words[3])
+    except Exception:  # a broken recipe or setting must not write into the line that a person types
+        return False
+    sys.stdout.write("".join(line + "\n" for line in lines))
+    return True
 
 
 def answer(shell: str, line: str) -> list[str]:
@@ -40,26 +50,33 @@ def answer(shell: str, line: str) -> list[str]:
     if shell == "bash":
         # Readline takes a colon and `=` for the end of a word, unless it stands between quotes.
         start = 0 if quoted else max(current.rfind(":"), current.rfind("=")) + 1
-        return [word[start:] if quoted else _SPECIAL.sub(r"\\\1", word[start:]) for word, _ in found]
+        return [word[start:] if quoted else word[start:].translate(_SPECIAL) for word, _ in found]
     return [f"{word}\t{text}" if text else word for word, text in found]
 
 
 def split(line: str) -> tuple[list[str], str, bool]:
-    """(words before the one at the end, that one, whether it began with a quote)."""
-    lexer = shlex.shlex(line, posix=True, punctuation_chars=False)
-    lexer.whitespace_split, lexer.commenters = True, ""
+    """(words before the one at the end, that one, whether a quote is open in it), as `shlex` has them."""
     words: list[str] = []
-    try:
-        words += lexer
-    except ValueError:  # an open quote
-        quote = max(line.rfind(" '"), line.rfind(' "'))
-        return shlex.split(line[:quote]), line[quote + 2 :], True
-    if not line or line[-1].isspace():
-        return words, "", False
-    return words[:-1], words[-1], False
+    word, quote, escapes, begun = "", "", False, False
+    for letter in line:
+        if escapes:
+            word += letter if letter in (quote or letter, "\\") else f"\\{letter}"
+            escapes = False
+        elif letter == "\\" and quote != "'":
+            escapes = begun = True
+        elif quote:
+            word, quote = (word, "") if letter == quote else (word + letter, quote)
+        elif letter in ("'", '"'):
+            quote, begun = letter, True
+        elif letter not in " \t\r\n":
+            word, begun = word + letter, True
+        elif begun:
+            words.append(word)
+            word, begun = "", False
+    return words, word, bool(quote)
 
 
-def candidates(words: list[str], current: str) -> Iterator[Candidate]:
+def candidates(words: list[str], current: str) -> "Iterator[Candidate]":
     """Everything that may stand after `words`; `current` says what kind is wanted, not yet which."""
     verb = next((word for word in words[1:] if not word.startswith("-")), "")
     if not verb:
@@ -75,19 +92,23 @@ def candidates(words: list[str], current: str) -> Iterator[Candidate]:
         yield from _positional(verb, given, current)
 
 
-def _flags(verb: str) -> Iterator[Candidate]:
-    (verbs,) = (action for action in parser(verb)._actions if isinstance(action, argparse._SubParsersAction))
-    for action in verbs.choices[verb]._actions:
+def _flags(verb: str) -> "Iterator[Candidate]":
+    import argparse
+
+    from dextera_build.cli.grammar import alone
+
+    for action in alone(verb)._actions:
         for name in action.option_strings:
             if action.help != argparse.SUPPRESS:
                 yield name, (action.help or "") % {"default": action.default}
 
 
-def _positional(verb: str, given: list[str], current: str) -> Iterator[Candidate]:
-    place = _Place()
+def _positional(verb: str, given: list[str], current: str) -> "Iterator[Candidate]":
     if verb in _WORDS and not given:
         yield from ((word, "") for word in _WORDS[verb])
-    elif verb in _TARGETS or (verb == "ls" and ":" in current):
+        return
+    place = _Place()
+    if verb in _TARGETS or (verb == "ls" and ":" in current):
         recipe, colon, _ = current.partition(":")
         yield from ((f"{recipe}:{node}", "") for node in place.nodes(recipe)) if colon else place.recipes()
     elif verb == "ls":
@@ -105,40 +126,49 @@ class _Place:
     """The project that the shell stands in."""
 
     def __init__(self) -> None:
-        from dextera_build.project import find
+        note = quick.read(quick.PLACE)
+        noted = note["answers"][0] if note is not None and quick.holds(note) else _look()
+        self._project, self._store, *self._folders = noted
 
-        self.project = find()
+    def recipes(self) -> "Iterator[Candidate]":
+        return ((address, "") for address, _ in addresses(self._folders))
 
-    def recipes(self) -> Iterator[Candidate]:
-        for address, _ in self.project.recipes():
-            yield address, ""
-
-    def runs(self) -> Iterator[tuple[str, str]]:
+    def runs(self) -> "Iterator[tuple[str, str]]":
         """(id, recipe), the newest first."""
-        folder = self._folder
-        names = sorted((n for n in os.listdir(folder) if n.isdecimal()), key=int) if folder.is_dir() else []
-        for name in names[: -_LOOK - 1 : -1]:
+        import json
+
+        folder = f"{self._store}/runs"
+        found = sorted((n for n in os.listdir(folder) if n.isdecimal()), key=int) if os.path.isdir(folder) else []
+        for name in found[: -_LOOK - 1 : -1]:
             try:
-                with (folder / name / "events.jsonl").open("rb") as lines:
+                with open(f"{folder}/{name}/events.jsonl", "rb") as lines:
                     yield name, json.loads(lines.readline())["recipe"]
             except (OSError, ValueError, KeyError, TypeError, RecursionError):
                 continue
 
     def nodes(self, recipe: str) -> list[str]:
-        return self.in_runs([run for run, of in self.runs() if of == recipe][:_RUNS])
+        noted = names.read(self._store, self._project, recipe)
+        return self.in_runs([run for run, of in self.runs() if of == recipe][:_RUNS]) if noted is None else noted
 
-    def in_runs(self, runs: Iterable[str]) -> list[str]:
+    def in_runs(self, runs: "Iterable[str]") -> list[str]:
         """Nodes of several runs; the copies of a call are those of the newest that has it."""
+        import json
+        import re
+
         found: dict[str, None] = {}
         calls: set[str] = set()
         for run in runs:
-            data = (self._folder / run / "events.jsonl").read_bytes()
-            names = {str(json.loads(name)) for name in _FINISHED.findall(data)}
-            fresh = {name for name in names if _LABEL.sub("", name) not in calls}
+            with open(f"{self._store}/runs/{run}/events.jsonl", "rb") as file:
+                said = re.findall(_FINISHED, file.read(), re.MULTILINE)
+            fresh = {name for name in map(str, map(json.loads, said)) if names.plain(name) not in calls}
             found |= dict.fromkeys(sorted(fresh))
-            calls |= {_LABEL.sub("", name) for name in fresh}
+            calls |= {names.plain(name) for name in fresh}
         return list(found)
 
-    @cached_property
-    def _folder(self) -> Path:
-        return self.project.cache / "runs"
+
+def _look() -> list[str]:
+    """What the note of a place says, found out and noted."""
+    from dextera_build.cli.notes import Notes
+    from dextera_build.project import find
+
+    return Notes(quick.PLACE).write_place(find())

@@ -85,27 +85,33 @@ def carry_out(
     known: Known | None = None,
 ) -> Done:
     """Build `wanted` with the executor of the settings and an event log; `listen` takes every event, too."""
-    from dextera_build.engine.eventlog import EventLog
-    from dextera_build.engine.execute import RunInfo, build
+    from dextera_build.cli import names
 
     project, store = session.project, session.store
     # What is only brought runs nowhere.
-    idle = manner.bring_from is not None
-    with EventLog(store, gathers=True) as log, executor(session, plan.rules, idle=idle) as workers:
-        result = build(
-            plan.graph,
-            wanted,
-            store=store,
-            executor=workers,
-            listen=fan_out(log, listen),
-            info=RunInfo(log.run, str(project.root), project.profile, __version__, manner.argv),
-            keep_going=manner.keep_going,
-            force=manner.force,
-            known=known,
-            only=frozenset() if manner.bring_from or project.remotes.local == "r" else None,
-            exchange=manner.bring_from or exchange(session),
-            recall=project.asks_again and not manner.bring_from,
-            whole=manner.whole or manner.bring_from is not None,
-            pause=log.flush,
-        )
+    only = frozenset[str]() if manner.bring_from or project.remotes.local == "r" else None
+    soon = only is None and known is not None and bool(known.cone)
+    with executor(session, plan.rules, idle=manner.bring_from is not None, soon=soon) as workers:
+        # Loaded while a worker loads what it needs.
+        from dextera_build.engine.eventlog import EventLog
+        from dextera_build.engine.execute import RunInfo, build
+
+        with EventLog(store, gathers=True) as log:
+            result = build(
+                plan.graph,
+                wanted,
+                store=store,
+                executor=workers,
+                listen=fan_out(log, listen),
+                info=RunInfo(log.run, str(project.root), project.profile, __version__, manner.argv),
+                keep_going=manner.keep_going,
+                force=manner.force,
+                known=known,
+                only=only,
+                exchange=manner.bring_from or exchange(session),
+                recall=project.asks_again and not manner.bring_from,
+                whole=manner.whole or manner.bring_from is not None,
+                pause=log.flush,
+            )
+    names.note(session, None if known else plan.graph, result.nodes)
     return Done(log.run, result, log.lost)

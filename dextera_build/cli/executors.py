@@ -20,13 +20,16 @@ RUNNER = "dextera_build.runner:run_task"
 
 
 @contextmanager
-def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False) -> Iterator[Executor]:
+def executor(
+    session: Session, rules: Iterable[RuleFacts], *, idle: bool = False, soon: bool = False
+) -> Iterator[Executor]:
     """What runs the nodes of one build, as the settings say.
 
     Args:
         session: The recipe that is built.
         rules: Those that may run.
         idle: Nothing will run, so that no cluster and no device is looked for.
+        soon: Something will run, so that a worker is started at once.
     """
     kind, _, address = session.project.executor.partition(":")
     if kind == "ray" and not idle:
@@ -38,12 +41,16 @@ def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False
         wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
         capacity = project.capacity(gpus=wants_gpu)
         with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity) as workers:
+            if soon:
+                workers.warm()
             yield workers
 
 
 def _environment(project: Project) -> dict[str, str]:
     # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    # No rule needs plug-ins of pydantic, and a look for some goes through all that is installed.
+    environment["PYDANTIC_DISABLE_PLUGINS"] = os.environ.get("PYDANTIC_DISABLE_PLUGINS", "__all__")
     environment["DXB_CALLS"] = project.calls
     if listed := project.remotes.listed:
         environment["DXB_REMOTES"] = listed

@@ -45,8 +45,13 @@ class Near:
 
     @property
     def idle(self) -> bool:
-        """Whether the files that changed hold what they held, and all that was written is there."""
-        return not self.known.cone and snapshot.is_placed(self.stale.head)
+        """Whether the files that changed hold what they held."""
+        return not self.known.cone
+
+    @property
+    def placed(self) -> bool:
+        """Whether all that was written is there."""
+        return snapshot.is_placed(self.stale.head)
 
 
 def load(project: Project, fingerprint: Mapping[str, object]) -> Head | None:

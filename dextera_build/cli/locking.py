@@ -6,9 +6,7 @@ import argparse
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from dextera_build import digest
 from dextera_build.errors import StaleError, UsageError
-from dextera_build.project import LOCK
 
 if TYPE_CHECKING:
     from dextera_build.cli.causes import Cause, Causes
@@ -49,7 +47,7 @@ class Locking:
     def __init__(self, project: Project, *, lock: bool, locked: bool, added: Iterable[object]) -> None:
         self._project, self._plain = project, not any(added)
         self.lock, self.locked = lock, locked
-        self.path = project.root / LOCK
+        self.path = project.pins
         if lock and locked:
             raise UsageError("`--lock` and `--locked` do not go together", code="DXB-U160", hint="give one of them")
         if (lock or locked) and not self._plain:
@@ -92,7 +90,7 @@ class Locking:
         facts = {name: difference for name, difference in told.items() if difference}
         if facts:
             raise StaleError(
-                f"`{session.recipe}` is not what `{LOCK}` says",
+                f"`{session.recipe}` is not what `{self.path.name}` says",
                 code="DXB-C103",
                 facts=facts,
                 hint=f"`dxb build --lock {session.recipe}` pins what it is now",
@@ -136,7 +134,7 @@ class Locking:
         """Bring the file up to date, once, if anything changed; return a line about what did, or ""."""
         if self.locked or not (self.lock or self._new):
             return ""
-        from dextera_build import lockfile
+        from dextera_build import digest, lockfile
         from dextera_build.store.store import Store
 
         guard = digest.of_bytes(str(self.path).encode())
@@ -146,7 +144,7 @@ class Locking:
             pins = {name: pin for name, pin in (now | self._new).items() if pin is not None}
             gone = self._gone(pins) if self.lock else []
             kept = {name: pin for name, pin in pins.items() if name not in gone}
-            return _notice(now, kept, gone) if lockfile.write(self.path, kept) else ""
+            return f"{self.path.name}: {_told(now, kept, gone)}" if lockfile.write(self.path, kept) else ""
 
     def _gone(self, pins: Pins) -> list[Name]:
         known = {address for address, _ in self._project.recipes()}
@@ -197,7 +195,7 @@ def _size(store: Store, key: str) -> int:
     return sum(store.blobs.size(blob) or 0 for blob in {outline[0], *outline[1]})
 
 
-def _notice(before: Pins, after: Pins, gone: Sequence[Name]) -> str:
+def _told(before: Pins, after: Pins, gone: Sequence[Name]) -> str:
     from dextera_build.report.wording import count, some
 
     fresh = sum(before.get(name) != pin for name, pin in after.items())
@@ -205,4 +203,4 @@ def _notice(before: Pins, after: Pins, gone: Sequence[Name]) -> str:
     lost = [name for name in before if name not in after]
     told += [f"{count(len(lost), 'pin')} dropped: {some(map(str, lost))}"] if lost else []
     told += ["recipes that are gone"] if gone and len(gone) == len(lost) else []
-    return f"{LOCK}: {', '.join(told) or 'empty'}"
+    return ", ".join(told) or "empty"

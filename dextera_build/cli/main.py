@@ -22,7 +22,7 @@ def main(argv: "Sequence[str] | None" = None) -> int:
     """Run one command and return its exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
     try:
-        code = 0 if quick.answer(words) else _run(words)
+        code = 0 if quick.answer(words) or _completes(words) else _run(words)
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
@@ -42,9 +42,18 @@ def entry() -> "NoReturn":
     """The console script."""
     code = main()
     if "dextera_build.cli.grammar" not in sys.modules:
-        # `quick` answered. Nothing was opened that is to be closed, and taking the interpreter down is work as well.
+        # `quick` or `complete` answered. Nothing was opened that is to be closed, and taking the interpreter down is
+        # work as well.
         os._exit(code)
     sys.exit(code)
+
+
+def _completes(words: list[str]) -> bool:
+    if words[:1] != ["completion"]:
+        return False
+    from dextera_build.cli import complete
+
+    return complete.say(words)
 
 
 def _run(words: list[str]) -> int:

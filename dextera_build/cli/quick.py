@@ -12,9 +12,11 @@ FORM = 2
 """Of a note."""
 SECTIONS = ("request", "told", "answers", "snapshots", "contents", "files", "absent", "folders", "shards")
 """Parts of a note, each of rows of texts; `spell` puts them into one text, which splits fast."""
-CHECK = 4
-"""Bytes of the check sum in front of a note."""
+_CHECK = 4
+"""Bytes of the check sum in front."""
 _MARKS = "\x1d\x1e\x1f"
+PLACE = ["completion"]
+"""Stands for a command line in the note that says where a project and its store lie."""
 _PLACES = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME")
 """Variables beside `DXB_*` that say where things are."""
 
@@ -22,8 +24,8 @@ _PLACES = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME")
 def answer(words: list[str]) -> bool:
     """Give the answer of last time to a command line (without `dxb`) where it still holds; else do nothing."""
     began = time.perf_counter()
-    note = _read(words) if words[:1] == ["build"] else None
-    if note is None or not _holds(note):
+    note = read(words) if words[:1] == ["build"] else None
+    if note is None or not holds(note):
         return False
     for recipe, nodes, lines in note["answers"]:
         if note["told"] == [["yes"]]:
@@ -59,22 +61,40 @@ def spell(note: dict[str, list[list[str]]]) -> bytes:
     return _MARKS[0].join(parts).encode(errors="surrogateescape")
 
 
+def sealed(data: bytes) -> bytes:
+    """What is to be written, so that `opened` finds damage."""
+    import zlib
+
+    return zlib.crc32(data).to_bytes(_CHECK, "big") + data
+
+
+def opened(path: str) -> bytes:
+    """What `sealed` made, from a file.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: It was damaged.
+    """
+    import zlib
+
+    data = _bytes(path)
+    if zlib.crc32(memoryview(data)[_CHECK:]).to_bytes(_CHECK, "big") != data[:_CHECK]:
+        raise ValueError("the file was damaged")
+    return data[_CHECK:]
+
+
 def stamp(state: os.stat_result) -> str:
     """What of a file's `stat` counts."""
     return f"{state.st_mtime_ns} {state.st_ctime_ns} {state.st_size} {state.st_ino}"
 
 
-def _read(words: list[str]) -> dict[str, list[list[str]]] | None:
-    import zlib
-
+def read(words: list[str]) -> dict[str, list[list[str]]] | None:
+    """The note of a command line in this folder, or None where there is none; `holds` tells whether it holds."""
     from dextera_build.version import __version__
 
     try:
         asked = request(words, __version__)
-        data = _bytes(place(asked))
-        if zlib.crc32(memoryview(data)[CHECK:]).to_bytes(CHECK, "big") != data[:CHECK]:
-            return None
-        parts = data[CHECK:].decode(errors="surrogateescape").split(_MARKS[0])
+        parts = opened(place(asked)).decode(errors="surrogateescape").split(_MARKS[0])
         rows = ([row.split(_MARKS[2]) for row in part.split(_MARKS[1])] if part else [] for part in parts)
         note = dict(zip(SECTIONS, rows, strict=True))
     except (OSError, ValueError):
@@ -82,7 +102,8 @@ def _read(words: list[str]) -> dict[str, list[list[str]]] | None:
     return note if note["request"] == [[asked]] else None
 
 
-def _holds(note: dict[str, list[list[str]]]) -> bool:
+def holds(note: dict[str, list[list[str]]]) -> bool:
+    """Whether all that a note rests on is as it was."""
     stat = os.stat
     try:
         for path, known in note["files"]:

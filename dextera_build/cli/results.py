@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.cli.session import Session
 from dextera_build.store import durable, failpoints, files, header, sharing
+from dextera_build.store.cas import MissingBlob
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
+    from dextera_build.engine.known import Known
 
 _STAMP = ".digest"
 _SMALL = 1 << 20
@@ -27,12 +29,31 @@ def place(session: Session, result: RunResult) -> list[str]:
     Raises:
         StoreError: The disk is full, or the folder cannot be written.
     """
+    ran = "ran" in result.own.statuses()
+    return _place(session, {node: result.output(node) for node in result.targets}, result.rule, ran=ran)
+
+
+def restore(session: Session, known: Known, nodes: Iterable[str]) -> list[str] | None:
+    """Write targets again that are known, as `place` does; None where bytes of one are not in the store.
+
+    Raises:
+        StoreError: The disk is full, or the folder cannot be written.
+    """
+    # Until they are written nobody may collect them.
+    with session.store.running.announced():
+        try:
+            outputs = {node: known.output(node) for node in nodes}
+            return _place(session, outputs, lambda node: known.rule(node).path, ran=False)
+        except MissingBlob:
+            return None
+
+
+def _place(session: Session, outputs: Mapping[str, str | None], rule: Callable[[str], str], *, ran: bool) -> list[str]:
     lines = []
     stamps: dict[str, str] = {}
     # Texts, because a thousand outputs are placed in the time that some ten thousand `Path` objects take.
     base, here = str(session.project.cache / "out" / session.recipe), f"{os.getcwd()}/"
-    for node in result.targets:
-        rule, output = result.made(node)
+    for node, output in outputs.items():
         if output is not None:
             folder = f"{base}/{node.replace('/', '.').replace(':', '.')}"
             try:
@@ -42,7 +63,7 @@ def place(session: Session, result: RunResult) -> list[str]:
                 raise files.store_error(error, error.filename or folder) from None
             lines.append(f"{node}\t{main.removeprefix(here)}")
     # A stamp says that the files beside it are whole, so it comes when they are on the disk.
-    if session.project.durable and (stamps or "ran" in result.own.statuses()):
+    if session.project.durable and (stamps or ran):
         durable.settle(session.store.root)
     for folder, text in stamps.items():
         failpoints.reach("export.stamp")
@@ -56,23 +77,41 @@ def stem_of(node: str) -> str:
     return re.split("[./:]", node)[-1]
 
 
-def _export(session: Session, folder: str, node: str, rule: str, output: str, stamps: dict[str, str]) -> str:
+def _export(
+    session: Session, folder: str, node: str, rule: Callable[[str], str], output: str, stamps: dict[str, str]
+) -> str:
     with suppress(OSError, UnicodeDecodeError):
         digest, _, name = files.read(f"{folder}/{_STAMP}").decode().partition("\n")
         if digest == output and os.path.exists(f"{folder}/{name}"):
             return _joined(folder, name)
-    if os.path.exists(folder):
-        shutil.rmtree(folder, ignore_errors=True)
-        failpoints.reach("export.cleared")
-    sharing.make_folder(folder)
+    _clear(folder)
     main = _export_file(session, folder, stem_of(node), output)
     if main is None:
-        kind, where = session.project.library.find(rule).rule.returns, Path(folder)
+        kind, where = session.project.library.find(rule(node)).rule.returns, Path(folder)
         written = kind.restore(output, session.store.reader, where, stem_of(node))
         main = written[0].relative_to(where).as_posix() if written else "."
     failpoints.reach("export.written")
     stamps[folder] = f"{output}\n{main}"
     return _joined(folder, main)
+
+
+def _clear(folder: str) -> None:
+    """Leave an empty folder."""
+    try:
+        left = os.listdir(folder)
+    except FileNotFoundError:
+        sharing.make_folder(folder)
+        return
+    except OSError:
+        left = []
+    if left == [_STAMP]:
+        os.unlink(f"{folder}/{_STAMP}")
+    else:
+        import shutil  # slow to import
+
+        shutil.rmtree(folder, ignore_errors=True)
+        sharing.make_folder(folder)
+    failpoints.reach("export.cleared")
 
 
 def _joined(folder: str, name: str) -> str:

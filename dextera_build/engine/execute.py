@@ -20,12 +20,12 @@ from dextera_build.engine.records import Kept, Records, record_of, status_of
 from dextera_build.engine.records import NodeRecord as NodeRecord
 from dextera_build.engine.records import RunResult as RunResult
 from dextera_build.engine.schedule import Scheduler
+from dextera_build.engine.sharing import Remotes
 from dextera_build.engine.states import State
 from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Node, Opening, Unit, producers
 from dextera_build.engine.uplink import Uplink
 from dextera_build.errors import DxbError
-from dextera_build.store.remotes.exchange import Exchange
 from dextera_build.store.store import Store
 
 
@@ -55,7 +55,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     force: frozenset[str] = frozenset(),
     only: frozenset[str] | None = None,
     known: Known | None = None,
-    exchange: Exchange | None = None,
+    exchange: Remotes = None,
     recall: bool = False,
     whole: bool = False,
     pause: Callable[[], None] = lambda: None,

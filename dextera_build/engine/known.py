@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.engine import compact
 from dextera_build.engine.compact import Members, Names, Texts
-from dextera_build.engine.graph import Graph, RuleFacts
-from dextera_build.engine.reach import leaves_of
+from dextera_build.engine.graph import Graph, RuleFacts, parse_address
+from dextera_build.engine.reach import copy_of, leaves_of
 from dextera_build.engine.reread import Reread
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Node, Opening, Unit
@@ -117,6 +117,11 @@ class Known:
         """The output that a node had."""
         number = self.names.find(address)
         return self.outputs[number * 32 : number * 32 + 32].hex() if number is not None else None
+
+    def rule(self, address: str) -> RuleFacts:
+        """The rule of a node."""
+        where = parse_address(address)
+        return copy_of(self.graph, where.call, where.labels or ()).rule
 
     def took(self, address: str) -> float | None:
         """How long a node ran [s]."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import chain
 from typing import Any
 
 from dextera_build.engine import events
-from dextera_build.engine.graph import RuleFacts, parse_address
 from dextera_build.engine.known import Known, is_stub
-from dextera_build.engine.reach import copy_of
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node
 from dextera_build.engine.wiring import Wiring
@@ -78,10 +77,14 @@ class Records(Mapping[str, NodeRecord]):
         """Address -> error of the nodes that failed."""
         return {address: node.error for address, node in self._nodes.items() if node.error is not None}
 
-    def made(self, address: str) -> tuple[str, str | None]:
-        """The rule and the output of a node."""
+    def rule(self, address: str) -> str:
+        """The rule of a node."""
+        return self._node(address).call.rule.path
+
+    def output(self, address: str) -> str | None:
+        """The output of a node, None where it has none."""
         node = self._node(address)
-        return node.call.rule.path, node.output if node.state is State.DONE else None
+        return node.output if node.state is State.DONE else None
 
     def __getitem__(self, address: str) -> NodeRecord:
         node = self._node(address)
@@ -91,7 +94,7 @@ class Records(Mapping[str, NodeRecord]):
         usage = node.usage or (self._usage(address) if node.status == "ran" else {})
         return replace(
             record_of(node, (), result),
-            inputs=self._told.inputs(result),
+            inputs=_Inputs(self._told, result) if result else {},
             usage=usage,
             tries=node.tries or int(node.status == "ran"),
         )
@@ -126,15 +129,13 @@ class Kept(Mapping[str, NodeRecord]):
         self._known = known
         self._told = _Told(store)
 
-    def made(self, address: str) -> tuple[str, str | None]:
-        """The rule and the output of a node."""
-        if address in self.own:
-            return self.own.made(address)
-        return self._rule(address).path, self._known.output(address)
+    def rule(self, address: str) -> str:
+        """The rule of a node."""
+        return self.own.rule(address) if address in self.own else self._known.rule(address).path
 
-    def _rule(self, address: str) -> RuleFacts:
-        where = parse_address(address)
-        return copy_of(self._known.graph, where.call, where.labels or ()).rule
+    def output(self, address: str) -> str | None:
+        """The output of a node."""
+        return self.own.output(address) if address in self.own else self._known.output(address)
 
     def __getitem__(self, address: str) -> NodeRecord:
         if address in self.own:
@@ -142,7 +143,7 @@ class Kept(Mapping[str, NodeRecord]):
         key, output = self._known.key(address), self._known.output(address)
         if key is None or output is None:
             raise KeyError(address)
-        rule = self._rule(address)
+        rule = self._known.rule(address)
         result = self._told.result(key)
         return NodeRecord(
             status="cached",
@@ -151,7 +152,7 @@ class Kept(Mapping[str, NodeRecord]):
             seconds=self._known.took(address) or 0.0,
             line=result.line if result else "",
             error=None,
-            inputs=self._told.inputs(result),
+            inputs=_Inputs(self._told, result) if result else {},
             rule=rule.path,
             backend=rule.backend,
             result=result.digest if result else None,
@@ -178,11 +179,36 @@ class _Told:
     def result(self, key: str | None) -> ActionResult | None:
         return self._actions.known(key) if key else None
 
-    def inputs(self, result: ActionResult | None) -> dict[str, str]:
+    def document(self, result: ActionResult) -> dict[str, Any]:
         try:
-            return dict(json.loads(self._blobs.get(result.key_document))["inputs"]) if result else {}
+            found: dict[str, Any] = json.loads(self._blobs.get(result.key_document))
         except MissingBlob:
-            return {}
+            return {"inputs": {}}
+        return found
+
+
+class _Inputs(Mapping[str, str]):
+    """Slot -> digest, as the key document says, which is read when somebody asks: to read a damaged one is to miss it."""
+
+    def __init__(self, told: _Told, result: ActionResult) -> None:
+        self._told, self._result = told, result
+
+    @cached_property
+    def _found(self) -> dict[str, str]:
+        return dict(self._told.document(self._result)["inputs"])
+
+    def __getitem__(self, slot: str) -> str:
+        return self._found[slot]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._found)
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    def __repr__(self) -> str:
+        """For a failing test."""
+        return repr(self._found)
 
 
 def record_of(node: Node, blockers: Sequence[str] = (), result: ActionResult | None = None) -> NodeRecord:
@@ -243,8 +269,10 @@ class RunResult:
         assert isinstance(own, Records)
         return own
 
-    def made(self, address: str) -> tuple[str, str | None]:
-        """The rule and the output of a node; quicker than its whole record."""
-        if isinstance(self.nodes, Records | Kept):
-            return self.nodes.made(address)
-        return self.nodes[address].rule, self.nodes[address].output
+    def rule(self, address: str) -> str:
+        """The rule of a node; quicker than its whole record."""
+        return self.nodes.rule(address) if isinstance(self.nodes, Records | Kept) else self.nodes[address].rule
+
+    def output(self, address: str) -> str | None:
+        """The output of a node; quicker than its whole record."""
+        return self.nodes.output(address) if isinstance(self.nodes, Records | Kept) else self.nodes[address].output

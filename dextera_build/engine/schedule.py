@@ -30,7 +30,7 @@ from dextera_build.engine.key import Writer
 from dextera_build.engine.known import is_stub
 from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.reading import Reading
-from dextera_build.engine.sharing import Sharing
+from dextera_build.engine.sharing import Remotes, Sharing
 from dextera_build.engine.states import LOST, State, States
 from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Gathering, Node, Opening, Unit
@@ -40,7 +40,6 @@ from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
 from dextera_build.store import header
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
-from dextera_build.store.remotes.exchange import Exchange
 from dextera_build.store.store import Store
 
 _BATCH = 64
@@ -66,7 +65,7 @@ class Scheduler:
         executor: Executor | None,
         policy: Policy,
         hooks: Hooks | None = None,
-        exchange: Exchange | None = None,
+        exchange: Remotes = None,
     ) -> None:
         self.graph = graph
         self.store = store

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from dextera_build.engine.reading import Reading
 from dextera_build.engine.states import State, States
 from dextera_build.engine.units import Node
 from dextera_build.store.actions import ActionResult
-from dextera_build.store.remotes.exchange import Arrival, Exchange
-from dextera_build.store.remotes.remote import Digest
+
+if TYPE_CHECKING:
+    # A build without remotes need not wait for these.
+    from dextera_build.store.remotes.exchange import Arrival, Exchange
+
+Remotes: TypeAlias = "Exchange | None"
+"""The remotes of a run; None where there are none."""
 
 
 class Succeed(Protocol):
@@ -24,7 +29,7 @@ class Sharing:
     """The remotes of one run.
 
     Args:
-        exchange: Asks and tells remotes; None where there are none.
+        exchange: Asks and tells remotes.
         states: The states of all units.
         reading: Knows what nodes read by themselves.
         succeed: Ends a node with a result.
@@ -33,7 +38,7 @@ class Sharing:
 
     def __init__(
         self,
-        exchange: Exchange | None,
+        exchange: Remotes,
         states: States,
         reading: Reading,
         succeed: Succeed,
@@ -59,6 +64,8 @@ class Sharing:
         return False
 
     def _ask(self, node: Node, exchange: Exchange) -> bool:
+        from dextera_build.store.remotes.remote import Digest
+
         assert node.key is not None
         if node.key in self._missed:
             return False

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from dextera_build.engine import events
 from dextera_build.engine.events import Listener
-from dextera_build.store.remotes.exchange import Exchange
+from dextera_build.engine.sharing import Remotes
 
 _TICK_S = 0.5
 
@@ -21,7 +21,7 @@ class Uplink:
         pause: Called before time passes.
     """
 
-    def __init__(self, exchange: Exchange | None, listen: Listener, pause: Callable[[], None]) -> None:
+    def __init__(self, exchange: Remotes, listen: Listener, pause: Callable[[], None]) -> None:
         self.exchange, self.listen, self.pause = exchange, listen, pause
 
     def tell(self) -> None:

@@ -48,7 +48,7 @@ class Worker:
     """Serves tasks until there are no more.
 
     Args:
-        runner: `module:function`, imported at the first task.
+        runner: `module:function`.
         tasks: Descriptor of a socket to take from.
         large: Descriptor of the file for what is too large for it.
         replies: Descriptor to write to.
@@ -69,6 +69,9 @@ class Worker:
         """Answer every task, one after another."""
         told = os.pread(self._large, _TOLD, 0).partition(b"\n")[0]
         sys.path += [entry for entry in json.loads(told)["path"] if entry not in sys.path]
+        # Before there is a task, where this was started early; what is wrong is said when there is one.
+        with contextlib.suppress(MachineError):
+            self._load()
         while packet := os.read(self._tasks, PACKET):
             if packet.startswith(b"@"):
                 place, size = map(int, packet[1:].split())

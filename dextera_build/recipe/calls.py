@@ -295,5 +295,7 @@ def _options(decl: CallDecl, kind: Any, given: Mapping[str, Node]) -> dict[str, 
 
 
 def _option_hint(kind: Any, name: str) -> str | None:
-    field = kind.model_fields.get(name)
-    return f"`{name}`: {field.description}" if field is not None and field.description else None
+    from dextera_build.artifacts.meanings import meanings
+
+    text = meanings(kind).get(name)
+    return f"`{name}`: {text}" if text else None

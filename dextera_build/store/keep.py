@@ -7,7 +7,6 @@ call's result is in the store the folder goes.
 from __future__ import annotations
 
 import os
-import shutil
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -41,7 +40,7 @@ class Keep:
         with suppress(OSError):
             os.rename(folder, aside)
             failpoints.reach("keep.aside")
-            shutil.rmtree(aside, ignore_errors=True)
+            _remove(aside)
 
     def all(self) -> Iterator[tuple[str, int]]:
         """Every folder as (key, bytes)."""
@@ -62,8 +61,14 @@ class Keep:
                 count, freed = count + 1, freed + size
         for left in self.root.glob(f"{files.TEMPORARY}-*"):
             freed += _bytes_below(left)
-            shutil.rmtree(left, ignore_errors=True)
+            _remove(left)
         return count, freed
+
+
+def _remove(folder: Path) -> None:
+    import shutil  # slow to import, and few calls keep anything
+
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _bytes_below(folder: Path) -> int:

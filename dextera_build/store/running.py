@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -50,7 +49,7 @@ class Running:
         try:
             # Without a blob's mode: whoever collects may have to remove it.
             with suppress(StoreError):
-                files.write(path, json.dumps({"pid": os.getpid(), "host": socket.gethostname()}).encode(), 0o644)
+                files.write(path, json.dumps({"pid": os.getpid(), "host": os.uname().nodename}).encode(), 0o644)
             failpoints.reach("running.announced")
             while self._locks.is_held_elsewhere(_ALONE):
                 time.sleep(_PATIENCE_S)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import stat
-import tempfile
 from contextlib import suppress
 from functools import cache
 
@@ -72,6 +71,8 @@ def _bits(folder: str) -> int:
 
 
 def _make_shared(folder: str, shared: int) -> None:
+    import tempfile  # slow to import, and few stores are shared
+
     # Aside first: others find it with its final permissions, or not at all.
     aside = tempfile.mkdtemp(prefix=".tmp-", dir=os.path.dirname(folder))
     try:

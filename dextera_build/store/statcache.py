@@ -12,7 +12,6 @@ import os
 import stat
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
@@ -84,6 +83,8 @@ class StatCache:
                 path: known or self._read(path, state)
                 for (path, state), known in zip(inside, found.values(), strict=True)
             }
+        from concurrent.futures import ThreadPoolExecutor  # slow to import
+
         with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
             read = pool.map(lambda one: self._read(*one), unread)
             return {path: known for path, known in found.items() if known is not None} | dict(

@@ -31,8 +31,8 @@ class Store:
         foreign/ab/...   results that other tools brought through `dxb cache serve`
         runs/0001/       event logs
         local/           what belongs to this machine: signatures of project files, history, snapshots, locks,
-                         builds that run now, projects that ever built here, damaged blobs that were set aside,
-                         what calls that did not end keep for their next try
+                         names of nodes for completion, builds that run now, projects that ever built here,
+                         damaged blobs that were set aside, what calls that did not end keep for their next try
 
     Args:
         root: The folder; made when it is not there.

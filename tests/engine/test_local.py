@@ -32,6 +32,10 @@ def run(plan: Graph, store: Store, pool: LocalExecutor, **flags: Any) -> tuple[R
     return result, record
 
 
+if os.environ.get("TINY_SLOW"):
+    time.sleep(60.0)  # a runner that takes long to load
+
+
 def alive(pid: int) -> bool:
     try:
         os.kill(pid, 0)
@@ -154,6 +158,23 @@ def test_a_worker_that_dies_fails_its_node_only(
     again, _ = run(graph(call("good2")), store, pool)
     assert again.ok
     assert [event.node for event in record.of(NodeFinished) if event.status == "failed"] == ["bad"]
+
+
+def test_a_worker_that_was_started_early_takes_the_first_task(store: Store, pool: LocalExecutor) -> None:
+    pool.warm()
+    (first,) = pool.pids()
+    assert run(graph(call("a")), store, pool)[0].ok
+    assert pool.pids() == [first]
+
+
+def test_a_worker_that_was_given_nothing_is_not_waited_for() -> None:
+    with LocalExecutor("tests.engine.test_local:run", environment={"TINY_SLOW": "1"}) as pool:
+        pool.warm()
+        (started,) = pool.pids()
+        time.sleep(0.5)
+        began = time.monotonic()
+    assert time.monotonic() - began < 5.0
+    assert not alive(started)
 
 
 def test_a_worker_that_dies_idle_is_replaced(store: Store, pool: LocalExecutor) -> None:

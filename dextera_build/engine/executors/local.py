@@ -59,6 +59,10 @@ class LocalExecutor:
     ) -> None:
         self.close()
 
+    def warm(self) -> None:
+        """Start a worker, which loads what it needs while it is not known yet what it will run."""
+        self._idle.append(self._start(()))
+
     def submit(self, task: Task) -> None:
         """Hand the task to a worker that waits, or to a new one."""
         self._give(self._take_idle(task.devices) or self._start(task.devices), [task])
@@ -106,7 +110,8 @@ class LocalExecutor:
         for process in self._idle:
             process.hang_up()
         for process in self._idle:
-            process.end(_GRACE_S)
+            # One that was given nothing may be busy with loading what it would have needed.
+            process.end(_GRACE_S if process.began else 0.0)
             self._forget(process)
         self._idle.clear()
 

@@ -9,6 +9,7 @@ from types import ModuleType
 
 from dextera_build import artifacts
 from dextera_build.artifacts.base import Artifact, Value, array_specs
+from dextera_build.artifacts.meanings import meanings
 
 from .markdown import code, join, table
 from .rules import type_name
@@ -34,12 +35,12 @@ def _module(module: ModuleType) -> str:
 
 
 def _kind(kind: type[Artifact] | type[Value]) -> str:
-    arrays = array_specs(kind)
+    arrays, said = array_specs(kind), meanings(kind)
     rows = [
         [
             code(name),
             code(arrays[name].describe() if name in arrays else type_name(field.annotation)),
-            field.description or "",
+            said.get(name, ""),
         ]
         for name, field in kind.model_fields.items()
     ]

@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
+from dextera_build.artifacts.meanings import meanings
 from dextera_build.loader import Library, RuleFile
 
 from .markdown import code, join, table
@@ -52,8 +53,9 @@ def section(found: RuleFile) -> str:
 
 def options(kind: type[BaseModel], prefix: str = "") -> Iterator[list[str]]:
     """Rows of an options class; fields of nested groups stand below them as `group.field`."""
+    said = meanings(kind)
     for name, field in kind.model_fields.items():
-        yield [code(prefix + name), code(type_name(field.annotation)), _default(field), field.description or ""]
+        yield [code(prefix + name), code(type_name(field.annotation)), _default(field), said.get(name, "")]
         for inner in _groups(field.annotation):
             yield from options(inner, f"{prefix}{name}.")
 

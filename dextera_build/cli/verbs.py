@@ -1,0 +1,26 @@
+"""The verbs of `dxb`, each with one line; completion reads this and nothing else."""
+
+VERBS = {
+    "build": "build targets; only what is stale runs",
+    "plan": "show what a build would do, without doing it",
+    "watch": "build, and again whenever something that the build read changes",
+    "get": "write a node's artifact to files",
+    "why": "explain why a node is stale, or when it was built",
+    "ls": "list recipes, rules, backends, nodes or runs",
+    "show": "show an artifact, a node, or the configuration",
+    "diff": "show what is different between two runs, nodes or artifacts",
+    "log": "show past runs and what their nodes printed",
+    "view": "look at a scene in the browser",
+    "report": "write a run's report, one offline HTML file",
+    "graph": "draw a recipe's graph as SVG, JSON or DOT",
+    "trace": "write when every node of a run worked, for a trace viewer",
+    "init": "make a new project",
+    "new": "make a new recipe, rule or backend in this project",
+    "check": "check recipes, or rebuild a node and compare",
+    "doctor": "say what this machine has and lacks",
+    "push": "upload what was built to a remote",
+    "pull": "bring targets from a remote, without running anything",
+    "cache": "look after the store",
+    "bundle": "carry results elsewhere, with all that explains them",
+    "completion": "print a script that completes command lines in bash, zsh or fish",
+}
