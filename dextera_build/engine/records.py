@@ -188,7 +188,7 @@ class _Told:
 
 
 class _Inputs(Mapping[str, str]):
-    """Slot -> digest, as the key document says, which is read when somebody asks: to read a damaged one is to miss it."""
+    """Slot -> digest, as the key document says; it is read when somebody asks, for who reads a damaged one finds out."""
 
     def __init__(self, told: _Told, result: ActionResult) -> None:
         self._told, self._result = told, result
