@@ -109,6 +109,10 @@ class BackendFile:
 
     def load(self) -> ModuleType:
         """The imported module."""
+        return self._module
+
+    @cached_property
+    def _module(self) -> ModuleType:
         stage = self.owner.path.rpartition(".")[0]
         return _import(self.owner.root, f"{stage}.{self.file.stem}", self.file)
 

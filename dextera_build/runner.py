@@ -7,7 +7,6 @@ import json
 import os
 import tempfile
 import traceback
-from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
@@ -20,16 +19,11 @@ from dextera_build.loader import Library, RuleFile
 from dextera_build.rule import Context
 from dextera_build.store import header, space
 from dextera_build.store.actions import ActionResult
-from dextera_build.store.cas import Blobs
-from dextera_build.store.store import Store
-from dextera_build.store.streams import Reader
+from dextera_build.store.store import Store, opened
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import File
     from dextera_build.store.remotes.exchange import Exchange
-
-_SMALL = 1 << 14
-_MOST_KNOWN = 1 << 10
 
 Emit = Callable[[str, Mapping[str, object]], None]
 
@@ -43,19 +37,20 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         emit: Takes progress and log lines as they come.
 
     Returns:
-        `output` (digest), `line`, `previews` ([caption, digest]), `metrics` (name -> [value, unit]).
+        `output` (digest), `line`, `previews` ([caption, digest]), `metrics` (name -> [value, unit]), `sizes` (digest ->
+        size [bytes] of what was stored).
 
     Raises:
         DxbError: The rule refused its inputs, a check failed, or a disk is full.
     """
     found = _library(task["project"]).find(task["rule"])
     backend = found.backends[task["backend"]].load() if task["backend"] else None
-    store, read = _store(task["store"])
+    store = opened(task["store"])
     rule = found.rule
     inputs = {}
     for name in (name for name in rule.slots if name in task["inputs"]):
         with header.reading(f"the input `{name}`"):
-            inputs[name] = rule.slots[name].annotation.decode(task["inputs"][name], read)
+            inputs[name] = rule.slots[name].annotation.decode(task["inputs"][name], store.recent)
     # JSON mode takes a list for a tuple, and the engine speaks JSON.
     options = rule.options.model_validate_json(json.dumps(task["options"]))
     calls, reads = _Calls(task, store, emit), ProjectReads(Path(task["project"]), store) if rule.discovers else None
@@ -78,12 +73,12 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         return reply | ({"reads": reads.finish()} if reads is not None else {})
 
 
-def _keep(task: Mapping[str, Any], store: Store, reads: ProjectReads | None) -> Path | Callable[[], Path] | None:
+def _keep(task: Mapping[str, Any], store: Store, reads: ProjectReads | None) -> Callable[[], Path] | None:
     """The folder in which a call keeps its progress; one that reads by itself has another when it read other things."""
-    if not task.get("key"):
+    key: str = task.get("key", "")
+    if not key:
         return None
-    folder = store.keep.path(task["key"])
-    return folder if reads is None else lambda: folder / reads.close()
+    return lambda: store.keep.path(key) if reads is None else store.keep.path(key) / reads.close()
 
 
 @contextmanager
@@ -215,11 +210,13 @@ def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[st
             code="DXB-B209",
             where=found.place,
         )
+    writer = store.writer
     return {
-        "output": result.encode(store.writer),
+        "output": result.encode(writer),
         "line": ctx.outcome.line,
-        "previews": [[caption, store.blobs.put(data)] for caption, data in ctx.outcome.previews],
+        "previews": [[caption, writer(data)] for caption, data in ctx.outcome.previews],
         "metrics": {name: list(value) for name, value in ctx.outcome.metrics.items()},
+        "sizes": writer.sizes,
     }
 
 
@@ -242,28 +239,3 @@ def _full_disk_said(store: Store) -> Iterator[None]:
 @lru_cache(maxsize=1)
 def _library(project: str) -> Library:
     return Library(Path(project))
-
-
-@lru_cache(maxsize=1)
-def _store(root: str) -> tuple[Store, _Recent]:
-    store = Store(Path(root))
-    return store, _Recent(store.blobs)
-
-
-class _Recent(Reader):
-    """Reads blobs, and keeps small ones that it read last: neighbours in a graph read the same."""
-
-    def __init__(self, blobs: Blobs) -> None:
-        super().__init__(blobs)
-        self._known: OrderedDict[str, bytes] = OrderedDict()
-
-    def __call__(self, digest: str) -> bytes:
-        """The bytes of a blob."""
-        data = self._known.get(digest)
-        if data is None:
-            data = super().__call__(digest)
-            if len(data) <= _SMALL:
-                self._known[digest] = data
-                if len(self._known) > _MOST_KNOWN:
-                    self._known.popitem(last=False)
-        return data

@@ -221,12 +221,11 @@ class Dispatch:
             needs=rule.needs,
             devices=devices,
             key=node.key or "",
-            # Whether a file changed meanwhile, and which of two results of a forced node stays, is judged here.
-            document=self.reading.document(node) if self._is_plain(node) else b"",
+            # Which key it has, and which of two results of a forced node stays, is judged here.
+            document=b"" if rule.discovers or self.forced(node) else self.reading.document(node),
+            # And so is whether a file changed meanwhile.
+            held=bool(node.leaves),
         )
-
-    def _is_plain(self, node: Node) -> bool:
-        return not (node.leaves or node.call.rule.discovers or self.forced(node))
 
     def _take(self, report: Report) -> None:
         node = self._running.get(report.ticket)

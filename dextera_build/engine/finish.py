@@ -22,7 +22,7 @@ def result_of(store: Store, node: Node, report: Ended, reading: Reading) -> Acti
     """Publish what the node made, unless a file that it reads changed meanwhile; then drop what it kept for a next try.
 
     Where the key has a result with another output already, the divergence is noted, and the first one stays, unless it
-    is bare: then its bytes are nowhere. What the worker has published is taken over.
+    is bare: then its bytes are nowhere. What the worker has stored is taken over.
 
     Raises:
         DxbError: The node failed, read a file that changed, or its result cannot be stored.
@@ -32,27 +32,15 @@ def result_of(store: Store, node: Node, report: Ended, reading: Reading) -> Acti
         raise report.error
     assert report.reply is not None
     assert node.key is not None
-    if report.published is not None:
-        store.keep.drop(node.key)
-        return _taken(store, node.key, report.reply, report.seconds, report.published)
-    _check_leaves(store, node)
-    kept = node.key
-    if node.call.rule.discovers:
-        reading.ran(node, report.reply)
-    result = result_from(store, report.reply, report.seconds, report.log, reading.document(node))
-    known = store.actions.outline(node.key)
-    first = None
-    replaced = any(call["how"] == "replaced" for call in report.reply.get("calls") or ())
-    if known is not None and known[0] != result.output and not replaced:
-        store.divergent.note(node.key, node.address, known[0], result.output, time.time())
-        # It was forced: others build on the first output, which stays. Or bytes of the first were lost.
-        first = store.actions.get(node.key)
-    result = first or result
-    if node.call.rule.discovers:
-        tree.publish(store, node.key, result)
-    elif first is None:
-        store.actions.put(node.key, result)
-    store.keep.drop(kept)
+    made = report.published
+    if made is None or "entry" in made:
+        _check_leaves(store, node)
+    if made is None or not _is_entered(store, node.key, made):
+        return _judged(store, node, report, reading)
+    store.keep.drop(node.key)
+    result = _spelled(report, made)
+    result.know(made["result"])
+    store.actions.rely(node.key, [OutputFile("", digest, size) for digest, size in made["needs"]])
     return result
 
 
@@ -63,13 +51,45 @@ def log_of(store: Store, report: Ended) -> str | None:
     return None
 
 
-def _taken(
-    store: Store, key: str, reply: Mapping[str, Any], seconds: float, published: Mapping[str, Any]
-) -> ActionResult:
-    result = spelled(reply, seconds, published["log"], published["key_document"])
-    result.know(published["result"])
-    store.actions.rely(key, [OutputFile("", digest, size) for digest, size in published["needs"]])
+def _is_entered(store: Store, key: str, made: Mapping[str, Any]) -> bool:
+    """Whether the key has the entry of what a worker made; where there is another one already, that is to be judged."""
+    if "entry" in made:
+        if store.actions.outline(key) is not None:
+            return False
+        store.actions.enter(key, made["entry"].encode("latin-1"))
+    return True
+
+
+def _judged(store: Store, node: Node, report: Ended, reading: Reading) -> ActionResult:
+    """Publish what a node made whose key may have a result."""
+    assert node.key is not None
+    reply: Mapping[str, Any] = report.reply or {}
+    kept = node.key
+    sizes: dict[str, int] = {}
+    if node.call.rule.discovers:
+        reading.ran(node, reply)
+    if report.published is not None:
+        result = _spelled(report, report.published)
+    else:
+        result, sizes = result_from(store, reply, report.seconds, report.log, reading.document(node))
+    known = store.actions.outline(node.key)
+    first = None
+    replaced = any(call["how"] == "replaced" for call in reply.get("calls") or ())
+    if known is not None and known[0] != result.output and not replaced:
+        store.divergent.note(node.key, node.address, known[0], result.output, time.time())
+        # It was forced: others build on the first output, which stays. Or bytes of the first were lost.
+        first = store.actions.get(node.key)
+    result = first or result
+    if node.call.rule.discovers:
+        tree.publish(store, node.key, result)
+    elif first is None:
+        store.actions.put(node.key, result, sizes=sizes)
+    store.keep.drop(kept)
     return result
+
+
+def _spelled(report: Ended, made: Mapping[str, Any]) -> ActionResult:
+    return spelled(report.reply or {}, report.seconds, made["log"], made["key_document"])
 
 
 def _check_leaves(store: Store, node: Node) -> None:

@@ -12,21 +12,44 @@ from dextera_build.store.store import Store
 
 
 def publish(
-    store: Store, key: str, reply: Mapping[str, Any], seconds: float, log: bytes, document: bytes
+    store: Store,
+    key: str,
+    reply: Mapping[str, Any],
+    seconds: float,
+    log: bytes,
+    document: bytes,
+    *,
+    held: bool = False,
 ) -> dict[str, Any] | None:
     """Store the result of `key`, its entry last; None where the key has one already, which only the scheduler judges.
 
+    Args:
+        store: Takes it.
+        key: Digest of the key document.
+        reply: What the runner returned.
+        seconds: How long that took [s].
+        log: What was printed.
+        document: The key document.
+        held: Store all but the entry, and return that.
+
     Returns:
-        Plain data: the digests `result`, `log` and `key_document`, and `needs`: (digest, size) of all that it names.
+        Plain data: the digests `result`, `log` and `key_document`, `needs`: (digest, size) of all that it names, and
+        the `entry`, one character for a byte, where it is not stored.
 
     Raises:
         DxbError: The result cannot be stored.
     """
-    if store.actions.outline(key) is not None:
+    # Entries of recorded calls come before that of the result, and are the scheduler's then.
+    if (held and reply.get("calls")) or store.actions.outline(key) is not None:
         return None
-    result = result_from(store, reply, seconds, log, document)
-    needs = store.actions.write(key, result)
-    return {
+    result, sizes = result_from(store, reply, seconds, log, document)
+    more: dict[str, Any] = {}
+    if held:
+        entry, needs = store.actions.spell(result, sizes=sizes)
+        more["entry"] = entry.decode("latin-1")
+    else:
+        needs = store.actions.write(key, result, sizes=sizes)
+    return more | {
         "result": result.digest,
         "log": result.log,
         "key_document": result.key_document,
@@ -34,14 +57,21 @@ def publish(
     }
 
 
-def result_from(store: Store, reply: Mapping[str, Any], seconds: float, log: bytes, document: bytes) -> ActionResult:
-    """What a reply comes to; its log and its key document are stored.
+def result_from(
+    store: Store, reply: Mapping[str, Any], seconds: float, log: bytes, document: bytes
+) -> tuple[ActionResult, dict[str, int]]:
+    """What a reply comes to, and the sizes of blobs that were stored for it; its log and its key document are stored.
 
     Raises:
         DxbError: A metric is not finite, or the store cannot be written.
     """
+    sizes: dict[str, int] = dict(reply.get("sizes") or {})
     kept = store.blobs.put(log) if log else None
-    return spelled(reply, seconds, kept, store.blobs.put(document))
+    if kept is not None:
+        sizes[kept] = len(log)
+    name = store.blobs.put(document)
+    sizes[name] = len(document)
+    return spelled(reply, seconds, kept, name), sizes
 
 
 def spelled(reply: Mapping[str, Any], seconds: float, log: str | None, document: str) -> ActionResult:

@@ -174,7 +174,7 @@ class _Told:
     def __init__(self, store: Store) -> None:
         self._blobs = store.blobs
         # One of its own: what is only told of must not be noted as what the build found.
-        self._actions = Actions(store.actions.root, store.blobs)
+        self._actions = Actions(store.actions.root, store.blobs, store.recent)
 
     def result(self, key: str | None) -> ActionResult | None:
         return self._actions.known(key) if key else None
@@ -188,7 +188,7 @@ class _Told:
 
 
 class _Inputs(Mapping[str, str]):
-    """Slot -> digest, as the key document says; it is read when somebody asks, for who reads a damaged one finds out."""
+    """Slot -> digest, as the key document says; read when somebody asks, for to read a damaged one has effects."""
 
     def __init__(self, told: _Told, result: ActionResult) -> None:
         self._told, self._result = told, result

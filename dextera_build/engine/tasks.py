@@ -39,7 +39,9 @@ class Task:
     key: str = ""
     """Names the folder in which the call keeps its progress; "" where it shall have a fresh one."""
     document: bytes = b""
-    """The key document; whoever runs the task may publish its result. b"" where only the scheduler may."""
+    """The key document; whoever runs the task may store its result. b"" where only the scheduler may."""
+    held: bool = False
+    """Whether the entry of the result is left to the scheduler, which judges first."""
 
     def message(self) -> dict[str, object]:
         """What the runner gets."""

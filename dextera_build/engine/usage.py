@@ -32,29 +32,32 @@ class Meter:
         self._reset = _open("/proc/self/clear_refs", os.O_WRONLY)
         self._status = _open("/proc/self/status", os.O_RDONLY)
         self._io = _open("/proc/self/io", os.O_RDONLY)
-        self._before: tuple[float, int, dict[str, int]] = (0.0, 0, {})
+        self._before: tuple[float, float, int, tuple[int, int] | None] = (0.0, 0.0, 0, None)
         self._began = 0.0
         self._seen: tuple[float, int] = (-_LOOK_S, 0)
         """When the peak of a short task was read, and what it was."""
 
     def begin(self) -> None:
         """A task begins."""
-        if self._reset >= 0:
+        self._began = time.monotonic()
+        # Where a short task would be given what was read last, it need not count from here: so short a time does not
+        # fill much memory, whatever comes after it.
+        if self._reset >= 0 and self._began - self._seen[0] >= _LOOK_S:
             with suppress(OSError):
                 os.pwrite(self._reset, b"5", 0)  # the peak counts from here
-        self._before = (_cpu_seconds(), _children_peak(), self._bytes())
-        self._began = time.monotonic()
+        self._before = (time.process_time(), *_children(), self._bytes())
 
     def end(self) -> Usage:
         """What the process used since `begin`."""
-        now_s = time.monotonic()
-        cpu, children, moved = self._before
-        used: Usage = {"cpu_seconds": round(_cpu_seconds() - cpu, 6)}
-        for name, count in self._bytes().items():
-            used[name] = count - moved.get(name, 0)
-        now = _children_peak()
+        now = time.monotonic()
+        own, children, record, moved = self._before
+        more, peak = _children()
+        used: Usage = {"cpu_seconds": round(time.process_time() - own + more - children, 6)}
+        here = self._bytes()
+        if here is not None and moved is not None:
+            used["read_bytes"], used["written_bytes"] = here[0] - moved[0], here[1] - moved[1]
         # Of children only the largest of all times is known: it is this task's where that record was broken meanwhile.
-        peak = max(self._peak(now_s, now_s - self._began < _SHORT_S), now if now > children else 0)
+        peak = max(self._peak(now, now - self._began < _SHORT_S), peak if peak > record else 0)
         if peak:
             used["memory_bytes"] = peak
         return used
@@ -65,18 +68,19 @@ class Meter:
             return self._seen[1]
         found = 0
         for line in _text(self._status).splitlines():
-            if line.startswith("VmHWM:"):
+            if line.startswith(b"VmHWM:"):
                 found = int(line.split()[1]) * 1024
                 break
         # What a long task leaves behind says nothing of the next one.
         self._seen = (now, found) if short else (-_LOOK_S, 0)
         return found
 
-    def _bytes(self) -> dict[str, int]:
+    def _bytes(self) -> tuple[int, int] | None:
+        """(read, written) so far."""
         words = _text(self._io).split(None, 4)
-        if len(words) < 4 or words[0] != "rchar:" or words[2] != "wchar:":
-            return {}
-        return {"read_bytes": int(words[1]), "written_bytes": int(words[3])}
+        if len(words) < 4 or words[0] != b"rchar:" or words[2] != b"wchar:":
+            return None
+        return int(words[1]), int(words[3])
 
 
 class Watched(Protocol):
@@ -132,13 +136,10 @@ def tree_bytes(root: int) -> int:
     return total
 
 
-def _cpu_seconds() -> float:
-    own, children = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
-    return own.ru_utime + own.ru_stime + children.ru_utime + children.ru_stime
-
-
-def _children_peak() -> int:
-    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
+def _children() -> tuple[float, int]:
+    """Of all children that were waited for: processor time [s], and the peak of the largest [bytes]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
 
 
 def _open(path: str, flags: int) -> int:
@@ -148,8 +149,8 @@ def _open(path: str, flags: int) -> int:
         return -1
 
 
-def _text(descriptor: int) -> str:
+def _text(descriptor: int) -> bytes:
     try:
-        return os.pread(descriptor, 1 << 14, 0).decode() if descriptor >= 0 else ""
+        return os.pread(descriptor, _PAGE, 0) if descriptor >= 0 else b""
     except OSError:
-        return ""
+        return b""

@@ -3,10 +3,10 @@
     python -m dextera_build.engine.worker <module:function> <descriptors of tasks, file and replies> <process id>
 
 Standard output and error belong to the node that runs; the pool gives a file for them and reads it when a worker has
-died. Each message of the socket is a task: a JSON line and its key document; where there is one, the worker publishes
-the result itself. `@<place> <size>` stands for a message that is too large, and lies in the file, whose first line is
-`{"path": [...]}`, the pool's module search path. Tasks that the worker has not taken from the socket the pool may take
-back. It ends when the socket closes and when its parent dies.
+died. Each message of the socket is a task: a JSON line and its key document; where there is one, the worker stores the
+result itself, without the entry of a task that is `held`. `@<place> <size>` stands for a message that is too large, and
+lies in the file, whose first line is `{"path": [...]}`, the pool's module search path. Tasks that the worker has not
+taken from the socket the pool may take back. It ends when the socket closes and when its parent dies.
 """
 
 from __future__ import annotations
@@ -24,17 +24,12 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from functools import lru_cache
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dextera_build.engine.retries import names_of
 from dextera_build.engine.tasks import PACKET, escaped, printed
 from dextera_build.engine.usage import Meter
 from dextera_build.errors import DxbError, MachineError
-
-if TYPE_CHECKING:
-    from dextera_build.store.store import Store
 
 _SPELL = json.JSONEncoder(separators=(",", ":"), default=str).encode
 _PR_SET_PDEATHSIG = 1
@@ -82,6 +77,7 @@ class Worker:
     def _answer(self, task: Mapping[str, Any], document: bytes) -> None:
         if os.fstat(1).st_size:
             os.ftruncate(1, 0)
+            os.lseek(1, 0, os.SEEK_SET)  # else what is printed next stands behind as many zeros
         self._last_progress = 0.0
         self._meter.begin()
         began = time.perf_counter()
@@ -105,10 +101,14 @@ class Worker:
 
     def _publish(self, task: Mapping[str, Any], document: bytes, answer: dict[str, Any]) -> None:
         from dextera_build.engine.publish import publish
+        from dextera_build.store.store import opened
 
-        reply, seconds = answer["reply"], answer["seconds"]
+        store, reply = opened(task["store"]), answer["reply"]
         try:
-            answer["published"] = publish(_store(task["store"]), task["key"], reply, seconds, printed(1), document)
+            made = publish(store, task["key"], reply, answer["seconds"], printed(1), document, held=task["held"])
+            if made is not None:
+                reply.pop("sizes", None)
+                answer["published"] = made
         except DxbError as error:
             del answer["reply"]
             answer["error"] = error.to_json()
@@ -170,13 +170,6 @@ def main(arguments: list[str]) -> None:
         Worker(runner, tasks, large, replies).serve()
     # Threads and libraries that linger must not keep a worker alive that has nothing to do.
     os._exit(0)
-
-
-@lru_cache(maxsize=1)
-def _store(root: str) -> Store:
-    from dextera_build.store.store import Store
-
-    return Store(Path(root))
 
 
 def _leave(number: int, frame: object) -> None:

@@ -24,8 +24,10 @@ from dextera_build.store.cas import Blobs, MissingBlob, entries
 from dextera_build.store.presence import Presence
 from dextera_build.store.reapi import OutputFile, decode, encode
 from dextera_build.store.references import UNREADABLE, References
+from dextera_build.store.streams import Recent
 
 _RESULT = "result.json"
+_NONE: Mapping[str, int] = {}
 ABSENT = OutputFile("absent", "0" * 64, 1)
 """Stands in a bare entry for all bytes that are not there."""
 
@@ -120,16 +122,17 @@ class Actions:
     Args:
         root: The folder; made when the first result comes.
         blobs: Where everything lies that results refer to.
+        recent: May hold some of it in memory.
     """
 
-    def __init__(self, root: Path, blobs: Blobs) -> None:
+    def __init__(self, root: Path, blobs: Blobs, recent: Recent) -> None:
         self.root = root
         self._base = f"{root}/"
         self._workshop = f"{root}/{files.TEMPORARY}"
         self._blobs = blobs
         self.presence: Presence | None = None
         """When set, every file that a result stands on is noted there."""
-        self.references = References(blobs)
+        self.references = References(blobs, recent)
 
     def get(self, key: str) -> ActionResult | None:
         """The result of `key`, or None where there is none or a blob that it needs is gone or has another size."""
@@ -159,38 +162,51 @@ class Actions:
         self.rely(key, there)
         return Found(result, is_whole)
 
-    def put(self, key: str, result: ActionResult, beside: Iterable[str] = ()) -> str:
+    def put(self, key: str, result: ActionResult, beside: Iterable[str] = (), sizes: Mapping[str, int] = _NONE) -> str:
         """Store the result of `key` after all that it needs, and return the digest of its `result.json`.
 
         Args:
             key: Digest of the key document.
             result: The result.
             beside: Further blobs that stay as long as the result does.
+            sizes: Blobs that were stored a moment ago -> size [bytes]; the others are looked for.
 
         Raises:
             MissingBlob: The result refers to something that is not in the store.
             StoreError: The disk is full, or the store cannot be written.
             ValueError: A number is not finite.
         """
-        self.rely(key, self.write(key, result, beside))
+        self.rely(key, self.write(key, result, beside, sizes))
         return result.digest
 
-    def write(self, key: str, result: ActionResult, beside: Iterable[str] = ()) -> list[OutputFile]:
+    def write(
+        self, key: str, result: ActionResult, beside: Iterable[str] = (), sizes: Mapping[str, int] = _NONE
+    ) -> list[OutputFile]:
         """Store the result of `key` as `put` does, and return all that its entry names; for who relies on nothing."""
         self._keep_calls(result)
-        message, outputs = self.spell(result, beside)
+        message, outputs = self.spell(result, beside, sizes)
+        self.enter(key, message)
+        return outputs
+
+    def enter(self, key: str, message: bytes) -> None:
+        """Store the entry of `key` as `spell` gave it.
+
+        Raises:
+            StoreError: The disk is full, or the store cannot be written.
+        """
         failpoints.reach("result.blobs")
         files.write(self._file(key), message, workshop=self._workshop)
         failpoints.reach("result.published")
-        return outputs
 
     def rely(self, key: str, outputs: Iterable[OutputFile]) -> None:
         """Note that a build stands on the result of `key`, which it has just found or made."""
         if self.presence is not None:
             self.presence.note(key, outputs)
 
-    def spell(self, result: ActionResult, beside: Iterable[str] = ()) -> tuple[bytes, list[OutputFile]]:
-        """The entry of a result, and what it names; the result itself is stored, the entry is not.
+    def spell(
+        self, result: ActionResult, beside: Iterable[str] = (), sizes: Mapping[str, int] = _NONE
+    ) -> tuple[bytes, list[OutputFile]]:
+        """The entry of a result, and what it names; the result itself is stored, the entry is not. See `put`.
 
         Raises:
             MissingBlob: The result refers to something that is not in the store.
@@ -198,7 +214,11 @@ class Actions:
         document = result.document
         digest = self._blobs.put(document)
         result.know(digest)
-        outputs = [*self._needs(result), *self._beside(beside), OutputFile(_RESULT, digest, len(document), document)]
+        outputs = [
+            *self._needs(result, sizes),
+            *self._beside(beside),
+            OutputFile(_RESULT, digest, len(document), document),
+        ]
         return encode(outputs), outputs
 
     def _beside(self, digests_: Iterable[str]) -> list[OutputFile]:
@@ -330,23 +350,23 @@ class Actions:
                     raise ValueError("a call does not have the digest that is its key")
                 self.put(key, called)
 
-    def _needs(self, result: ActionResult) -> Iterator[OutputFile]:
-        yield self._sized("output", result.output)
+    def _needs(self, result: ActionResult, sizes: Mapping[str, int]) -> Iterator[OutputFile]:
+        yield self._sized("output", result.output, sizes)
         for digest in self.references.below(result.output):
-            yield self._sized(f"closure/{digest}", digest)
+            yield self._sized(f"closure/{digest}", digest, sizes)
         for place, (_, digest) in enumerate(result.previews):
-            yield self._sized(f"previews/{place}.png", digest)
+            yield self._sized(f"previews/{place}.png", digest, sizes)
         if result.log is not None:
-            yield self._sized("log", result.log)
-        yield self._sized("key.json", result.key_document)
+            yield self._sized("log", result.log, sizes)
+        yield self._sized("key.json", result.key_document, sizes)
         for key, digest in result.calls:
             yield self._sized(f"calls/{key}", key)
             called = ActionResult.from_document(self._blobs.get(digest))
             for part in dict.fromkeys((digest, called.output, *self.references.below(called.output))):
                 yield self._sized(f"answers/{part}", part)
 
-    def _sized(self, path: str, digest: str) -> OutputFile:
-        size = self._blobs.size(digest)
+    def _sized(self, path: str, digest: str, sizes: Mapping[str, int] = _NONE) -> OutputFile:
+        size = sizes[digest] if digest in sizes else self._blobs.size(digest)
         if size is None:
             raise MissingBlob(digest)
         return OutputFile(path, digest, size)

@@ -74,7 +74,7 @@ class Blobs:
         digest = hashlib.sha256(data).hexdigest()
         path = self._file(digest)
         # A short file is what a power cut leaves; it is replaced.
-        if not self.holds(digest, len(data), lambda: files.read(path) == data):
+        if not self._is_held(path, digest, len(data), lambda: files.read(path) == data):
             files.write(path, data, workshop=self._workshop)
         return digest
 
@@ -86,7 +86,9 @@ class Blobs:
             size: Its size [bytes].
             check: Tells whether its bytes are right; asked of blobs that nobody used for a while.
         """
-        path = self._file(digest)
+        return self._is_held(self._file(digest), digest, size, check)
+
+    def _is_held(self, path: str, digest: str, size: int, check: Callable[[], bool] | None) -> bool:
         try:
             state = os.stat(path)
             if state.st_size != size:

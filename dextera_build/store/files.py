@@ -19,6 +19,7 @@ from dextera_build.store import failpoints, sharing, space
 
 _FICLONE = 0x40049409
 _CHUNK = 1 << 20
+_PIECE = 1 << 14
 _TOKEN = os.urandom(4).hex()  # two machines may write to one folder with equal process ids
 _COUNTER = itertools.count()
 TEMPORARY = ".tmp"
@@ -139,7 +140,16 @@ def write_all(descriptor: int, data: bytes | bytearray | memoryview) -> None:
 
 def read(path: str) -> bytes:
     """All bytes of a file, with few system calls."""
-    return read_stamped(path)[0]
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        # Most files are small, and to come to their end takes less than to ask for their size.
+        data = os.read(descriptor, _PIECE)
+        if len(data) < _PIECE and not os.read(descriptor, 1):
+            return data
+        os.lseek(descriptor, 0, os.SEEK_SET)
+        return _all(descriptor, os.fstat(descriptor).st_size)
+    finally:
+        os.close(descriptor)
 
 
 def read_stamped(path: str) -> tuple[bytes, float]:
@@ -147,13 +157,7 @@ def read_stamped(path: str) -> tuple[bytes, float]:
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         state = os.fstat(descriptor)
-        data = os.read(descriptor, state.st_size + 1)
-        if len(data) != state.st_size:
-            parts = [data]
-            while part := os.read(descriptor, _CHUNK):
-                parts.append(part)
-            data = b"".join(parts)
-        return data, state.st_mtime
+        return _all(descriptor, state.st_size), state.st_mtime
     finally:
         os.close(descriptor)
 
@@ -178,6 +182,17 @@ def chunks(descriptor: int) -> Iterator[bytes]:
     piece = min(_CHUNK, os.fstat(descriptor).st_size + 1)
     while chunk := os.read(descriptor, piece):
         yield chunk
+
+
+def _all(descriptor: int, size: int) -> bytes:
+    """The bytes of an open file from its beginning, which are `size` unless it changes meanwhile."""
+    data = os.read(descriptor, size + 1)
+    if len(data) == size:
+        return data
+    parts = [data]
+    while part := os.read(descriptor, _CHUNK):
+        parts.append(part)
+    return b"".join(parts)
 
 
 def _create(folder: str, temporary: str, mode: int) -> int:

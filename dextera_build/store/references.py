@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dextera_build.store import header
 from dextera_build.store.cas import Blobs, MissingBlob
+from dextera_build.store.streams import Recent
 
 _MOST_KNOWN = 4096
 _MOST_HEADER = 1 << 30
@@ -17,10 +18,12 @@ class References:
 
     Args:
         blobs: Hold the headers.
+        recent: May hold headers in memory.
     """
 
-    def __init__(self, blobs: Blobs) -> None:
+    def __init__(self, blobs: Blobs, recent: Recent) -> None:
         self._blobs = blobs
+        self._recent = recent
         self._known: dict[str, tuple[list[str], list[str]]] = {}
 
     def below(self, output: str) -> dict[str, bool]:
@@ -68,7 +71,10 @@ class References:
         if digest not in self._known:
             if len(self._known) >= _MOST_KNOWN:
                 self._known.clear()
-            if (self._blobs.size(digest) or 0) > _MOST_HEADER:
-                raise ValueError("a header is too long")
-            self._known[digest] = header.closure(self._blobs.get(digest))
+            self._known[digest] = header.closure(self._recent.known(digest) or self._read(digest))
         return self._known[digest]
+
+    def _read(self, digest: str) -> bytes:
+        if (self._blobs.size(digest) or 0) > _MOST_HEADER:
+            raise ValueError("a header is too long")
+        return self._blobs.get(digest)

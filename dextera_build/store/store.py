@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 
 from dextera_build.errors import StoreError
@@ -14,7 +15,7 @@ from dextera_build.store.keep import Keep
 from dextera_build.store.locks import Locks
 from dextera_build.store.running import Running
 from dextera_build.store.statcache import StatCache
-from dextera_build.store.streams import Reader, Writer
+from dextera_build.store.streams import Reader, Recent, Writer
 from dextera_build.store.workspaces import Workspaces
 
 _TAG = b"""Signature: 8a477f597d28d172789f06886806bc55
@@ -46,16 +47,21 @@ class Store:
         self.local = self.root / "local"
         self._prepare()
         self.blobs = Blobs(self.root / "cas")
-        self.actions = Actions(self.root / "ac", self.blobs)
+        self.recent = Recent(self.blobs)
+        self.actions = Actions(self.root / "ac", self.blobs, self.recent)
         self.foreign = self.root / "foreign"
         self.leaves = StatCache(self.blobs, self.local / "leaves.json")
         self.locks = Locks(self.local / "locks")
         self.keep = Keep(self.local / "keep")
         self.divergent = Divergent(self.local / "divergent")
         self.reader = Reader(self.blobs)
-        self.writer = Writer(self.blobs)
         self.running = Running(self.local / "running", self.locks)
         self.workspaces = Workspaces(self.local / "workspaces")
+
+    @property
+    def writer(self) -> Writer:
+        """Stores what one call makes, and notes it."""
+        return Writer(self.blobs, self.recent)
 
     def size(self) -> dict[str, tuple[int, int]]:
         """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of calls that did not end.
@@ -78,3 +84,9 @@ class Store:
             # A store that can only be read still serves what it holds.
             with suppress(StoreError):
                 files.write(str(tag), _TAG, 0o644)
+
+
+@lru_cache(maxsize=1)
+def opened(root: str) -> Store:
+    """The store of a process that serves one; see `Store`."""
+    return Store(Path(root))

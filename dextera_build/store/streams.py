@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from pathlib import Path
 
 from dextera_build.store.cas import Blobs, MissingBlob
 from dextera_build.store.materialize import place
+
+_SMALL = 1 << 14
+_MOST_KNOWN = 1 << 10
 
 
 class Reader:
@@ -37,24 +41,68 @@ class Reader:
         place(self._blobs, digest, target)
 
 
-class Writer:
-    """bytes -> digest, or a file that is stored in pieces.
+class Recent(Reader):
+    """Reads blobs, and keeps small ones that came by last: neighbours in a graph read the same, and what others wrote.
 
     Args:
         blobs: The blobs of a store.
     """
 
     def __init__(self, blobs: Blobs) -> None:
+        super().__init__(blobs)
+        self._known: OrderedDict[str, bytes] = OrderedDict()
+
+    def __call__(self, digest: str) -> bytes:
+        """The bytes of a blob; see `Blobs.get`."""
+        data = self._known.get(digest)
+        if data is None:
+            data = super().__call__(digest)
+            self.keep(digest, data)
+        return data
+
+    def known(self, digest: str) -> bytes | None:
+        """The bytes of a blob that came by of late, which need not be there any more, or None."""
+        return self._known.get(digest)
+
+    def keep(self, digest: str, data: bytes) -> None:
+        """Note the bytes of a blob."""
+        if len(data) <= _SMALL:
+            self._known[digest] = data
+            if len(self._known) > _MOST_KNOWN:
+                self._known.popitem(last=False)
+
+
+class Writer:
+    """bytes -> digest, or a file that is stored in pieces.
+
+    Args:
+        blobs: The blobs of a store.
+        recent: Told of what is written.
+    """
+
+    def __init__(self, blobs: Blobs, recent: Recent | None = None) -> None:
         self._blobs = blobs
+        self._recent = recent
+        self.sizes: dict[str, int] = {}
+        """What was stored, or was there: digest -> size [bytes]."""
 
     def __call__(self, data: bytes) -> str:
         """Store bytes; see `Blobs.put`."""
-        return self._blobs.put(data)
+        digest = self._blobs.put(data)
+        self.sizes[digest] = len(data)
+        if self._recent is not None:
+            self._recent.keep(digest, data)
+        return digest
 
     def file(self, path: Path) -> tuple[str, int]:
         """Store the bytes of a file: (digest, size); see `Blobs.put_file`."""
-        return self._blobs.put_file(path)
+        digest, size = self._blobs.put_file(path)
+        self.sizes[digest] = size
+        return digest, size
 
     def has(self, digest: str, size: int) -> bool:
         """Whether this blob is stored and stays while the build runs."""
-        return self._blobs.holds(digest, size)
+        there = self._blobs.holds(digest, size)
+        if there:
+            self.sizes[digest] = size
+        return there

@@ -28,7 +28,9 @@ def made(root: Path, pool: bool, plan: Graph = PLAN) -> tuple[dict[str, ActionRe
 
 
 def test_it_is_what_the_scheduler_would_store(tmp_path: Path) -> None:
-    pooled, here = made(tmp_path / "pool", pool=True), made(tmp_path / "inline", pool=False)
+    (tmp_path / "file").write_text("a leaf")
+    plan = graph(*PLAN.members.values(), call("d", "print", "read", x=leaf(tmp_path / "file"), c=out("c")))
+    pooled, here = made(tmp_path / "pool", pool=True, plan=plan), made(tmp_path / "inline", pool=False, plan=plan)
     for name, mine in pooled[0].items():
         other = here[0][name]
         assert mine is not None
@@ -39,9 +41,11 @@ def test_it_is_what_the_scheduler_would_store(tmp_path: Path) -> None:
             other.metrics,
             other.key_document,
         )
-    log = pooled[0]["b"]
-    assert log is not None
-    assert log.log == digest.of_bytes(b"hello\nand to stderr\n")
+    logs = {name: mine.log for name, mine in pooled[0].items() if mine and mine.log}
+    assert logs == {
+        "b": digest.of_bytes(b"hello\nand to stderr\n"),
+        "d": digest.of_bytes(b"read\nand to stderr\n"),
+    }
 
 
 def test_a_build_notes_what_its_workers_stored(tmp_path: Path) -> None:
@@ -68,6 +72,26 @@ def test_a_key_that_has_a_result_keeps_it(tmp_path: Path) -> None:
     assert kept is not None
     assert (kept.line, kept.digest) == ("first", first["result"])
     assert {name for name, _ in first["needs"]} == {replies[0]["output"], key, kept.log, kept.digest}
+
+
+def test_an_entry_that_is_held_can_follow(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    key = digest.of_bytes(b"key")
+    reply = {"output": store.blobs.put(text_header("output")), "line": "a line"}
+    made = publish(store, key, reply, 0.5, b"said", b"key", held=True)
+    assert made is not None
+    assert store.actions.known(key) is None
+    store.actions.enter(key, made["entry"].encode("latin-1"))
+    found = store.actions.get(key)
+    assert found is not None
+    assert (found.output, found.line, found.digest) == (reply["output"], "a line", made["result"])
+    assert publish(store, key, reply, 0.5, b"", b"key", held=True) is None
+
+
+def test_the_calls_of_a_node_whose_entry_is_held_are_the_schedulers(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    reply = {"output": store.blobs.put(text_header("output")), "calls": [{"call": "a" * 64, "result": "b" * 64}]}
+    assert publish(store, digest.of_bytes(b"key"), reply, 0.5, b"", b"key", held=True) is None
 
 
 def test_nothing_is_published_of_a_node_whose_file_changed(tmp_path: Path) -> None:

@@ -81,6 +81,12 @@ def test_an_entry_without_one_of_its_blobs_is_a_miss(store: Store, result: Actio
         store.blobs.put(data)
 
 
+def test_sizes_that_are_known_give_the_same_entry(store: Store, result: ActionResult) -> None:
+    looked = store.actions.spell(result)
+    assert store.actions.spell(result, sizes=dict(store.blobs.all())) == looked
+    assert store.actions.spell(result, sizes={result.output: store.blobs.size(result.output) or 0}) == looked
+
+
 def test_a_bare_result_is_known_and_no_hit(store: Store, result: ActionResult) -> None:
     content = digest.of_bytes(b"content")
     store.blobs.path(content).unlink()

@@ -18,8 +18,9 @@ def blobs(tmp_path: Path) -> Blobs:
     return Blobs(tmp_path / "cas")
 
 
-@pytest.mark.parametrize("data", [b"", b"x", os.urandom(3_000_000)])
-def test_what_goes_in_comes_out(blobs: Blobs, tmp_path: Path, data: bytes) -> None:
+@pytest.mark.parametrize("size", [0, 1, (1 << 14) - 1, 1 << 14, (1 << 14) + 1, 3_000_000])
+def test_what_goes_in_comes_out(blobs: Blobs, tmp_path: Path, size: int) -> None:
+    data = os.urandom(size)
     key = blobs.put(data)
     assert key == digest.of_bytes(data)
     assert blobs.get(key) == data

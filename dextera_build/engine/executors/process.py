@@ -134,7 +134,7 @@ class Process:
 
     def _packet(self, task: Task) -> bytes | None:
         """What stands for a task in the socket; None for a large one whose turn has not come."""
-        data = _SPELL(task.message()).encode() + b"\n" + task.document
+        data = _SPELL(task.message() | {"held": task.held}).encode() + b"\n" + task.document
         if len(data) <= PACKET:
             return data
         if self._sent:

@@ -162,6 +162,8 @@ class RayWorker:
             self._staging.push(report.reply)
         except DxbError as error:
             return replace(report, reply=None, error=error)
+        # What was stored a moment ago was stored here, and the driver may have had it before.
+        report = replace(report, reply={name: told for name, told in report.reply.items() if name != "sizes"})
         if self._task is not None and self._task.key:
             self._store.keep.drop(self._task.key)
         return report
