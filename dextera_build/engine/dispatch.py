@@ -108,8 +108,12 @@ class Dispatch:
             return
         tickets = frozenset(self._queues.take_back(seat.first.ticket))
         back = [node for node, _ in seat.nodes if node.ticket in tickets]
+        first = seat.first
+        seat.drop(back)
+        if seat.first is not first:
+            self._admission.hand_on(first, seat.first)
+            self._seats[seat.first] = self._seats.pop(first)
         for node in back:
-            seat.drop_last()
             del self._running[node.ticket]
             node.ticket, node.tries = -1, node.tries - 1
             self.store.locks.release(node.key or "")

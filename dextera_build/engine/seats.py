@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
 from dextera_build.engine.graph import RuleFacts
@@ -77,9 +77,13 @@ class Seat:
         self.nodes.append((node, expected_s))
         self.left_s += expected_s
 
-    def drop_last(self) -> None:
-        """The last of them stands there no more."""
-        self.left_s -= self.nodes.pop()[1]
+    def drop(self, nodes: Collection[Node]) -> None:
+        """These stand there no more; if the first is among them, another has begun."""
+        first = self.first
+        self.nodes = deque(pair for pair in self.nodes if pair[0] not in nodes)
+        self.left_s = sum(expected_s for _, expected_s in self.nodes)
+        if self.first is not first:
+            self.began, self.is_told = time.monotonic(), False
 
     def advance(self) -> None:
         """The first has ended."""

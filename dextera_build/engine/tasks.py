@@ -118,7 +118,10 @@ class Queues(Executor, Protocol):
         ...
 
     def take_back(self, ticket: int) -> list[int]:
-        """Take back all tasks that stand behind this one and were not begun; returns their tickets."""
+        """Take back what the worker that has this task has not begun, but for one task; returns the tickets.
+
+        The task itself is among them where one behind it was begun while others were taken back.
+        """
         ...
 
 

@@ -3,10 +3,11 @@
     python -m dextera_build.engine.worker <module:function> <descriptors of tasks, file and replies> <process id>
 
 Standard output and error belong to the node that runs; the pool gives a file for them and reads it when a worker has
-died. Each message of the socket is a task: a JSON line and its key document; where there is one, the worker stores the
-result itself, without the entry of a task that is `held`. `@<place> <size>` stands for a message that is too large, and
-lies in the file, whose first line is `{"path": [...]}`, the pool's module search path. Tasks that the worker has not
-taken from the socket the pool may take back. It ends when the socket closes and when its parent dies.
+died. Each message of the socket is a task: a line with its ticket, which the pool alone reads, a line of JSON, and its
+key document; where there is one, the worker stores the result itself, without the entry of a task that is `held`.
+Behind the ticket, `@<place> <size>` stands for what is too large, and lies in the file, whose first line is
+`{"path": [...]}`, the pool's module search path. Tasks that the worker has not taken from the socket the pool may take
+back. It ends when the socket closes and when its parent dies.
 """
 
 from __future__ import annotations
@@ -68,6 +69,7 @@ class Worker:
         with contextlib.suppress(MachineError):
             self._load()
         while packet := os.read(self._tasks, PACKET):
+            packet = packet.partition(b"\n")[2]
             if packet.startswith(b"@"):
                 place, size = map(int, packet[1:].split())
                 packet = os.pread(self._large, size, place)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -155,12 +156,15 @@ def test_large_tasks_come_through_among_others(tmp_path: Path) -> None:
 
 
 def task(ticket: int, do: str, value: object = 0) -> Task:
-    return Task(ticket, "tiny.rule", None, {"do": do, "value": value, "name": f"t{ticket}"}, {}, "/tmp/none", "", "")
+    """A task whose store goes with the tests' scratch folder."""
+    options = {"do": do, "value": value, "name": f"t{ticket}"}
+    return Task(ticket, "tiny.rule", None, options, {}, os.environ["TINY_STORE"], "", "")
 
 
 @pytest.fixture
-def process() -> Iterator[Process]:
-    worker = Process(RUNNER, {}, [])
+def process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Process]:
+    monkeypatch.setenv("TINY_STORE", str(tmp_path / "store"))
+    worker = Process(RUNNER, {"TINY_TRACE": str(tmp_path / "trace")}, [])
     try:
         yield worker
     finally:
@@ -177,18 +181,54 @@ def heard(process: Process, count: int) -> list[dict[str, Any]]:
     return found
 
 
-def test_what_was_not_begun_is_taken_back_and_what_was_is_not(process: Process) -> None:
+def test_what_was_not_begun_is_taken_back_and_what_was_is_not(process: Process, tmp_path: Path) -> None:
     process.give(task(0, "fail"))
     assert len(heard(process, 1)) == 1
     process.advance()
     for ticket in (1, 2, 3):
         process.give(task(ticket, "sleep", 0.5))
-    time.sleep(0.2)
+    wait_for(tmp_path / "trace", "t1")
     assert [one.ticket for one in process.take_back()] == [2, 3]
     process.give(task(4, "fail", 4))
     said = heard(process, 2)
     assert [one.get("error", {}).get("facts") for one in said] == [None, {"value": "4"}]
     assert process.take_back() == [one for one in process.tasks if one.ticket > 4]
+
+
+def test_a_worker_that_goes_on_while_tasks_are_taken_back_has_what_it_has(process: Process, tmp_path: Path) -> None:
+    process.give(task(0, "await", str(tmp_path / "first")))
+    for ticket, do in ((1, "fail"), (2, "await"), (3, "fail")):
+        process.give(task(ticket, do, str(tmp_path / "third")))
+    wait_for(tmp_path / "trace", "t0")
+    taken: list[bytes] = []
+    real = process._taking
+
+    class Slow:
+        """Lets the worker take the third task after the second was taken back."""
+
+        def recv(self, size: int, flags: int) -> bytes:
+            if len(taken) == 1:
+                (tmp_path / "first").touch()
+                wait_for(tmp_path / "trace", "t2")
+            taken.append(real.recv(size, flags))
+            return taken[-1]
+
+        def close(self) -> None:
+            real.close()
+
+    process._taking = Slow()  # type: ignore[assignment]
+    assert [one.ticket for one in process.take_back()] == [1, 3]
+    assert [one.ticket for one in process.tasks] == [0, 2]
+    (tmp_path / "third").touch()
+    assert ["error" in one for one in heard(process, 2)] == [False, False]
+
+
+def wait_for(trace: Path, name: str) -> None:
+    """Until a worker has begun this task."""
+    deadline = time.monotonic() + 60
+    while not trace.exists() or name not in trace.read_text().split():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
 
 
 def test_before_a_worker_has_begun_all_is_taken_back(process: Process) -> None:

@@ -72,10 +72,10 @@ class LocalExecutor:
         self._give(self._busy[ticket], [task])
 
     def take_back(self, ticket: int) -> list[int]:
-        """Take back all tasks behind this one that its worker has not begun; returns their tickets."""
+        """Take back what the worker that has this task has not begun, but for one task; returns the tickets."""
         process = self._busy[ticket]
         back = process.take_back()
-        if not process.tasks:  # it has not even begun the first, which stays
+        if not process.tasks:
             self._give(process, [back.pop(0)])
         for task in back:
             del self._busy[task.ticket]

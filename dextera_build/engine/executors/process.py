@@ -29,6 +29,8 @@ _SPELL = json.JSONEncoder(separators=(",", ":")).encode
 _MODULE = "dextera_build.engine.worker"
 _ROOT = Path(__file__).resolve().parents[3]
 _TAIL_LINES = 12
+_NAME = 32
+"""No ticket takes more [bytes]."""
 
 
 class Process:
@@ -111,11 +113,15 @@ class Process:
         return task
 
     def take_back(self) -> list[Task]:
-        """Take back all tasks that it has not begun, the first as well where it has not."""
-        begun = self._sent - self._taken_back()
-        back = [self.tasks.pop() for _ in range(len(self.tasks) - begun)]
-        self._sent = begun
-        return back[::-1]
+        """Take back all tasks that it has not begun, the first as well where it has not.
+
+        It goes on meanwhile, so what it has begun may have stood behind one that is taken back.
+        """
+        tickets = self._taken_back()
+        begun = [task for task in list(self.tasks)[: self._sent] if task.ticket not in tickets]
+        back = [task for task in self.tasks if task not in begun]
+        self.tasks, self._sent = deque(begun), len(begun)
+        return back
 
     def _begin(self) -> None:
         self.began, self.peak = time.monotonic(), 0
@@ -134,23 +140,24 @@ class Process:
 
     def _packet(self, task: Task) -> bytes | None:
         """What stands for a task in the socket; None for a large one whose turn has not come."""
+        name = b"%d\n" % task.ticket
         data = _SPELL(task.message() | {"held": task.held}).encode() + b"\n" + task.document
-        if len(data) <= PACKET:
-            return data
+        if len(name) + len(data) <= PACKET:
+            return name + data
         if self._sent:
             return None
         os.ftruncate(self._large, self._told)
         os.lseek(self._large, self._told, os.SEEK_SET)
         write_all(self._large, data)
-        return f"@{self._told} {len(data)}".encode()
+        return name + b"@%d %d" % (self._told, len(data))
 
-    def _taken_back(self) -> int:
-        """How many messages were taken out of the socket."""
-        count = 0
+    def _taken_back(self) -> set[int]:
+        """Tickets of the tasks that were taken out of the socket."""
+        tickets = set()
         with contextlib.suppress(BlockingIOError):
-            while self._taking.recv(1, socket.MSG_DONTWAIT):
-                count += 1
-        return count
+            while packet := self._taking.recv(_NAME, socket.MSG_DONTWAIT):
+                tickets.add(int(packet.partition(b"\n")[0]))
+        return tickets
 
     def hear(self, descriptor: int) -> tuple[list[dict[str, Any]], bool]:
         """(what it said, whether it is dead), after one of `descriptors` became readable."""
