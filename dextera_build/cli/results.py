@@ -29,7 +29,7 @@ def place(session: Session, result: RunResult) -> list[str]:
     Raises:
         StoreError: The disk is full, or the folder cannot be written.
     """
-    ran = "ran" in result.own.statuses()
+    ran = session.project.durable and "ran" in result.own.statuses()
     return _place(session, {node: result.output(node) for node in result.targets}, result.rule, ran=ran)
 
 
