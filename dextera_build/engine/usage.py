@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import resource
 import time
+import weakref
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from typing import Protocol
@@ -32,6 +33,7 @@ class Meter:
         self._reset = _open("/proc/self/clear_refs", os.O_WRONLY)
         self._status = _open("/proc/self/status", os.O_RDONLY)
         self._io = _open("/proc/self/io", os.O_RDONLY)
+        weakref.finalize(self, _close, self._reset, self._status, self._io)
         self._before: tuple[float, float, int, tuple[int, int] | None] = (0.0, 0.0, 0, None)
         self._began = 0.0
         self._seen: tuple[float, int] = (-_LOOK_S, 0)
@@ -140,6 +142,12 @@ def _children() -> tuple[float, int]:
     """Of all children that were waited for: processor time [s], and the peak of the largest [bytes]."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
+
+
+def _close(*descriptors: int) -> None:
+    for descriptor in descriptors:
+        if descriptor >= 0:
+            os.close(descriptor)
 
 
 def _open(path: str, flags: int) -> int:

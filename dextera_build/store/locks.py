@@ -24,9 +24,12 @@ _FLOCK = struct.Struct("hhqqi4x")
 _PROBE = 1 << 61
 """A place that no key has."""
 
+_MOST_OPEN = 64
+"""So many stores' files stay open that nobody has a lock of."""
+
 # POSIX locks belong to the process and are all dropped when any descriptor of the file is closed, so each file is
-# opened once per process and never closed, and threads exclude one another by `_held`.
-_guard = threading.Lock()
+# opened once per process and stays open while there is a lock; threads exclude one another by `_held`.
+_guard = threading.RLock()
 _open: dict[str, int] = {}
 _held: set[tuple[int, int]] = set()
 
@@ -48,11 +51,11 @@ class Locks:
         A store that cannot be written, or a file system without locks, gives every lock: nothing can be published
         there twice anyway.
         """
-        descriptor = self._descriptor()
-        if descriptor < 0:
-            return True
-        place = (descriptor, _offset(key))
         with _guard:
+            descriptor = self._descriptor()
+            if descriptor < 0:
+                return True
+            place = (descriptor, _offset(key))
             if place in _held:
                 return False
             try:
@@ -69,8 +72,8 @@ class Locks:
 
     def release(self, key: str) -> None:
         """Give the lock of `key` back; one that is not held is left alone."""
-        place = (self._descriptor(), _offset(key))
         with _guard:
+            place = (self._descriptor(), _offset(key))
             if place in _held:
                 _held.discard(place)
                 with suppress(OSError):
@@ -78,16 +81,17 @@ class Locks:
 
     def holder(self, key: str) -> int | None:
         """Process id of who holds the lock of `key` on this machine, or None where that is not known."""
-        descriptor = self._descriptor()
-        if descriptor < 0 or sys.platform != "linux":
-            return None
-        if (descriptor, _offset(key)) in _held:
-            return os.getpid()
         question = _FLOCK.pack(fcntl.F_WRLCK, os.SEEK_SET, _offset(key), 1, 0)
-        try:
-            kind, _, _, _, pid = _FLOCK.unpack(fcntl.fcntl(descriptor, fcntl.F_GETLK, question))
-        except (OSError, struct.error):
-            return None
+        with _guard:
+            descriptor = self._descriptor()
+            if descriptor < 0 or sys.platform != "linux":
+                return None
+            if (descriptor, _offset(key)) in _held:
+                return os.getpid()
+            try:
+                kind, _, _, _, pid = _FLOCK.unpack(fcntl.fcntl(descriptor, fcntl.F_GETLK, question))
+            except (OSError, struct.error):
+                return None
         return pid if kind != fcntl.F_UNLCK and pid > 0 else None
 
     def is_held_elsewhere(self, key: str) -> bool:
@@ -99,15 +103,15 @@ class Locks:
 
     def reliable(self) -> bool:
         """Whether the file system has locks and this process may take them."""
-        descriptor = self._descriptor()
-        if descriptor < 0:
-            return False
-        try:
-            with _guard:
+        with _guard:
+            descriptor = self._descriptor()
+            if descriptor < 0:
+                return False
+            try:
                 fcntl.lockf(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB, 1, _PROBE)
                 fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, _PROBE)
-        except OSError:
-            return False
+            except OSError:
+                return False
         return True
 
     @contextmanager
@@ -121,17 +125,28 @@ class Locks:
             self.release(key)
 
     def _descriptor(self) -> int:
+        """The open lock file, -1 where there can be none; of use as long as the caller has the guard."""
         name = str(self._path)
-        with _guard:
-            if name not in _open:
-                try:
-                    sharing.make_folder(str(self._path.parent))
-                    _open[name] = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-                    failpoints.reach("lock.made")
-                    sharing.share_file(_open[name], str(self._path.parent), 0o644)
-                except OSError:
-                    return -1
-            return _open[name]
+        if name not in _open:
+            _close_idle()
+            try:
+                sharing.make_folder(str(self._path.parent))
+                _open[name] = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+                failpoints.reach("lock.made")
+                sharing.share_file(_open[name], str(self._path.parent), 0o644)
+            except OSError:
+                return -1
+        return _open[name]
+
+
+def _close_idle() -> None:
+    """Close the files of which there is no lock, where many are open: a program may use any number of stores."""
+    if len(_open) < _MOST_OPEN:
+        return
+    busy = {descriptor for descriptor, _ in _held}
+    for name, descriptor in list(_open.items()):
+        if descriptor not in busy:
+            os.close(_open.pop(name))
 
 
 def _offset(key: str) -> int:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import json
+import os
 import subprocess
 import sys
 import threading
@@ -143,3 +145,12 @@ def test_a_worker_that_died_was_seen(store: Store) -> None:
         result = build(plan, plan.targets["default"], store=store, executor=pool, listen=listen)
     assert time.monotonic() - began < 20
     assert result.nodes["a"].usage["memory_bytes"] > 5 * MIB
+
+
+def test_a_meter_that_nobody_needs_any_more_leaves_no_open_file() -> None:
+    gc.collect()
+    before = len(os.listdir("/proc/self/fd"))
+    for _ in range(10):
+        Meter()
+    gc.collect()
+    assert len(os.listdir("/proc/self/fd")) == before

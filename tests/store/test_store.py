@@ -125,3 +125,23 @@ def test_a_damaged_blob_is_not_placed(store: Store, tmp_path: Path) -> None:
     assert not (tmp_path / "mesh.obj").exists()
     with pytest.raises(MissingBlob, match="no such file"):
         place(store.blobs, key, tmp_path / "mesh.obj")
+
+
+def test_a_program_may_use_any_number_of_stores(store: Store, tmp_path: Path) -> None:
+    def others_may_take_it() -> bool:
+        root = str(Path(__file__).parents[2])
+        words = [sys.executable, "-c", _HOLD, str(store.local / "locks"), KEY]
+        return not subprocess.run(
+            words, env={**os.environ, "PYTHONPATH": root}, input=b"", capture_output=True
+        ).returncode
+
+    assert store.locks.take(KEY)
+    before = len(os.listdir("/proc/self/fd"))
+    for number in range(300):
+        other = Store(tmp_path / f"{number}")
+        assert other.locks.take(KEY)
+        other.locks.release(KEY)
+    assert len(os.listdir("/proc/self/fd")) < before + 100
+    assert not others_may_take_it()
+    store.locks.release(KEY)
+    assert others_may_take_it()
