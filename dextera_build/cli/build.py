@@ -95,6 +95,8 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
 
 
 def _say_nothing_ran(project: Project, recipe: str, head: Head, started: float) -> int:
+    from dextera_build.cli import fresh
+
     nodes, *lines = head["lines"]
     seconds = time.perf_counter() - started
     kind = project.config["console"].value
@@ -104,7 +106,7 @@ def _say_nothing_ran(project: Project, recipe: str, head: Head, started: float) 
         print(RunFinished(time.time(), True, seconds, {"cached": int(nodes)}, 0.0).to_line(), file=sys.stderr)
     elif kind != "none":
         print(f"{recipe} is up to date   {nodes} nodes   {seconds:.2f} s", file=sys.stderr)
-    print("".join(line + "\n" for line in lines), end="")
+    print(fresh.told(lines), end="")
     return 0
 
 
@@ -133,8 +135,8 @@ def _run(
     near = fresh.near(project, fingerprint, session.store) if quick else None
     if near is not None and near.idle:
         head = near.stale.head
-        nodes, *lines = head["lines"]
         if not near.placed:
+            nodes, *lines = head["lines"]
             written = results.restore(session, near.known, [line.partition("\t")[0] for line in lines])
             if written is None:
                 return _run(args, project, recipe, targets, fingerprint, started, whole=True)
@@ -157,7 +159,7 @@ def _run(
     if made is None:
         return _run(args, project, recipe, targets, fingerprint, started, whole=True)
     result, lines = made
-    print("".join(line + "\n" for line in lines), end="")
+    print(fresh.told(lines), end="")
     if result.ok:
         args.locking.note(session, plan, wanted, result)
         fingerprint["lock"] = args.locking.state(recipe)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -161,9 +161,15 @@ def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near:
     return None
 
 
+def told(lines: Iterable[str]) -> str:
+    """What a build prints of what it placed: paths below the current folder are relative to it."""
+    here = f"{os.getcwd()}/"
+    said = (line.partition("\t") for line in lines)
+    return "".join(f"{node}\t{path.removeprefix(here)}\n" for node, _, path in said)
+
+
 def _placed(lines: list[str]) -> list[str]:
-    here = os.getcwd()
-    return [os.path.join(here, line.partition("\t")[2]) for line in lines]
+    return [line.partition("\t")[2] for line in lines]
 
 
 def _says_the_same(name: str, head: Mapping[str, Mapping[str, str | None]], store: Store) -> bool:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dextera_build import __version__
-from dextera_build.cli import quick
+from dextera_build.cli import fresh, quick
 from dextera_build.engine import snapshot
 from dextera_build.errors import StoreError
 from dextera_build.project import deciding_files
@@ -102,7 +102,7 @@ def _keep(asked: str, data: bytes) -> None:
 def _add(note: dict[str, Rows], recipe: str, path: Path, head: dict[str, Any]) -> bool:
     """Add what one snapshot says; False where a folder is too young for its time stamp to be trusted."""
     nodes, *lines = head["lines"]
-    note["answers"].append([recipe, nodes, "".join(f"{line}\n" for line in lines)])
+    note["answers"].append([recipe, nodes, fresh.told(lines)])
     note["snapshots"].append([os.fspath(path)])
     note["contents"] += [[presence.BOOT, f"{head['boot']}\n"]] if head["boot"] else []
     _put(note, head["files"])

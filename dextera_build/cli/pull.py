@@ -27,7 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Place results as `build` does; one line each: address, main file."""
-    from dextera_build.cli import results
+    from dextera_build.cli import fresh, results
     from dextera_build.cli.session import Session
 
     project = options.project(args)
@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
         wanted = options.wish(text)
         session = Session(project, wanted.recipe)
         result = _bring(session, wanted.target, args)
-        print("".join(line + "\n" for line in results.place(session, result)), end="", flush=True)
+        print(fresh.told(results.place(session, result)), end="", flush=True)
         lacking += [f"{wanted.recipe}:{node}" for node in result.own.errors()]
         lacking += [f"{wanted.recipe}:{place}" for place in result.errors]
     if lacking:

@@ -24,7 +24,7 @@ _SMALL = 1 << 20
 
 
 def place(session: Session, result: RunResult) -> list[str]:
-    """Write every target that was built and return one line each: its address, a tab, its main file.
+    """Write every target that was built and return one line each: its address, a tab, the whole path of its main file.
 
     Raises:
         StoreError: The disk is full, or the folder cannot be written.
@@ -54,7 +54,7 @@ def _place(
     lines = []
     stamps: dict[str, str] = {}
     # Texts, because a thousand outputs are placed in the time that some ten thousand `Path` objects take.
-    base, here = str(session.project.cache / "out" / session.recipe), f"{os.getcwd()}/"
+    base = os.path.abspath(session.project.cache / "out" / session.recipe)
     for node, output in outputs.items():
         if output is not None:
             folder = f"{base}/{node.replace('/', '.').replace(':', '.')}"
@@ -63,7 +63,7 @@ def _place(
                     main = _export(session, folder, node, rule, output, stamps)
             except OSError as error:
                 raise files.store_error(error, error.filename or folder) from None
-            lines.append(f"{node}\t{main.removeprefix(here)}")
+            lines.append(f"{node}\t{main}")
     # A stamp says that the files beside it are whole, so it comes when they are on the disk.
     if session.project.durable and (stamps or ran()):
         durable.settle(session.store.root)

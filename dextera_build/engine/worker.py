@@ -69,14 +69,14 @@ class Worker:
         with contextlib.suppress(MachineError):
             self._load()
         while packet := os.read(self._tasks, PACKET):
-            packet = packet.partition(b"\n")[2]
+            ticket, _, packet = packet.partition(b"\n")
             if packet.startswith(b"@"):
                 place, size = map(int, packet[1:].split())
                 packet = os.pread(self._large, size, place)
             line, _, document = packet.partition(b"\n")
-            self._answer(json.loads(line), document)
+            self._answer(int(ticket), json.loads(line), document)
 
-    def _answer(self, task: Mapping[str, Any], document: bytes) -> None:
+    def _answer(self, ticket: int, task: Mapping[str, Any], document: bytes) -> None:
         if os.fstat(1).st_size:
             os.ftruncate(1, 0)
             os.lseek(1, 0, os.SEEK_SET)  # else what is printed next stands behind as many zeros
@@ -93,7 +93,7 @@ class Worker:
             with contextlib.suppress(OSError):  # where the log's disk is full the error still goes out
                 traceback.print_exc()
             answer = {"error": escaped(error).to_json(), "raised": names_of(error)}
-        answer |= {"seconds": time.perf_counter() - began, "usage": self._meter.end()}
+        answer |= {"ticket": ticket, "seconds": time.perf_counter() - began, "usage": self._meter.end()}
         self._flush()
         if document and "reply" in answer:
             self._publish(task, document, answer)

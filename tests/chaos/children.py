@@ -40,6 +40,9 @@ class _Inline(InlineExecutor):
     def __init__(self, runner: str, **settings: object) -> None:
         super().__init__(run_task)
 
+    def warm(self) -> None:
+        """There is no process that could be started early."""
+
     def __enter__(self) -> Self:
         return self
 

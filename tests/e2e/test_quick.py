@@ -105,6 +105,23 @@ def test_it_answers_as_the_build_did(built: Space, capsys: pytest.CaptureFixture
     assert not quick.answer(["plan", "say/words"])
 
 
+def test_paths_are_right_wherever_one_stands(
+    built: Space, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def printed() -> list[Path]:
+        capsys.readouterr()
+        assert main(WORDS) == 0
+        return [Path(line.partition("\t")[2]) for line in capsys.readouterr().out.splitlines()]
+
+    assert all(not path.is_absolute() and path.exists() for path in printed())
+    monkeypatch.chdir(built.root / "recipes")
+    for _ in range(3):  # from the snapshot, and from the note that this leaves
+        assert all(path.exists() for path in printed())
+        time.sleep(0.05)
+    monkeypatch.chdir(built.root)
+    assert all(not path.is_absolute() and path.exists() for path in printed())
+
+
 def test_what_was_forced_or_refused_leaves_no_note(built: Space) -> None:
     for words in (["--force", "all"], ["--locked"], ["--console", "jsonl"], ["--calls", "refresh"]):
         asked = ["build", "say/words", *words]

@@ -124,6 +124,19 @@ def test_members_are_called_as_they_are_found(space):
         assert member.name == name
         assert graph.members[name] == member
     assert list(graph.members) == [name for name, _ in graph.members.items()]
+
+
+def test_an_override_reaches_a_call_of_a_recipe_that_a_group_uses(space):
+    space.write(
+        "recipes/say/loud.yaml",
+        "inputs: {text: {help: what to say}}\nnodes:\n  loud: {rule: toy.shout, text: $text}\n",
+    )
+    space.write(
+        "recipes/say/use.yaml",
+        "nodes:\n  start: {rule: toy.start}\n  words: {rule: toy.split, text: $start}\n"
+        "  own: {each: $words, as: word, nodes: {in: {recipe: say/loud, text: $word}}}\n",
+    )
+    graph = planned(space, "say/use", settings=(settings.parse("own[one].in/loud.times=5"),))
     assert copy_of(graph, ("own", "in/loud"), ("one",)).options["times"] == 5
     assert copy_of(graph, ("own", "in/loud"), ("two",)).options["times"] == 1
 

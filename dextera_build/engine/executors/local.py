@@ -173,6 +173,7 @@ class LocalExecutor:
     def _end(self, process: Process, line: Mapping[str, object]) -> Ended:
         peak = process.peak
         task = process.advance()
+        assert line["ticket"] == task.ticket, "an answer belongs to another task"
         del self._busy[task.ticket]
         if not process.tasks:
             self._idle.append(process)
