@@ -167,7 +167,7 @@ class Project(settings_of.Project):
         session, names = here._open(recipe, targets)
         graph = session.plan(_request(here.profile, inputs, settings, backends)).graph
         wanted = [address for name in names for address in addresses(graph, name)]
-        return dry(graph, wanted, session.store, history=session.past_builds)
+        return list(dry(graph, wanted, session.store, history=session.past_builds))
 
     def why(
         self,

@@ -169,7 +169,7 @@ class _Run:
         self.listen(events.BytesMissed(time.time(), node.address, reader.address))
 
     def _started(self, node: Node) -> None:
-        rule, last = node.call.rule, None if self.known else self.history.get(node.address)
+        rule, last = node.rule, None if self.known else self.history.get(node.address)
         seconds = self.known.took(node.address) if self.known else last.seconds if last else None
         self.listen(events.NodeStarted(time.time(), node.address, rule.path, rule.backend, node.key or "", seconds))
 
@@ -183,12 +183,11 @@ class _Run:
             self.listen(events.NodeRetried(time.time(), node.address, **data))
 
     def _settled(self, node: Node) -> None:
-        record = record_of(node)
+        record, result = record_of(node), node.result
         new = self.known is None or self.known.key(node.address) != record.key or record.status == "ran"
-        if record.result is not None and node.result is not None and record.key is not None and new:
+        if record.result is not None and result is not None and record.key is not None and new:
             # How long a fetch took says nothing of how long the node runs.
-            seconds = node.result.seconds
-            entry = Entry(record.key, node.result.key_document, self.info.run, seconds, time.time(), record.usage)
+            entry = Entry(record.key, result.key_document, self.info.run, result.seconds, time.time(), record.usage)
             self.history.note(node.address, entry)
         self.uplink.tell()
         self._tell(node, record)
@@ -224,7 +223,9 @@ class _Run:
         )
 
     def _files(self, node: Node) -> dict[str, str]:
-        found = {}
+        found: dict[str, str] = {}
+        if node.state is State.DONE and not node.leaves:
+            return found
         for slot, source in node.call.inputs.items():
             parts = source.parts if isinstance(source, Pack) else {"": source}
             for label, part in parts.items():

@@ -144,14 +144,22 @@ class Graph:
 
     def calls(self) -> Iterator[tuple[tuple[str, ...], Call]]:
         """Every call with its address, groups in order; one after another, because there may be many."""
-        for top, outer in self.members.items():
-            stack: list[tuple[tuple[str, ...], Call | Group]] = [((top,), outer)]
-            while stack:
-                address, member = stack.pop()
-                if isinstance(member, Call):
-                    yield address, member
-                else:
-                    stack += [((*address, name), inner) for name, inner in reversed(list(member.members.items()))]
+        for name, member in self.members.items():
+            yield from _calls(name, member)
+
+    def below(self, name: str) -> Iterator[tuple[tuple[str, ...], Call]]:
+        """The calls of one group at the root, or the call that stands there."""
+        return _calls(name, self.members[name])
+
+
+def _calls(name: str, outer: Call | Group) -> Iterator[tuple[tuple[str, ...], Call]]:
+    stack: list[tuple[tuple[str, ...], Call | Group]] = [((name,), outer)]
+    while stack:
+        address, member = stack.pop()
+        if isinstance(member, Call):
+            yield address, member
+        else:
+            stack += [((*address, name), inner) for name, inner in reversed(list(member.members.items()))]
 
 
 @dataclass(frozen=True)

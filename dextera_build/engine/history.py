@@ -176,6 +176,10 @@ class _Packed(MutableMapping[str, Entry]):
         row = (_short(entry.key), document, run, entry.seconds, entry.time, names, *entry.usage.values())
         self._rows[address] = marshal.dumps(row)
 
+    def get(self, address: str, default: Any = None) -> Any:
+        """The entry of an address; quick where there is none."""
+        return self[address] if address in self._rows else default
+
     def __delitem__(self, address: str) -> None:
         del self._rows[address]
 

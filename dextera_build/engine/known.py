@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from array import array
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -215,7 +215,7 @@ def write(
         "calls": sum(not node.labels for node in nodes) + len({node.path for node in nodes if node.labels}),
         "groups": len({node.path[:depth] for node in nodes for depth in range(1, len(node.path))}),
         "others": [["opening", u.address] if isinstance(u, Opening) else ["gathering", _name(u)] for u in others],
-        "leaves": _leaves(nodes),
+        "leaves": _leaves(nodes, {id(node) for node in wiring.readers}),
     }
     found, texts = members.names, members.texts
     parts = [names.hashes, names.numbers, starts, read_by, found.hashes, found.numbers, texts.ends]
@@ -255,7 +255,7 @@ def read(path: Path) -> Known:
     head, parts, heap = frames.read(f"{path}.plan")
     state, columns, _ = frames.read(f"{path}.known")
     hashes, numbers, starts, read_by, member_hashes, member_numbers, ends = (
-        frames.numbers(kind, part) for kind, part in zip("QIIIQIQ", parts[:7], strict=True)
+        frames.numbers(kind, part) for kind, part in zip("QIIIIIQ", parts[:7], strict=True)
     )
     rules = [compact.facts_of(rule) for rule in head["rules"]]
     members = Members(Names(member_hashes, member_numbers), Texts(heap, ends), rules)
@@ -300,10 +300,10 @@ def _readers(units: Sequence[Unit]) -> tuple[array[int], array[int]]:
     return starts, read_by
 
 
-def _leaves(nodes: Sequence[Node]) -> dict[str, list[int]]:
+def _leaves(nodes: Sequence[Node], readers: Container[int]) -> dict[str, list[int]]:
     found: dict[str, list[int]] = {}
     for number, node in enumerate(nodes):
-        for leaf in leaves_of((node.call,)):
+        for leaf in leaves_of((node.call,)) if id(node) in readers else ():
             found.setdefault(str(leaf.path.absolute()), []).append(number)
     return found
 

@@ -69,9 +69,7 @@ def variants(groups: Sequence[Group], call: Call) -> list[Call]:
 def copy_of(graph: Graph, path: Path, labels: tuple[str, ...]) -> Call:
     """The call that stands at `path` in the copy with these labels."""
     groups, call = _descend(graph, path)
-    if groups and labels:
-        return groups[-1].overrides.get(labels[-1], {}).get(call.name, call)
-    return call
+    return groups[-1].overrides.get(labels[-1], {}).get(call.name, call) if groups and labels else call
 
 
 def group_at(graph: Graph, path: Path) -> Group:

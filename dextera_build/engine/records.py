@@ -79,7 +79,7 @@ class Records(Mapping[str, NodeRecord]):
 
     def rule(self, address: str) -> str:
         """The rule of a node."""
-        return self._node(address).call.rule.path
+        return self._node(address).rule.path
 
     def output(self, address: str) -> str | None:
         """The output of a node, None where it has none."""
@@ -213,7 +213,7 @@ class _Inputs(Mapping[str, str]):
 
 def record_of(node: Node, blockers: Sequence[str] = (), result: ActionResult | None = None) -> NodeRecord:
     """What became of a node, from what it holds and, where it holds none, its result."""
-    result, rule, done = node.result or result, node.call.rule, node.state is State.DONE
+    result, rule, done = node.result or result, node.rule, node.state is State.DONE
     made = result if done else None
     return NodeRecord(
         status=status_of(node),

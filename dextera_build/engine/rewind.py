@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from dextera_build.engine.states import State, States
 from dextera_build.engine.units import Gathering, Node, Opening, Unit
+from dextera_build.engine.values import value
 from dextera_build.engine.wiring import Wiring
 from dextera_build.store.store import Store
 
@@ -39,7 +40,10 @@ def absent(node: Node, store: Store, wiring: Wiring) -> list[Node]:
     found: dict[Node, None] = {}
     for slot, source in node.call.inputs.items():
         bare = [maker for maker in _makers(wiring.sources(source, node)) if maker.bare]
-        if bare and not store.actions.references.are_here(node.inputs[slot]):
+        if not bare:
+            continue
+        given = node.inputs.get(slot) or value(source, node, wiring, store.blobs)  # in a dry run inputs are not held
+        if not store.actions.references.are_here(given):
             found |= dict.fromkeys(maker for maker in bare if not _is_here(maker, store))
     return list(found)
 

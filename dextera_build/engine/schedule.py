@@ -34,7 +34,7 @@ from dextera_build.engine.sharing import Remotes, Sharing
 from dextera_build.engine.states import LOST, State, States
 from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Gathering, Node, Opening, Unit
-from dextera_build.engine.values import value
+from dextera_build.engine.values import inputs_of, value
 from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
 from dextera_build.store import header
@@ -168,26 +168,28 @@ class Scheduler:
     def _look_up(self, node: Node) -> None:
         call = node.call
         if node.leaves:
-            self.wiring.note_leaves(node)  # another node that reads one of them may have looked again since
-        node.inputs = {slot: value(source, node, self.wiring, self.store.blobs) for slot, source in call.inputs.items()}
-        node.document = self._writer.document(call, node.inputs)
-        node.key = digests.of_bytes(node.document)
+            self.wiring.note_leaves(node, call)  # another node that reads one of them may have looked again since
+        inputs = node.inputs = inputs_of(call, node, self.wiring, self.store.blobs)
+        document = node.document = self._writer.document(call, inputs)
+        node.key = digests.of_bytes(document)
         try:
             self._find(node)
         finally:
-            if not self.policy.dry:
-                node.document = b""  # many nodes may wait; it is spelled again for those that run
+            node.document = b""  # many nodes may wait; it is spelled again for those that run
+            if self.policy.dry:
+                node.rest()
 
     def _find(self, node: Node) -> None:
         """Where the result of a node may come from."""
-        assert node.key is not None
-        owner = self._owners.get(node.key)
+        key = node.key
+        assert key is not None
+        owner = self._owners.get(key)
         if owner is not None:
             node.follow(owner)
             self.states.set(node, State.SHARED)
             return
         node.asked |= self.policy.whole
-        node.owned = node.key
+        node.owned = key
         hit = self.reading.find(node)
         forced = self._is_forced(node)
         # A dry run goes on from what is known of a node, also where that is not enough.
@@ -284,8 +286,7 @@ class Scheduler:
         node.result, node.status, node.error, node.bare = result, status, None, bare
         node.output, node.made_s = result.output, result.seconds
         self._any_bare |= bare
-        if not self.policy.dry:
-            node.document = b""
+        node.document = b""
         followers = self._disown(node)
         self.sharing.offer(node)
         self._done(node)
@@ -303,9 +304,8 @@ class Scheduler:
         self.states.set(unit, State.DONE)
         if isinstance(unit, Node):
             self.hooks.settled(unit)
-            if not self.policy.dry:
-                # What it used is in the history; that of a build that goes on from another is read only where needed.
-                unit.rest(*(("usage",) if self.policy.known is not None else ()))
+            # What it used is in the history; that of a build that goes on from another is read only where needed.
+            unit.rest(*(("usage",) if self.policy.known is not None else ()))
         for dependent in unit.release():
             if dependent.state is State.WAITS:
                 dependent.pending -= 1

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequence
+from operator import attrgetter
 from typing import Any, Generic, TypeVar
 
-from dextera_build.engine.graph import Call, Graph, Group, Leaf
+from dextera_build.engine.graph import Call, Graph, Group, Leaf, RuleFacts
 from dextera_build.engine.reach import copy_of
 from dextera_build.engine.states import State
 from dextera_build.errors import DxbError
@@ -26,6 +27,8 @@ Labels = tuple[str, ...]
 _NOBODY: list[Any] = []
 _NOTHING: dict[str, Any] = {}
 """Stand for every empty list and mapping of units; never filled."""
+_TOLD = frozenset({"lost", "reads", "calls", "remote"})
+"""What is kept of a node that is done."""
 
 
 class Rare(Generic[T]):
@@ -42,12 +45,13 @@ class Rare(Generic[T]):
         return found
 
     def __set__(self, unit: Unit, value: T) -> None:
+        more = unit.more
         if value != self._default:
-            if unit.more is _NOTHING:
-                unit.more = {}
-            unit.more[self._name] = value
-        elif self._name in unit.more:
-            del unit.more[self._name]
+            if more is _NOTHING:
+                more = unit.more = {}
+            more[self._name] = value
+        elif self._name in more:
+            del more[self._name]
 
 
 class Digest:
@@ -55,9 +59,10 @@ class Digest:
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._slot = f"{name}_bytes"
+        self._kept = attrgetter(self._slot)
 
     def __get__(self, unit: Unit, owner: type) -> str | None:
-        kept: bytes | None = getattr(unit, self._slot)
+        kept: bytes | None = self._kept(unit)
         return kept.hex() if kept is not None else None
 
     def __set__(self, unit: Unit, value: str | None) -> None:
@@ -150,7 +155,7 @@ class Node(Unit):
         bare: Its result is known, and bytes of it may be absent.
     """
 
-    __slots__ = ("asked", "bare", "graph", "key_bytes", "made_s", "output_bytes", "status")
+    __slots__ = ("_rule", "asked", "bare", "graph", "key_bytes", "made_s", "output_bytes", "status")
 
     key_bytes: bytes | None
     output_bytes: bytes | None
@@ -162,11 +167,11 @@ class Node(Unit):
     inputs = Rare[dict[str, str]](_NOTHING)
     """Slot -> digest; until it is done."""
     document = Rare[bytes](b"")
-    """The key document, while it is looked up; in a dry run also later."""
+    """The key document, while it is looked up."""
     ticket = Rare[int](-1)
     """Names its run at the executor."""
     result = Rare[ActionResult | None](None)
-    """Until it was told of; in a dry run also later."""
+    """Until it was told of."""
     error = Rare[DxbError | None](None)
     seconds = Rare[float](0.0)
     """How long it ran here [s], also when it failed, or was fetched."""
@@ -192,7 +197,8 @@ class Node(Unit):
     def __init__(self, *, address: str, path: Path, labels: Labels, graph: Graph) -> None:
         super().__init__(address=address, path=path, labels=labels)
         self.graph = graph
-        self.key = self.output = None
+        self._rule: RuleFacts | None = None
+        self.key_bytes = self.output_bytes = None
         self.status = ""
         self.made_s = 0.0
         self.asked = self.bare = False
@@ -202,12 +208,24 @@ class Node(Unit):
         """What it is a copy of; made anew where the graph holds texts, for as objects calls would outweigh all else."""
         return copy_of(self.graph, self.path, self.labels)
 
+    @property
+    def rule(self) -> RuleFacts:
+        """That of its call, which is asked for more often than all else of a call."""
+        if self._rule is None:
+            self._rule = self.call.rule
+        return self._rule
+
+    @rule.setter
+    def rule(self, rule: RuleFacts) -> None:
+        self._rule = rule
+
     def rest(self, *also: str) -> None:
         """It is done and was told of: of the `Rare` attributes keep what a record of it cannot find elsewhere."""
-        kept = {"lost", "reads", "calls", "remote", *also}
-        kept |= {"seconds"} if self.status == "fetched" else set()
-        kept |= {"tries"} if self.tries > 1 else set()
-        self.more = {name: value for name, value in self.more.items() if name in kept} or _NOTHING
+        if self.status == "fetched":
+            also += ("seconds",)
+        if self.tries > 1:
+            also += ("tries",)
+        self.more = {name: value for name, value in self.more.items() if name in _TOLD or name in also} or _NOTHING
 
     def follow(self, owner: Node) -> None:
         """Wait for `owner`, which has the same key."""
@@ -218,7 +236,10 @@ class Node(Unit):
 
     def let_go(self) -> list[Node]:
         """Those that still wait for this one because they have its key; from here on they do not."""
-        followers, self.followers = self.followers, _NOBODY
+        followers = self.followers
+        if not followers:
+            return followers
+        self.followers = _NOBODY
         return [follower for follower in followers if follower.state is State.SHARED]
 
 

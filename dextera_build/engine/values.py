@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-from dextera_build.engine.graph import Gather, Input, Leaf, Pack
+from dextera_build.engine.graph import Call, Gather, Input, Leaf, Pack
 from dextera_build.engine.units import Gathering, Node, Opening, Unit
 from dextera_build.engine.wiring import Wiring
 from dextera_build.store import header
 from dextera_build.store.cas import Blobs
+
+
+def inputs_of(call: Call, reader: Unit, wiring: Wiring, blobs: Blobs) -> dict[str, str]:
+    """Slot -> digest of the inputs of `reader`, a copy of `call`.
+
+    Raises:
+        DxbError: See `value`.
+    """
+    return {slot: value(source, reader, wiring, blobs) for slot, source in call.inputs.items()}
 
 
 def value(source: Input, reader: Unit, wiring: Wiring, blobs: Blobs) -> str:
@@ -22,9 +31,11 @@ def value(source: Input, reader: Unit, wiring: Wiring, blobs: Blobs) -> str:
         return wiring.leaf(source)
     unit = wiring.source(source, reader)
     start: str | None = None
-    if isinstance(unit, Opening):
+    if isinstance(unit, Node):
+        start = unit.output
+    elif isinstance(unit, Opening):
         start = unit.items[reader.labels[len(unit.labels)]]
-    elif isinstance(unit, Node | Gathering):
+    elif isinstance(unit, Gathering):
         start = unit.output
     assert start is not None, f"{reader.address} is not ready"
     # A gathering has followed the fields already.

@@ -9,6 +9,7 @@ from pathlib import Path as FilePath
 
 from dextera_build.engine.graph import (
     Address,
+    Call,
     Fixed,
     Gather,
     Graph,
@@ -46,6 +47,8 @@ class Wiring:
         self._gatherings: dict[tuple[Path, Labels, tuple[str, ...]], Gathering] = {}
         self.leaves: dict[FilePath, str] = {}
         """Files and folders that were looked at -> digest."""
+        self.readers: list[Node] = []
+        """Nodes that read files or folders directly; one that was connected again stands there again."""
         self._digest_leaf = digest_leaf
 
     def wish(self, target: Address) -> Gathering:
@@ -56,7 +59,7 @@ class Wiring:
 
     def node(self, path: Path, labels: Labels) -> Node:
         """The copy of a call with these labels."""
-        address = node_address(path, labels)
+        address = node_address(path, labels) if labels else path[0]
         unit = self.nodes.get(address)
         if unit is None:
             unit = self.nodes[address] = Node(address=address, path=path, labels=labels, graph=self.graph)
@@ -100,13 +103,13 @@ class Wiring:
         for leaf in leaves_of((node.call,)):
             self.leaves.pop(leaf.path, None)
 
-    def note_leaves(self, node: Node) -> None:
-        """Note which files and folders `node` reads, and what they hold now.
+    def note_leaves(self, node: Node, call: Call) -> None:
+        """Note which files and folders `node`, a copy of `call`, reads, and what they hold now.
 
         Raises:
             RecipeError: One of them cannot be read.
         """
-        node.leaves = [(leaf, self.leaf(leaf)) for leaf in leaves_of((node.call,))]
+        node.leaves = [(leaf, self.leaf(leaf)) for leaf in leaves_of((call,))]
 
     def connect(self, unit: Unit) -> None:
         """Find what `unit` reads and wait for what is not known.
@@ -115,8 +118,12 @@ class Wiring:
             DxbError: A leaf cannot be read, or a label does not exist.
         """
         if isinstance(unit, Node):
-            self.note_leaves(unit)
-            sources = (self.sources(source, unit) for source in unit.call.inputs.values())
+            call = unit.call
+            unit.rule = call.rule
+            self.note_leaves(unit, call)
+            if unit.leaves:
+                self.readers.append(unit)
+            sources = (self.sources(source, unit) for source in call.inputs.values())
             unit.await_(dict.fromkeys(chain.from_iterable(sources)))
         elif isinstance(unit, Opening) and not isinstance(unit.group.over, Fixed):
             unit.await_(self.sources(unit.group.over, unit))
@@ -133,16 +140,15 @@ class Wiring:
 
     def source(self, part: Leaf | Output | Item | Gather, reader: Unit) -> Unit | None:
         """The unit that one part of an input of `reader` comes from, None for a file or folder."""
+        if isinstance(part, Output):
+            level = len(part.call) - 1
+            assert not level or part.call[:-1] == reader.path[:-1][:level], f"{reader} reads into a group: {part.call}"
+            return self.node(part.call, reader.labels[:level])
         if isinstance(part, Leaf):
             return None
         if isinstance(part, Item):
             return self.opening(part.group, reader.labels[: len(part.group) - 1])
-        scope = reader.path[:-1]
-        if isinstance(part, Output):
-            level = len(part.call) - 1
-            assert part.call[:-1] == scope[:level], f"{reader.address} reads into a group: {part.call}"
-            return self.node(part.call, reader.labels[:level])
-        return self._gathering(part, scope, reader.labels)
+        return self._gathering(part, reader.path[:-1], reader.labels)
 
     def expand(self, unit: Gathering, opened: Opening) -> None:
         """Go on from a group that `unit` waited for and that is open now.

@@ -228,22 +228,23 @@ def _schema(annotation: Any) -> str:
 
 
 def _resolved(node: Node, name: str, slot: Slot, scope: Scope) -> Input | None:
-    if isinstance(node.value, dict):
+    text = node.value
+    if isinstance(text, dict):
         return _packed(node, name, slot, scope)
-    if not isinstance(node.value, str) or not node.value.startswith("$"):
+    if not isinstance(text, str) or not text.startswith("$"):
         raise RecipeError(
             f"the input `{name}` takes a reference, this is {node.kind}",
             code="DXB-R107",
             where=node.place,
             hint=f"`{name}: $...`; files are declared under `inputs`",
         )
-    bound = scope.resolve(node.value, node.place)
+    bound = scope.resolve(text, node.place)
     if bound.input is None:
         return None
     given = bound.kind()
     if not _fits(slot.annotation, given):
         raise RecipeError(
-            f"`{name}` takes {type_name(slot.annotation)}, but `{node.value}` is {type_name(given)}",
+            f"`{name}` takes {type_name(slot.annotation)}, but `{text}` is {type_name(given)}",
             code="DXB-R107",
             where=node.place,
         )

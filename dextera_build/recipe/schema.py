@@ -225,6 +225,9 @@ def _nodes(node: Node | None, where: Place) -> dict[str, Decl]:
 
 
 def _node(name: str, held: Node, place: Place) -> Decl:
+    rule = _rule_of(held)
+    if rule is not None:
+        return PackedCall(name, sys.intern(rule), held)
     node = held.opened()
     if not isinstance(node.value, dict):
         raise RecipeError(f"the node `{name}` is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
@@ -248,6 +251,15 @@ def _node(name: str, held: Node, place: Place) -> Decl:
     rule = sys.intern(_call(name, node).rule)
     held.pack()
     return PackedCall(name, rule, held)
+
+
+def _rule_of(held: Node) -> str | None:
+    """The rule of a packed call of which nothing is wrong here; None of all else, which is to be looked at in full."""
+    found = held.outline()
+    if found is None or not found.keys().isdisjoint(("recipe", "each", "matrix")):
+        return None
+    texts = (found.get("rule"), found.get("salt", ""), found.get("backend", ""))
+    return found["rule"] if all(type(text) is str for text in texts) else None
 
 
 def _call(name: str, node: Node) -> CallDecl:

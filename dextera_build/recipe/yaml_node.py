@@ -40,7 +40,7 @@ class Node:
         return held if type(held) is not bytes else self.opened()._held
 
     def pack(self) -> None:
-        """Hold the value as bytes from now on; what is asked of it is made anew each time."""
+        """Hold a mapping as bytes from now on; what is asked of it is made anew each time."""
         if type(self._held) is not bytes:
             self._held, self._marks = marshal.dumps(_packed(self, self._mark)), ()
 
@@ -49,6 +49,13 @@ class Node:
         if type(self._held) is not bytes:
             return self
         return _unpacked(marshal.loads(self._held), self._file, self._mark)
+
+    def outline(self) -> dict[str, Any] | None:
+        """Of a mapping that is held as bytes: its keys, each with its scalar or (); of all else None."""
+        if type(self._held) is not bytes:
+            return None
+        _, keys, inside, _ = marshal.loads(self._held)
+        return {key: plain[1] if len(plain) == 2 else () for key, plain in zip(keys, inside, strict=True)}
 
     @property
     def place(self) -> Place:
@@ -117,13 +124,14 @@ def place_of(file: str, mark: int) -> Place:
 
 def _packed(node: Node, base: int) -> tuple[Any, ...]:
     """A value as plain data; marks count from `base`, which makes most of them small."""
-    node = node.opened()
     value, mark = node._held, node._mark - base
+    if type(value) is bytes:
+        return _packed(node.opened(), base)
     if isinstance(value, dict):
-        inside = tuple(_packed(inner, base) for inner in value.values())
-        return mark, tuple(value), inside, tuple(place - base for place in node._marks)
+        inside = tuple([_packed(inner, base) for inner in value.values()])
+        return mark, tuple(value), inside, tuple([place - base for place in node._marks])
     if isinstance(value, list):
-        return mark, None, tuple(_packed(inner, base) for inner in value)
+        return mark, None, tuple([_packed(inner, base) for inner in value])
     return mark, value
 
 

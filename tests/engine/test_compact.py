@@ -43,7 +43,8 @@ def test_groups_without_texts_come_first_and_get_some(tmp_path: Path) -> None:
 
 
 def test_names_of_one_hash_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compact, "hash_of", lambda name: len(name))
+    monkeypatch.setattr(compact, "hash_of", len)
+    monkeypatch.setattr(compact, "short_hash_of", len)
     plan = graph(call("a"), call("b", x=out("a")), call("long", x=out("b")))
     members = members_of(plan)
     assert members == plan.members

@@ -6,6 +6,7 @@ import json
 import os
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -40,7 +41,7 @@ def run(what: Graph, store: Store, run: str = "0001") -> None:
     build(what, [("scene",)], store=store, executor=inline(), listen=Record(), info=RunInfo(run=run))
 
 
-def statuses(found: list[Planned]) -> dict[str, str]:
+def statuses(found: Sequence[Planned]) -> dict[str, str]:
     return {node.address: node.status for node in found}
 
 
