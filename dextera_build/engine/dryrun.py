@@ -10,7 +10,7 @@ from typing import Literal, overload
 from dextera_build.engine.graph import Address, Graph, RuleFacts, parse_address
 from dextera_build.engine.history import History
 from dextera_build.engine.policy import Policy
-from dextera_build.engine.reach import leaves, reach
+from dextera_build.engine.reach import leaves, lookup, reach
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node, Path
@@ -112,14 +112,19 @@ def plan(
         RecipeError: A file or folder is missing or cannot be read.
     """
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
+    for target in wanted:
+        lookup(graph, target)
     scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True))
-    for leaf in leaves(graph, wanted):
-        scheduler.wiring.leaf(leaf)
     scheduler.run(wanted)
-    store.leaves.save()
+    for error in scheduler.wiring.unread:
+        raise error
     for unit, error in zip(scheduler.failed, scheduler.errors, strict=True):
         if unit in scheduler.wishes:
             raise error
+    if scheduler.wiring.openings:  # what copies read of a group that is not open yet
+        for leaf in leaves(graph, wanted):
+            scheduler.wiring.leaf(leaf)
+    store.leaves.save()
     return Forecast(scheduler, list(_entries(graph, wanted, scheduler.wiring)), history)
 
 

@@ -68,7 +68,7 @@ class History:
 
     def get(self, address: str) -> Entry | None:
         """The entry of a node, or None where it was never made here."""
-        return self._load().get(address)
+        return self._load().entry(address)
 
     def all(self) -> dict[str, Entry]:
         """Every entry."""
@@ -77,9 +77,9 @@ class History:
     def note(self, address: str, entry: Entry) -> None:
         """Remember a node; one that still has its key stays with the run that gave it that."""
         if self.lean and self._entries is None:
-            self._fresh[address] = _with_usage(entry, self._fresh.get(address))
+            self._fresh[address] = _with_usage(entry, self._fresh.entry(address))
             return
-        known = self._load().get(address)
+        known = self._load().entry(address)
         if known is not None and known.key == entry.key and known.key_document == entry.key_document:
             if not entry.usage:
                 return
@@ -176,9 +176,9 @@ class _Packed(MutableMapping[str, Entry]):
         row = (_short(entry.key), document, run, entry.seconds, entry.time, names, *entry.usage.values())
         self._rows[address] = marshal.dumps(row)
 
-    def get(self, address: str, default: Any = None) -> Any:
-        """The entry of an address; quick where there is none."""
-        return self[address] if address in self._rows else default
+    def entry(self, address: str) -> Entry | None:
+        """The entry of an address; quicker than `get` where there is none."""
+        return self[address] if address in self._rows else None
 
     def __delitem__(self, address: str) -> None:
         del self._rows[address]

@@ -47,6 +47,8 @@ class Wiring:
         self._gatherings: dict[tuple[Path, Labels, tuple[str, ...]], Gathering] = {}
         self.leaves: dict[FilePath, str] = {}
         """Files and folders that were looked at -> digest."""
+        self.unread: list[DxbError] = []
+        """Why files and folders could not be looked at."""
         self.readers: list[Node] = []
         """Nodes that read files or folders directly; one that was connected again stands there again."""
         self._digest_leaf = digest_leaf
@@ -95,6 +97,7 @@ class Wiring:
                 self.leaves[leaf.path] = self._digest_leaf(leaf.path)
             except DxbError as error:
                 error.where = error.where or leaf.where
+                self.unread.append(error)
                 raise
         return self.leaves[leaf.path]
 
