@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 
     from dextera_build.errors import DxbError
 
-_NEW_OBJECTS = 10_000
-"""After so many garbage is looked for."""
-
 
 def main(argv: "Sequence[str] | None" = None) -> int:
     """Run one command and return its exit code."""
@@ -60,12 +57,8 @@ def _completes(words: list[str]) -> bool:
 
 
 def _run(words: list[str]) -> int:
-    import gc
     import importlib
 
-    # A large graph is many objects and little garbage: to look for it after every 700 new objects took a tenth of the
-    # time to plan one.
-    gc.set_threshold(_NEW_OBJECTS)
     from dextera_build.cli.grammar import parser
 
     verb = next((word for word in words if not word.startswith("-")), "")

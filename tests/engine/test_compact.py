@@ -10,9 +10,10 @@ import pytest
 
 from dextera_build.engine import compact
 from dextera_build.engine.compact import Members, Names, Writer, members_of
-from dextera_build.engine.graph import Graph, Leaf, Pack
+from dextera_build.engine.graph import Address, Graph, Leaf, Pack
 from dextera_build.errors import Place
-from tests.engine.tiny import call, facts, graph, group, item, leaf, out
+from dextera_build.store.store import Store
+from tests.engine.tiny import call, facts, graph, group, item, leaf, out, run
 from tests.oracle.graphs import RandomGraph
 
 
@@ -58,6 +59,23 @@ def test_a_place_and_a_path_of_any_bytes_come_back(tmp_path: Path) -> None:
     writer = Writer()
     writer.add(call("a", x=odd))
     assert writer.members()["a"].inputs == {"x": odd}  # type: ignore[union-attr]
+
+
+def test_a_build_reads_a_call_four_times_at_most(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[int] = []
+    member = Members._member
+    monkeypatch.setattr(compact, "_RECENT", 1)
+    monkeypatch.setattr(Members, "_member", lambda self, number: read.append(number) or member(self, number))
+    plain = graph(*(call(f"n{number}", value=number) for number in range(40)))
+    packed = Graph(plain.name, members_of(plain), plain.targets)
+    targets = [Address((name,)) for name in plain.members]
+    read.clear()
+    assert run(packed, store, *targets)[0].ok
+    # To see that its files are there, to connect it, for its key, and for its task; each target is looked for once.
+    assert len(read) <= 5 * len(targets)
+    read.clear()
+    assert run(packed, store, *targets)[0].ok
+    assert len(read) <= 4 * len(targets)
 
 
 def held(make: Callable[[int], object], few: int = 500, many: int = 1_500) -> float:
