@@ -96,6 +96,8 @@ class Scheduler:
             pause=self.hooks.pause,
         )
         self._owners: dict[str, Node] = {}
+        self._made: set[str] = set()
+        """Keys that ran, where nodes are forced: of two nodes with one key one runs."""
         self._measured = (0, 0)
         self._any_bare = policy.known is not None and bool(policy.known.bare)
 
@@ -286,6 +288,8 @@ class Scheduler:
         node.result, node.status, node.error, node.bare = result, status, None, bare
         node.output, node.made_s = result.output, result.seconds
         self._any_bare |= bare
+        if status == "ran" and (self.policy.force or self.policy.recall):
+            self._made |= {node.owned, node.key or ""}
         node.document = b""
         followers = self._disown(node)
         self.sharing.offer(node)
@@ -369,7 +373,7 @@ class Scheduler:
                 stack += reader.dependents
 
     def _is_forced(self, node: Node) -> bool:
-        if node.status or not (self.policy.force or self.policy.recall):
+        if node.status or node.key in self._made or not (self.policy.force or self.policy.recall):
             return False
         return _named(node, self.policy.force) or (self.policy.recall and self.store.actions.calls(node.key or ""))
 
