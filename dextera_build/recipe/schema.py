@@ -46,7 +46,7 @@ class CallDecl:
 
 @dataclass(frozen=True, slots=True)
 class PackedCall:
-    """A call as a recipe holds it: checked, and in few bytes, since there may be a hundred thousand."""
+    """A call as a recipe holds it: checked, and packed where there are many; there may be a hundred thousand."""
 
     name: str
     rule: str
@@ -248,9 +248,7 @@ def _node(name: str, held: Node, place: Place) -> Decl:
     if kinds == ["recipe"]:
         _text(node.value["recipe"], "recipe")
         return UseDecl(name, node.value["recipe"], _arguments(node), place)
-    rule = sys.intern(_call(name, node).rule)
-    held.pack()
-    return PackedCall(name, rule, held)
+    return PackedCall(name, sys.intern(_call(name, node).rule), held)
 
 
 def _rule_of(held: Node) -> str | None:

@@ -9,6 +9,8 @@ from typing import Any
 from dextera_build.errors import Place
 
 _COLUMNS = 1 << 24
+_NESTED = (dict, list, bytes)
+"""Kinds of what is held of a value that is no scalar, or that is packed."""
 
 
 class Node:
@@ -128,7 +130,12 @@ def _packed(node: Node, base: int) -> tuple[Any, ...]:
     if type(value) is bytes:
         return _packed(node.opened(), base)
     if isinstance(value, dict):
-        inside = tuple([_packed(inner, base) for inner in value.values()])
+        inside = tuple(
+            [
+                _packed(inner, base) if type(inner._held) in _NESTED else (inner._mark - base, inner._held)
+                for inner in value.values()
+            ]
+        )
         return mark, tuple(value), inside, tuple([place - base for place in node._marks])
     if isinstance(value, list):
         return mark, None, tuple([_packed(inner, base) for inner in value])
@@ -139,7 +146,9 @@ def _unpacked(plain: tuple[Any, ...], file: str, base: int) -> Node:
     mark = base + plain[0]
     if len(plain) == 2:
         return Node(plain[1], file, mark)
-    inside = [_unpacked(inner, file, base) for inner in plain[2]]
+    inside = [
+        Node(inner[1], file, base + inner[0]) if len(inner) == 2 else _unpacked(inner, file, base) for inner in plain[2]
+    ]
     if plain[1] is None:
         return Node(inside, file, mark)
     return Node(dict(zip(plain[1], inside, strict=True)), file, mark, [base + place for place in plain[3]])

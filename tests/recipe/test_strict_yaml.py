@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from unittest.mock import patch
 
 import pytest
 import yaml
@@ -141,7 +142,8 @@ def test_both_parsers_read_the_same(value):
 def test_a_packed_call_says_what_it_said(options):
     call = json.dumps({"rule": "a.b", **options})
     # The second is no call of a recipe, so it is not packed; it stands at the same places.
-    packed, plain = (parse(f"{word}: {{n: {call}, more: {{rule: c.d}}}}", "f") for word in ("nodes", "other"))
+    with patch.object(strict_yaml, "_MOST_LOOSE", 0):
+        packed, plain = (parse(f"{word}: {{n: {call}, more: {{rule: c.d}}}}", "f") for word in ("nodes", "other"))
     assert packed.plain()["nodes"] == plain.plain()["other"]
     stack = [(packed.value["nodes"], plain.value["other"])]
     while stack:
@@ -154,7 +156,9 @@ def test_a_packed_call_says_what_it_said(options):
             stack += zip(one.value, other.value, strict=True)
 
 
-def test_a_packed_call_knows_its_places_over_many_lines():
+@pytest.mark.parametrize("loose", [0, 1, 2])
+def test_a_packed_call_knows_its_places_over_many_lines(loose, monkeypatch):
+    monkeypatch.setattr(strict_yaml, "_MOST_LOOSE", loose)
     text = "summary: x\nnodes:\n  a: &a\n    rule: x.y\n    b:\n      - 1\n      - {c: 2}\n  d: *a\n"
     root = parse(text, "f")
     for name in ("a", "d"):
