@@ -40,6 +40,11 @@ def test_show_a_node_and_the_configuration(built):
     assert "jobs\t3\tenvironment" in config
     assert "cache\tcache\tdxb.toml" in config
     assert "profile\tcpu\tdefault" in config
+    assert "durable\ttrue\tdefault" in built.dxb("show", "--config", env={"DXB_DURABLE": ""}).out
+    config = json.loads(built.dxb("show", "--config", "--json", env={"DXB_JOBS": "3"}).out)
+    assert config["jobs"] == {"value": "3", "origin": "environment"}
+    past = json.loads(built.dxb("show", "--json", "say/words").out)
+    assert past["start"]["run"] == "0001"
 
 
 def test_get_writes_the_artifact(built):
@@ -106,6 +111,23 @@ def test_doctor_lists_findings(space):
     answer = space.dxb("doctor", "--json")
     assert answer.code in (0, 4)
     assert {"python", "store", "rendering"} <= {finding["what"] for finding in json.loads(answer.out)}
+
+
+def test_a_backend_is_made_beside_a_rule_of_the_project_and_nowhere_else(space):
+    assert space.dxb("new", "backend", "toy.shout=softly").out == "rules/toy/shout_softly.py\n"
+    answer = space.dxb("new", "backend", "factorize.mesh=softly")
+    assert (answer.code, answer.out) == (2, "")
+    assert "error[DXB-U193]: `factorize.mesh` is no rule of this project" in answer.err
+
+
+def test_a_variable_that_nothing_reads_is_told_once_a_command(built):
+    answer = built.dxb("build", "say/words", env={"DXB_STORE": "elsewhere"})
+    assert answer.code == 0
+    assert answer.err.splitlines()[0].startswith(
+        "warning: nothing reads the variable `DXB_STORE`; did you mean `DXB_CACHE`,"
+    )
+    assert answer.err.count("DXB_STORE") == 1
+    assert "warning" not in built.dxb("ls", env={"DXB_JOBS": "2", "DXB_REMOTE_TOKEN": "x"}).err
 
 
 def test_a_wrong_setting_is_named(space):
