@@ -235,7 +235,10 @@ class Project:
         limits.refuse_deep(trail, own.extends.place)
         found = self.recipe(base, trail) if base not in trail else None
         if found is None:
-            message = f"no recipe is called `{base}`" if base not in trail else "the recipe extends itself"
+            if base in trail:
+                facts = {"extends": " -> ".join((*trail, base))}
+                raise RecipeError("the recipe extends itself", code="DXB-R110", where=own.extends.place, facts=facts)
+            message = f"no recipe is called `{base}`"
             raise RecipeError(message, code="DXB-R110", where=own.extends.place, hint="`dxb ls` shows all of them")
         return own.over(found)
 

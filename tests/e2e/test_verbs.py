@@ -130,6 +130,14 @@ def test_a_variable_that_nothing_reads_is_told_once_a_command(built):
     assert "warning" not in built.dxb("ls", env={"DXB_JOBS": "2", "DXB_REMOTE_TOKEN": "x"}).err
 
 
+def test_a_file_in_place_of_the_store_is_one_error(space):
+    space.write("cache", "")
+    answer = space.dxb("build", "say/words")
+    assert (answer.code, answer.err.count("error[")) == (1, 1)
+    assert "error[DXB-S102]: a file stands where the store has a folder" in answer.err
+    assert str(space.root / "cache") in answer.err
+
+
 def test_a_wrong_setting_is_named(space):
     space.write("dxb.toml", 'chache = "x"\n')
     answer = space.dxb("show", "--config")
