@@ -144,12 +144,6 @@ def test_jsonl_is_the_event_stream() -> None:
     assert read == [json.loads(event.to_line()) for event in events]
 
 
-def test_unknown_console_names_those_that_exist() -> None:
-    with pytest.raises(UsageError, match="there is no console `fancy`") as caught:
-        console("fancy", io.StringIO())
-    assert caught.value.facts == {"consoles": "jsonl, live, none, plain"}
-
-
 def test_live_becomes_plain_where_nothing_can_move(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.get_terminal_size", lambda fd: __import__("os").terminal_size((80, 24)))
     monkeypatch.setattr(Tty, "fileno", lambda self: 2)

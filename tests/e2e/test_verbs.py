@@ -130,6 +130,27 @@ def test_a_variable_that_nothing_reads_is_told_once_a_command(built):
     assert "warning" not in built.dxb("ls", env={"DXB_JOBS": "2", "DXB_REMOTE_TOKEN": "x"}).err
 
 
+@pytest.mark.parametrize(
+    ("flag", "value", "code"),
+    [
+        ("--jobs", "many", "DXB-U103"),
+        ("--console", "liv", "DXB-U120"),
+        ("--executor", "rai", "DXB-U181"),
+        ("--calls", "replai", "DXB-U180"),
+        ("--cache", "local:rw,nowhere:r", "DXB-U133"),
+        ("--cache", "local:x", "hint: `local:r` reads from it"),
+    ],
+)
+def test_a_wrong_setting_is_refused_where_nothing_has_to_run(built, flag, value, code):
+    answer = built.dxb("build", "say/words", flag, value)
+    assert (answer.code, answer.out, code in answer.err) == (2, "", True)
+
+
+def test_one_node_is_no_plural(space):
+    for said in ("1 node: 1 ran", "up to date   1 node   ", "up to date   1 node   "):
+        assert said in space.dxb("build", "say/words:start").err
+
+
 def test_a_file_in_place_of_the_store_is_one_error(space):
     space.write("cache", "")
     answer = space.dxb("build", "say/words")
