@@ -27,7 +27,6 @@ from dextera_build.engine.events import (
     RunFinished,
     RunStarted,
 )
-from dextera_build.errors import UsageError
 from tests.report.fabricate import Spec, fabricate
 
 
