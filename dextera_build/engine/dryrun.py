@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from dextera_build.engine.graph import Address, Graph, parse_address
@@ -31,7 +31,7 @@ class Planned:
     """How long it ran the last time [s], where that is known."""
     output: str | None = None
     """Digest of the output of a cached node."""
-    key_document: bytes = b""
+    key_document: bytes = field(default=b"", repr=False)
     """The key document of a cached or stale node."""
     bare: bool = False
     """Its result is known, its bytes are absent: cached as long as nobody needs them, stale where somebody does."""

@@ -87,7 +87,8 @@ def test_a_missing_file_is_named(space):
     )
     answer = space.dxb("build", "say/note")
     assert answer.code == 2
-    assert "gone.txt" in answer.err
+    assert "error[DXB-R301]: `notes/gone.txt` is neither a file nor a recipe" in answer.err
+    assert "--> recipes/say/note.yaml:1:16" in answer.err
     assert "Traceback" not in answer.err
 
 
