@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import posixpath
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.rule import Context, Options, rule
@@ -82,7 +82,7 @@ def _parsed(ctx: Context, path: str, data: bytes) -> ET.Element:
         ctx.fail(f"`{path}` is no XML: {error}")
 
 
-def _named(roots: Iterator[ET.Element], settings: dict[str, str]) -> Iterator[str]:
+def _named(roots: Iterable[ET.Element], settings: dict[str, str]) -> Iterator[str]:
     """Files of meshes, height fields, skins and textures, from the model's folder, as MuJoCo looks for them."""
     for root in roots:
         for part in root.iter():
