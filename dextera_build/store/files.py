@@ -28,6 +28,14 @@ TEMPORARY = ".tmp"
 _UNFINISHED = re.compile(rf"{re.escape(TEMPORARY)}-[0-9a-f]{{8}}-\d+-\d+")
 
 
+def _renew() -> None:
+    global _TOKEN
+    _TOKEN = os.urandom(4).hex()
+
+
+os.register_at_fork(after_in_child=_renew)  # a process id comes again, and what a dead process left is there still
+
+
 def store_error(error: OSError, path: str) -> StoreError:
     """What a failed write to the store means for the person who builds."""
     if error.errno in space.FULL:
