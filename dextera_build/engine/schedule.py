@@ -313,6 +313,9 @@ class Scheduler:
             if dependent.state is State.WAITS:
                 dependent.pending -= 1
                 self._come_nearer(dependent, unit)
+            elif isinstance(dependent, Gathering) and isinstance(unit, Opening):
+                # Nothing will come of all copies together, but of those of this group perhaps.
+                self.wiring.expand(dependent, unit)
 
     def _come_nearer(self, dependent: Unit, source: Unit) -> None:
         if isinstance(dependent, Gathering) and isinstance(source, Opening):
