@@ -226,7 +226,7 @@ class Scheduler:
                     stack.append(source)
 
     def _queue(self, node: Node) -> None:
-        if self.policy.only is None or _named(node, self.policy.only):
+        if self.policy.only is None or node.is_one_of(self.policy.only):
             if not self._send_back(node, rewind.absent(node, self.store) if self._any_bare else []):
                 self.states.set(node, State.QUEUED)
             return
@@ -390,7 +390,7 @@ class Scheduler:
     def _is_forced(self, node: Node) -> bool:
         if node.status or node.key in self._made or not (self.policy.force or self.policy.recall):
             return False
-        return _named(node, self.policy.force) or (self.policy.recall and self.store.actions.calls(node.key or ""))
+        return node.is_one_of(self.policy.force) or (self.policy.recall and self.store.actions.calls(node.key or ""))
 
     def _forbid_circles(self) -> None:
         if self.failed or self.policy.dry:
@@ -398,7 +398,3 @@ class Scheduler:
         stuck = sorted(node.address for node in self.wiring.nodes.values() if node.state is State.WAITS)
         if stuck:
             raise AssertionError(f"these nodes wait for one another: {', '.join(stuck[:12])}")
-
-
-def _named(node: Node, names: frozenset[str]) -> bool:
-    return node.address in names or ".".join(node.path) in names

@@ -112,6 +112,10 @@ class Node(Unit):
     followers: list[Node] = field(default_factory=lambda: _NOBODY, repr=False)
     """Nodes with the same key that wait for this one."""
 
+    def is_one_of(self, names: frozenset[str]) -> bool:
+        """Whether its address is among `names`, with labels or without."""
+        return self.address in names or ".".join(self.path) in names
+
     def follow(self, owner: Node) -> None:
         """Wait for `owner`, which has the same key."""
         if owner.followers:
