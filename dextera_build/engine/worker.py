@@ -27,12 +27,13 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from dextera_build import digest as digests
 from dextera_build.engine.retries import names_of
 from dextera_build.engine.tasks import PACKET, escaped, printed
 from dextera_build.engine.usage import Meter
 from dextera_build.errors import DxbError, MachineError
 
-_SPELL = json.JSONEncoder(separators=(",", ":"), default=str).encode
+_SPELL = digests.speller(ensure_ascii=True, default=str)
 _PR_SET_PDEATHSIG = 1
 _TOLD = 1 << 20
 """No module search path takes more [bytes]."""

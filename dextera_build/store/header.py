@@ -135,7 +135,8 @@ def items(read: Read, digest: str) -> dict[str, str]:
 
 def file_header(blob: str, size: int) -> bytes:
     """The header of the `File` with this content."""
-    return digests.canonical({"artifact": "File", "fields": {"data": {"$bytes": [blob, size]}}})
+    # As `digest.canonical` spells it; there is one for each file that a build reads.
+    return f'{{"artifact":"File","fields":{{"data":{{"$bytes":[{digests.quoted(blob)},{size:d}]}}}}}}'.encode()
 
 
 def folder_header(tree: Mapping[str, tuple[str, int]]) -> bytes:
@@ -146,8 +147,10 @@ def folder_header(tree: Mapping[str, tuple[str, int]]) -> bytes:
 
 def collection_header(parts: Mapping[str, str]) -> bytes:
     """The header of the `Collection` of these artifacts: label -> digest."""
-    content = {label: {"$ref": digest} for label, digest in parts.items()}
-    return digests.canonical({"artifact": "Collection", "fields": {"items": {"$map": content}}})
+    # As `digest.canonical` spells it; there is one for each list of inputs in a recipe.
+    quoted = digests.quoted
+    content = ",".join([f'{quoted(label)}:{{"$ref":{quoted(parts[label])}}}' for label in sorted(parts)])
+    return f'{{"artifact":"Collection","fields":{{"items":{{"$map":{{{content}}}}}}}}}'.encode()
 
 
 def _refuse_escapes(labels: Iterable[str]) -> None:

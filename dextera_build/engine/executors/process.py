@@ -21,11 +21,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from dextera_build import digest as digests
 from dextera_build.engine.tasks import PACKET, Task, printed
 from dextera_build.errors import RuleError
 from dextera_build.store.files import write_all
 
-_SPELL = json.JSONEncoder(separators=(",", ":")).encode
+_SPELL = digests.speller(ensure_ascii=True)
 _MODULE = "dextera_build.engine.worker"
 _ROOT = Path(__file__).resolve().parents[3]
 _TAIL_LINES = 12
