@@ -176,8 +176,8 @@ class Scheduler:
         try:
             self._find(node)
         finally:
-            if not self.policy.dry:
-                node.document = b""  # many nodes may wait; it is spelled again for those that run
+            if not self.policy.dry and (node.state is not State.QUEUED or self.dispatch.is_long):
+                node.document = b""  # it is spelled again when the node runs
 
     def _find(self, node: Node) -> None:
         """Where the result of a node may come from."""

@@ -80,7 +80,7 @@ class Node(Unit):
     inputs: dict[str, str] = field(default_factory=lambda: _NOTHING)
     key: str | None = None
     document: bytes = field(default=b"", repr=False)
-    """The key document, while it is looked up; in a dry run also later."""
+    """The key document, while it is looked up, and until it runs where few nodes wait; in a dry run also later."""
     ticket: int = -1
     """Names its run at the executor."""
     status: str = ""

@@ -34,6 +34,7 @@ from dextera_build.engine.usage import Meter
 from dextera_build.errors import DxbError, MachineError
 
 _SPELL = digests.speller(ensure_ascii=True, default=str)
+_READ = json.JSONDecoder().decode
 _PR_SET_PDEATHSIG = 1
 _TOLD = 1 << 20
 """No module search path takes more [bytes]."""
@@ -75,7 +76,7 @@ class Worker:
                 place, size = map(int, packet[1:].split())
                 packet = os.pread(self._large, size, place)
             line, _, document = packet.partition(b"\n")
-            self._answer(int(ticket), json.loads(line), document)
+            self._answer(int(ticket), _READ(line.decode()), document)
 
     def _answer(self, ticket: int, task: Mapping[str, Any], document: bytes) -> None:
         if os.fstat(1).st_size:

@@ -22,6 +22,7 @@ _CHUNK = 1 << 20
 _PIECE = 1 << 14
 _TOKEN = os.urandom(4).hex()  # two machines may write to one folder with equal process ids
 _COUNTER = itertools.count()
+_own = f"{_TOKEN}-{os.getpid()}-"
 TEMPORARY = ".tmp"
 """How the names of unfinished files, and of folders for them, begin."""
 _UNFINISHED = re.compile(rf"{re.escape(TEMPORARY)}-[0-9a-f]{{8}}-\d+-\d+")
@@ -76,7 +77,16 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
 
 def unique() -> str:
     """A name that no other process, here or on another machine, and no other call of this one takes."""
-    return f"{_TOKEN}-{os.getpid()}-{next(_COUNTER)}"
+    return f"{_own}{next(_COUNTER)}"
+
+
+def _be_another() -> None:
+    """This is a process that was forked, and takes names of its own."""
+    global _own
+    _own = f"{_TOKEN}-{os.getpid()}-"
+
+
+os.register_at_fork(after_in_child=_be_another)
 
 
 def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None) -> None:

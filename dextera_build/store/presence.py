@@ -45,7 +45,7 @@ class Presence:
         self._rows[f"ac/{key[:2]}"] += bytes.fromhex(key) + _ANY
         for file in needs:
             digest = file.digest
-            self._rows[f"cas/{digest[:2]}"] += bytes.fromhex(digest) + file.size.to_bytes(8, "big")
+            self._rows[f"cas/{digest[:2]}"] += bytes.fromhex(f"{digest}{file.size:016x}")
 
     def _noted(self, shard: str) -> list[bytes]:
         rows = bytes(self._rows[shard])
