@@ -22,7 +22,7 @@ _MOST = 1 << 30
 _UNREADABLE = (
     zipfile.BadZipFile,
     KeyError,
-    UnicodeDecodeError,
+    ValueError,  # of offsets beyond the file, too
     NotImplementedError,
     RuntimeError,
     EOFError,
@@ -63,6 +63,8 @@ def unpack(kind: type[A], data: bytes) -> A:
 
 
 def _forbid_bombs(archive: zipfile.ZipFile) -> None:
+    if any(member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for member in archive.infolist()):
+        raise zipfile.BadZipFile("a member is compressed by another method than deflate")
     # No more is read of a member than it declares.
     size = sum(member.file_size for member in archive.infolist())
     if size > _MOST:
