@@ -16,20 +16,17 @@ from __future__ import annotations
 import io
 import json
 import re
-import types
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import (
     TYPE_CHECKING,
-    Annotated,
     Any,
     BinaryIO,
     ClassVar,
     Generic,
     Self,
     TypeVar,
-    Union,
     get_args,
     get_origin,
 )
@@ -37,6 +34,7 @@ from typing import (
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, model_validator
 
 from dextera_build import digest
+from dextera_build.artifacts import hints
 from dextera_build.artifacts.arrays import Array as Array
 from dextera_build.artifacts.arrays import array_bytes, array_in, array_of, check_array, is_array, save_arrays
 from dextera_build.artifacts.content import SMALL, Content, Get, OnDisk, Put, Stored
@@ -98,8 +96,8 @@ class Artifact(BaseModel):
     def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
         if header["artifact"] != cls.name():
             raise ArtifactError(f"a {cls.name()} is needed here, but a {header['artifact']} came", code="DXB-A102")
-        hints = _hints(cls)
-        return cls(**{name: _decode(raw, hints.get(name), get) for name, raw in header["fields"].items()})
+        declared = _hints(cls)
+        return cls(**{name: _decode(raw, declared.get(name), get) for name, raw in header["fields"].items()})
 
     @classmethod
     def restore(cls, key: str, get: Get, folder: Path, stem: str) -> list[Path]:
@@ -150,7 +148,9 @@ class Collection(Artifact, Generic[T]):
     """Label -> artifact. The label is not part of the item: renaming one leaves the item's digest alone."""
 
 
-_FILE = re.compile(rb'\{"artifact":"File","fields":\{"data":\{"\$bytes":\["([0-9a-f]{64})",([0-9]{1,18})\]\}\}\}')
+_FILE = re.compile(
+    rb'\{"artifact":"File","fields":\{"data":\{"\$bytes":\["([0-9a-f]{64})",(0|[1-9][0-9]{0,17})\]\}\}\}'
+)
 """The header of a `File` as it is spelled; nodes read more of them than of anything else."""
 
 
@@ -338,7 +338,7 @@ def _encode(value: Any, put: Put) -> Any:
 
 def _decode(raw: Any, hint: Any, get: Get) -> Any:
     if isinstance(raw, list):
-        inner = _arguments(hint)
+        inner = hints.arguments(hint)
         item = inner[0] if inner else None
         fixed = inner if inner and inner[-1] is not Ellipsis and len(inner) == len(raw) else [item] * len(raw)
         return tuple(_decode(part, kind, get) for part, kind in zip(raw, fixed, strict=True))
@@ -353,39 +353,15 @@ def _decode(raw: Any, hint: Any, get: Get) -> Any:
     if tag == "$ref":
         return _artifact_in(hint).decode(body, get)
     if tag == "$map":
-        inner = _arguments(hint)
+        inner = hints.arguments(hint)
         return {name: _decode(item, inner[1] if len(inner) == 2 else None, get) for name, item in body.items()}
-    kind = _first(hint, Value)
-    hints = _hints(kind)
-    return kind(**{name: _decode(item, hints.get(name), get) for name, item in body.items()})
-
-
-def _choices(hint: Any) -> tuple[Any, ...]:
-    if get_origin(hint) in (Union, types.UnionType):
-        return tuple(part for choice in get_args(hint) for part in _choices(choice))
-    if get_origin(hint) is Annotated:
-        return _choices(get_args(hint)[0])
-    return (hint,)
-
-
-@cache
-def _arguments(hint: Any) -> list[Any]:
-    for choice in _choices(hint):
-        if get_origin(choice) in (tuple, list, dict):
-            return list(get_args(choice))
-    return []
-
-
-@cache
-def _first(hint: Any, base: type) -> Any:
-    for choice in _choices(hint):
-        if isinstance(choice, type) and issubclass(choice, base):
-            return choice
-    raise ArtifactError(f"a stored {base.__name__} stands where {hint!r} is declared", code="DXB-A108")
+    kind = hints.first(hint, Value)
+    fields = _hints(kind)
+    return kind(**{name: _decode(item, fields.get(name), get) for name, item in body.items()})
 
 
 def _artifact_in(hint: Any) -> type[Artifact]:
-    found: type[Artifact] = _first(hint, Artifact)
+    found: type[Artifact] = hints.first(hint, Artifact)
     return found
 
 

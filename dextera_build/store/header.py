@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import TracebackType
 from typing import Any
@@ -16,6 +17,11 @@ Read = Callable[[str], bytes]
 
 _PARTS: dict[str, list[type]] = {"$bytes": [str, int], "$array": [str, list, str]}
 """Tag -> what stands behind it."""
+
+_FILE = re.compile(
+    rb'\{"artifact":"File","fields":\{"data":\{"\$bytes":\["([0-9a-f]{64})",(?:0|[1-9][0-9]{0,17})\]\}\}\}'
+)
+"""The header of a `File` as `file_header` spells it: of most, all that need be looked at."""
 
 ESCAPES = "DXB-S219"
 """Code of the error for a label that leads out of its folder."""
@@ -55,6 +61,9 @@ def closure(header: bytes) -> tuple[list[str], list[str]]:
         StoreError: A label would lead out of the folder that the artifact is written to.
         ValueError: It is no header.
     """
+    file = _FILE.fullmatch(header)
+    if file is not None:
+        return [], [file[1].decode()]
     refs: list[str] = []
     blobs: list[str] = []
     stack: list[Any] = [*reversed(_fields(digests.plain(header)).values())]
