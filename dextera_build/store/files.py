@@ -20,9 +20,10 @@ from dextera_build.store import failpoints, sharing, space
 _FICLONE = 0x40049409
 _CHUNK = 1 << 20
 _PIECE = 1 << 14
-_TOKEN = os.urandom(4).hex()  # two machines may write to one folder with equal process ids
+_NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
 _COUNTER = itertools.count()
-_own = f"{_TOKEN}-{os.getpid()}-"
+# Bytes at random, since two machines may write to one folder with equal process ids.
+_own = f"{os.urandom(4).hex()}-{os.getpid()}-"
 TEMPORARY = ".tmp"
 """How the names of unfinished files, and of folders for them, begin."""
 _UNFINISHED = re.compile(rf"{re.escape(TEMPORARY)}-[0-9a-f]{{8}}-\d+-\d+")
@@ -81,9 +82,9 @@ def unique() -> str:
 
 
 def _be_another() -> None:
-    """This is a process that was forked, and takes names of its own."""
+    """This process was forked: process ids come again, and what a dead process left is there still."""
     global _own
-    _own = f"{_TOKEN}-{os.getpid()}-"
+    _own = f"{os.urandom(4).hex()}-{os.getpid()}-"
 
 
 os.register_at_fork(after_in_child=_be_another)
@@ -206,12 +207,11 @@ def _all(descriptor: int, size: int) -> bytes:
 
 
 def _create(folder: str, temporary: str, mode: int) -> int:
-    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
     try:
-        descriptor = os.open(temporary, flags, mode)
+        descriptor = os.open(temporary, _NEW, mode)
     except FileNotFoundError:
         sharing.make_folder(folder)
-        descriptor = os.open(temporary, flags, mode)
+        descriptor = os.open(temporary, _NEW, mode)
     sharing.share_file(descriptor, folder, mode)
     return descriptor
 
