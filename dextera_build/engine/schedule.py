@@ -96,6 +96,8 @@ class Scheduler:
             pause=self.hooks.pause,
         )
         self._owners: dict[str, Node] = {}
+        self._made: set[str] = set()
+        """Keys that ran, where nodes are forced: of two nodes with one key one runs."""
         self._measured = (0, 0)
         self._any_bare = policy.known is not None and bool(policy.known.bare)
 
@@ -286,6 +288,8 @@ class Scheduler:
     def _succeed(self, node: Node, status: str, result: ActionResult, *, bare: bool = False) -> None:
         node.result, node.status, node.error, node.bare = result, status, None, bare
         self._any_bare |= bare
+        if status == "ran" and (self.policy.force or self.policy.recall):
+            self._made |= {node.owned, node.key or ""}
         if not self.policy.dry:
             node.document = b""
         followers = self._disown(node)
@@ -381,7 +385,7 @@ class Scheduler:
         return header.project(self.store.blobs.get, start, link.fields) if link.fields else start
 
     def _is_forced(self, node: Node) -> bool:
-        if node.status or not (self.policy.force or self.policy.recall):
+        if node.status or node.key in self._made or not (self.policy.force or self.policy.recall):
             return False
         return _named(node, self.policy.force) or (self.policy.recall and self.store.actions.calls(node.key or ""))
 
