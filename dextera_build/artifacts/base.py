@@ -34,10 +34,10 @@ from typing import (
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, model_validator
 
 from dextera_build import digest
-from dextera_build.artifacts import hints
 from dextera_build.artifacts.arrays import Array as Array
 from dextera_build.artifacts.arrays import array_bytes, array_in, array_of, check_array, is_array, save_arrays
 from dextera_build.artifacts.content import SMALL, Content, Get, OnDisk, Put, Stored
+from dextera_build.artifacts.hints import arguments, first
 from dextera_build.errors import ArtifactError, StoreError
 
 
@@ -338,7 +338,7 @@ def _encode(value: Any, put: Put) -> Any:
 
 def _decode(raw: Any, hint: Any, get: Get) -> Any:
     if isinstance(raw, list):
-        inner = hints.arguments(hint)
+        inner = arguments(hint)
         item = inner[0] if inner else None
         fixed = inner if inner and inner[-1] is not Ellipsis and len(inner) == len(raw) else [item] * len(raw)
         return tuple(_decode(part, kind, get) for part, kind in zip(raw, fixed, strict=True))
@@ -353,15 +353,15 @@ def _decode(raw: Any, hint: Any, get: Get) -> Any:
     if tag == "$ref":
         return _artifact_in(hint).decode(body, get)
     if tag == "$map":
-        inner = hints.arguments(hint)
+        inner = arguments(hint)
         return {name: _decode(item, inner[1] if len(inner) == 2 else None, get) for name, item in body.items()}
-    kind = hints.first(hint, Value)
+    kind = first(hint, Value)
     fields = _hints(kind)
     return kind(**{name: _decode(item, fields.get(name), get) for name, item in body.items()})
 
 
 def _artifact_in(hint: Any) -> type[Artifact]:
-    found: type[Artifact] = hints.first(hint, Artifact)
+    found: type[Artifact] = first(hint, Artifact)
     return found
 
 
