@@ -14,6 +14,7 @@ from dextera_build.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
     from dextera_build.cli.session import Session
+    from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.graph import Address
     from dextera_build.engine.known import Known
     from dextera_build.engine.records import RunResult
@@ -143,6 +144,7 @@ def _run(
             head["lines"] = [nodes, *written]
         args.notes.add(recipe, place, fresh.renew(project, fingerprint, seen, near, head["lines"][1:]))
         return _say_nothing_ran(project, recipe, head, started)
+    session.nursery = _nursery(args, project, soon=near is not None)
     plan = Plan(near.known.graph, ()) if near else session.plan(options.request(args, project.profile))
     wanted = [address for target in targets for address in addresses(plan.graph, target)]
     args.locking.refuse(session, plan, wanted)
@@ -165,6 +167,27 @@ def _run(
             saved = fresh.save(project, fingerprint, seen, plan, result, lines)
         args.notes.add(recipe, place, saved)
     return 0 if result.ok else 1
+
+
+def _nursery(args: argparse.Namespace, project: Project, *, soon: bool) -> Nursery | None:
+    """A fork of this process, as long as it has opened and begun nothing, to make workers; None where it may not be.
+
+    Args:
+        args: The command line.
+        project: For which workers would be.
+        soon: There will be some, so that it loads what they need.
+    """
+    from dextera_build.cli import executors
+    from dextera_build.engine.executors.nursery import Nursery
+    from dextera_build.engine.nursery import is_alone
+
+    if not args.own or args.check or project.executor != "local" or not is_alone():
+        return None
+    args.own = False  # it may be once
+    made = Nursery(forked=True)
+    if soon:
+        executors.load(made, project)
+    return made
 
 
 def _make(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ from dextera_build.errors import UsageError
 
 if TYPE_CHECKING:
     from dextera_build.cli.session import Session
+    from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.executors.ray_worker import Setup
     from dextera_build.engine.graph import RuleFacts
     from dextera_build.engine.tasks import Executor
@@ -40,10 +42,16 @@ def executor(
         project = session.project
         wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
         capacity = project.capacity(gpus=wants_gpu)
-        with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity) as workers:
+        nursery, session.nursery = session.nursery, None
+        with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity, nursery=nursery) as workers:
             if soon:
                 workers.warm()
             yield workers
+
+
+def load(nursery: Nursery, project: Project) -> None:
+    """Have a nursery load what the workers of a project need."""
+    nursery.load(RUNNER, _environment(project), [entry for entry in sys.path if entry])
 
 
 def _environment(project: Project) -> dict[str, str]:

@@ -17,12 +17,20 @@ if TYPE_CHECKING:
 
     from dextera_build.errors import DxbError
 
+_YOUNG = 20_000
+"""So many new objects are there before those that nobody reaches are looked for."""
 
-def main(argv: "Sequence[str] | None" = None) -> int:
-    """Run one command and return its exit code."""
+
+def main(argv: "Sequence[str] | None" = None, *, own: bool = False) -> int:
+    """Run one command and return its exit code.
+
+    Args:
+        argv: The command line; None is that of this process.
+        own: This process does nothing else, so it may be forked.
+    """
     words = list(sys.argv[1:] if argv is None else argv)
     try:
-        code = 0 if quick.answer(words) or _completes(words) else _run(words)
+        code = 0 if quick.answer(words) or _completes(words) else _run(words, own)
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
@@ -40,12 +48,20 @@ def main(argv: "Sequence[str] | None" = None) -> int:
 
 def entry() -> "NoReturn":
     """The console script."""
-    code = main()
-    if "dextera_build.cli.grammar" not in sys.modules:
-        # `quick` or `complete` answered. Nothing was opened that is to be closed, and taking the interpreter down is
-        # work as well.
+    code = main(own=True)
+    if "dextera_build.cli.grammar" in sys.modules:
+        import atexit
+        import threading
+
+        if threading.active_count() > 1:
+            sys.exit(code)
+        atexit._run_exitfuncs()
+    # Else `quick` or `complete` answered, and nothing was opened. Taking the interpreter down is work as well.
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    finally:
         os._exit(code)
-    sys.exit(code)
 
 
 def _completes(words: list[str]) -> bool:
@@ -56,14 +72,18 @@ def _completes(words: list[str]) -> bool:
     return complete.say(words)
 
 
-def _run(words: list[str]) -> int:
+def _run(words: list[str], own: bool) -> int:
+    import gc
     import importlib
 
     from dextera_build.cli.grammar import parser
 
+    if own:
+        # What a command makes it keeps. To look for circles in it at every 700 objects takes a tenth of a small build.
+        gc.set_threshold(_YOUNG)
     verb = next((word for word in words if not word.startswith("-")), "")
     args = parser(verb).parse_args(words)
-    args.words = words
+    args.words, args.own = words, own
     code: int = importlib.import_module(f"dextera_build.cli.{args.verb}").run(args)
     return code
 

@@ -13,6 +13,7 @@ from dextera_build.store.store import Store
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
+    from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.history import Entry, History
     from dextera_build.recipe.plan import Plan, Request
 
@@ -32,6 +33,8 @@ class Session:
     def __init__(self, project: Project, recipe: str) -> None:
         self.project = project
         self.recipe = recipe
+        self.nursery: Nursery | None = None
+        """What makes workers, where it was begun before there was anything to run."""
 
     @cached_property
     def store(self) -> Store:

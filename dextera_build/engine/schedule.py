@@ -7,13 +7,11 @@ same bytes leaves its readers cached (early cutoff).
 A result may be bare: its digest is known, its bytes are absent. That is enough as long as nobody asks for them. A
 reader that must run does; then it is sent back to wait until they were fetched or made again.
 
-The loop, until nothing is left to do:
+The loop, until nothing is left to do; all other walks are loops too, for chains may be long:
 - connect new units, and settle those that are ready: open groups, gather collections, look keys up;
 - fill the executor from the queue;
 - take what it and remotes report; what ends sets its readers free;
 - look again at what another process was building.
-
-All walks are loops: chains may be long.
 """
 
 from __future__ import annotations
@@ -231,8 +229,7 @@ class Scheduler:
                 self.states.set(node, State.QUEUED)
             return
         hint = f"dxb why '{self.graph.name}:{node.address}'"
-        error = StaleError(f"`{node.address}` is stale and may not run now", code="DXB-C101", hint=hint)
-        self._fail(node, error)
+        self._fail(node, StaleError(f"`{node.address}` is stale and may not run now", code="DXB-C101", hint=hint))
 
     def _send_back(self, unit: Unit, missing: Sequence[Node]) -> bool:
         """Let `unit` wait until these nodes have their bytes; False where there are none."""
@@ -290,8 +287,7 @@ class Scheduler:
         self._any_bare |= bare
         if status == "ran" and (self.policy.force or self.policy.recall):
             self._made |= {node.owned, node.key or ""}
-        if not self.policy.dry:
-            node.document = b""
+        node.document = node.document if self.policy.dry else b""
         followers = self._disown(node)
         self.sharing.offer(node)
         self._done(node)
@@ -313,6 +309,9 @@ class Scheduler:
             if dependent.state is State.WAITS:
                 dependent.pending -= 1
                 self._come_nearer(dependent, unit)
+            elif isinstance(dependent, Gathering) and isinstance(unit, Opening):
+                # Nothing will come of all copies together, but of those of this group perhaps.
+                self.wiring.expand(dependent, unit)
 
     def _come_nearer(self, dependent: Unit, source: Unit) -> None:
         if isinstance(dependent, Gathering) and isinstance(source, Opening):

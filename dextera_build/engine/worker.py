@@ -5,9 +5,8 @@
 Standard output and error belong to the node that runs; the pool gives a file for them and reads it when a worker has
 died. Each message of the socket is a task: a line with its ticket, which the pool alone reads, a line of JSON, and its
 key document; where there is one, the worker stores the result itself, without the entry of a task that is `held`.
-Behind the ticket, `@<place> <size>` stands for what is too large, and lies in the file, whose first line is
-`{"path": [...]}`, the pool's module search path. Tasks that the worker has not taken from the socket the pool may take
-back. It ends when the socket closes and when its parent dies.
+Behind the ticket, `@<size>` stands for what is too large, and lies in the file. Tasks that the worker has not
+taken from the socket the pool may take back. It ends when the socket closes and when its parent dies.
 """
 
 from __future__ import annotations
@@ -36,8 +35,6 @@ from dextera_build.errors import DxbError, MachineError
 _SPELL = digests.speller(ensure_ascii=True, default=str)
 _READ = json.JSONDecoder().decode
 _PR_SET_PDEATHSIG = 1
-_TOLD = 1 << 20
-"""No module search path takes more [bytes]."""
 _PROGRESS_S = 0.05
 """Progress is passed on at most this often [s]."""
 
@@ -65,16 +62,10 @@ class Worker:
 
     def serve(self) -> None:
         """Answer every task, one after another."""
-        told = os.pread(self._large, _TOLD, 0).partition(b"\n")[0]
-        sys.path += [entry for entry in json.loads(told)["path"] if entry not in sys.path]
-        # Before there is a task, where this was started early; what is wrong is said when there is one.
-        with contextlib.suppress(MachineError):
-            self._load()
         while packet := os.read(self._tasks, PACKET):
             ticket, _, packet = packet.partition(b"\n")
             if packet.startswith(b"@"):
-                place, size = map(int, packet[1:].split())
-                packet = os.pread(self._large, size, place)
+                packet = os.pread(self._large, int(packet[1:]), 0)
             line, _, document = packet.partition(b"\n")
             self._answer(int(ticket), _READ(line.decode()), document)
 
@@ -119,9 +110,8 @@ class Worker:
 
     def _load(self) -> Callable[..., Mapping[str, Any]]:
         if self._runner is None:
-            module, _, name = self._runner_name.partition(":")
             try:
-                self._runner = getattr(importlib.import_module(module), name)
+                self._runner = load(self._runner_name)
             except Exception as error:
                 traceback.print_exc()
                 raise MachineError(
@@ -155,15 +145,27 @@ class Worker:
                 done += os.write(self._replies, data[done:])
 
 
+def load(runner: str) -> Callable[..., Mapping[str, Any]]:
+    """The function that `module:function` names."""
+    module, _, name = runner.partition(":")
+    found: Callable[..., Mapping[str, Any]] = getattr(importlib.import_module(module), name)
+    return found
+
+
+def live_with(parent: int) -> None:
+    """End when the process with this id ends, which is the parent."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:  # it died before we asked to be told
+        os._exit(1)
+
+
 def main(arguments: list[str]) -> None:
     """Entry point; see the module's text."""
     runner, tasks, large, replies, parent = arguments[0], *map(int, arguments[1:])
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() != parent:  # it died before we asked to be told
-        os._exit(1)
+    live_with(parent)
     for descriptor in (tasks, large, replies):
         os.set_inheritable(descriptor, False)
     faulthandler.enable()

@@ -56,6 +56,30 @@ def test_a_failure_stops_the_build_and_names_what_waits(store: Store) -> None:
     assert record.of(RunFinished)[0].counts == {"failed": 1, "waits": 3, "ran": 1}
 
 
+def test_copies_that_come_after_one_that_failed_are_built_all_the_same(store: Store) -> None:
+    parts = {"lid": "1", "base": "2"}
+    plan = graph(
+        call("seg", "items", {"box": "b", "mug": "m"}),
+        call("soon"),
+        call("late", s=out("soon")),
+        group(
+            "body",
+            out("seg"),
+            call("fit"),
+            call("parts", "items", parts),
+            group("part", out("body.parts"), call("mesh", fit=out("body.fit"), i=item("body.part"))),
+            box=call("fit", "fail"),
+            mug=call("parts", "items", parts, late=out("late")),
+        ),
+        call("end", all=every("body.part.mesh")),
+    )
+    for target in (("end",), ("body", "part", "mesh")):
+        (result, _) = run(plan, Store(store.root / target[-1]), Address(target), keep_going=True)
+        status = {name: node.status for name, node in result.nodes.items()}
+        assert {status[f"body[mug].part[{part}].mesh"] for part in parts} == {"ran"}
+        assert {status[f"body[box].part[{part}].mesh"] for part in parts} == {"waits"}
+
+
 def test_without_keep_going_the_rest_is_cancelled(store: Store) -> None:
     plan = graph(call("a", "fail"), call("b", a=out("a")), call("c"), default=("a", "b", "c"))
     result, _ = run(plan, store)

@@ -15,6 +15,7 @@ from dextera_build.engine import dispatch, seats
 from dextera_build.engine.events import Event, NodeFinished, NodeStarted
 from dextera_build.engine.execute import RunResult, build
 from dextera_build.engine.executors.local import LocalExecutor
+from dextera_build.engine.executors.nursery import Nursery
 from dextera_build.engine.executors.process import Process
 from dextera_build.engine.graph import Graph
 from dextera_build.engine.seats import LONG_S, Pace, Seat, nap_s
@@ -164,18 +165,21 @@ def task(ticket: int, do: str, value: object = 0) -> Task:
 @pytest.fixture
 def process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Process]:
     monkeypatch.setenv("TINY_STORE", str(tmp_path / "store"))
-    worker = Process(RUNNER, {"TINY_TRACE": str(tmp_path / "trace")}, [])
+    nursery = Nursery()
+    nursery.load(RUNNER, {"TINY_TRACE": str(tmp_path / "trace")}, [])
+    worker = Process(nursery)
     try:
         yield worker
     finally:
         worker.end(0.0)
+        nursery.end()
 
 
 def heard(process: Process, count: int) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     deadline = time.monotonic() + 30
     while len(found) < count and time.monotonic() < deadline:
-        lines, _ = process.hear(process.descriptors()[0])
+        lines, _ = process.hear()
         found += lines
         time.sleep(0.01)
     return found

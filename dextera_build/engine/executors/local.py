@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Self
 
 from dextera_build.engine.capacity import Capacity, available_gb
+from dextera_build.engine.executors.nursery import Nursery
 from dextera_build.engine.executors.process import Process
 from dextera_build.engine.tasks import Ended, Report, Said, Task
 from dextera_build.engine.usage import Sampler, with_peak
@@ -32,6 +33,7 @@ class LocalExecutor:
         memory_gb: Memory to share out [GiB]; None is what is available now.
         environment: Variables that workers see beside those of this process.
         capacity: What to share out, over `jobs` and `memory_gb`.
+        nursery: What makes its workers; None: one is started with the first.
     """
 
     def __init__(
@@ -42,11 +44,13 @@ class LocalExecutor:
         memory_gb: float | None = None,
         environment: Mapping[str, str] | None = None,
         capacity: Capacity | None = None,
+        nursery: Nursery | None = None,
     ) -> None:
         self.capacity = capacity or Capacity(jobs or _cores(), memory_gb or available_gb())
         self._runner = runner
         self._environment = dict(environment or {})
         self._selector = selectors.DefaultSelector()
+        self._nursery = nursery
         self._idle: list[Process] = []
         self._busy: dict[int, Process] = {}
         self._sampler = Sampler()
@@ -85,10 +89,15 @@ class LocalExecutor:
         """What workers reported; a worker that died is reported as the failure of its node."""
         reports: list[Report] = []
         self._sampler.look(self._busy.values())
+        if self._nursery is not None and self._nursery.has_news:
+            timeout_s = 0.0
         for key, _ in self._selector.select(self._sampler.patience(timeout_s, len(self._busy))):
-            process: Process = key.data
-            if process.alive:
-                reports += self._hear(process, key.fd)
+            if isinstance(key.data, Nursery):
+                key.data.hear()
+            elif key.data.alive:
+                reports += self._hear(key.data)
+        if self._nursery is not None and self._nursery.has_news:
+            reports += self._look_after(self._nursery)
         return reports
 
     def stop(self) -> None:
@@ -98,10 +107,11 @@ class LocalExecutor:
             process.ask_to_end()
         deadline = time.monotonic() + _GRACE_S
         for process in workers:
-            process.end(max(0.0, deadline - time.monotonic()))
             self._forget(process)
+            process.end(max(0.0, deadline - time.monotonic()))
         self._busy.clear()
         self._idle.clear()
+        self._end_nursery()
 
     def close(self) -> None:
         """Let idle workers go; those that still run are ended."""
@@ -110,14 +120,14 @@ class LocalExecutor:
         for process in self._idle:
             process.hang_up()
         for process in self._idle:
-            # One that was given nothing may be busy with loading what it would have needed.
-            process.end(_GRACE_S if process.began else 0.0)
             self._forget(process)
+            process.end(_GRACE_S)
         self._idle.clear()
+        self._end_nursery()
 
     def pids(self) -> list[int]:
-        """Process ids of all workers."""
-        return [process.pid for process in self._workers()]
+        """Process ids of all workers; for those that are being made, the one of what makes them."""
+        return list(dict.fromkeys(process.pid or process.nursery.pid for process in self._workers()))
 
     def _workers(self) -> list[Process]:
         return [*dict.fromkeys(self._busy.values()), *self._idle]
@@ -140,23 +150,53 @@ class LocalExecutor:
         return None
 
     def _start(self, devices: tuple[str, ...]) -> Process:
-        # CUDA looks at this once in a process, so a worker stays with its devices.
-        environment = {**self._environment, "CUDA_VISIBLE_DEVICES": ",".join(devices)}
         try:
-            process = Process(self._runner, environment, [entry for entry in sys.path if entry], devices)
+            process = Process(self._nurse(), devices)
         except OSError as error:
-            raise MachineError(
-                "a worker process cannot be started",
-                code="DXB-E202",
-                facts={"system says": error.strerror, "workers": len(self._busy)},
-                hint="build with `--jobs 1`",
-            ) from None
-        for descriptor in process.descriptors():
-            self._selector.register(descriptor, selectors.EVENT_READ, process)
+            raise self._refused(error.strerror) from None
+        self._selector.register(process.descriptor, selectors.EVENT_READ, process)
         return process
 
-    def _hear(self, process: Process, descriptor: int) -> list[Report]:
-        lines, ended = process.hear(descriptor)
+    def _nurse(self) -> Nursery:
+        """What makes workers; told what to load with the first."""
+        if self._nursery is not None and not self._nursery.is_running():
+            self._end_nursery()
+        if self._nursery is None:
+            self._nursery = Nursery()
+        if self._nursery.fileno() not in self._selector.get_map():
+            self._selector.register(self._nursery, selectors.EVENT_READ, self._nursery)
+        self._nursery.load(self._runner, self._environment, [entry for entry in sys.path if entry])
+        return self._nursery
+
+    def _end_nursery(self) -> None:
+        if self._nursery is not None:
+            self._forget_nursery(self._nursery)
+            self._nursery.end()
+            self._nursery = None
+
+    def _look_after(self, nursery: Nursery) -> list[Report]:
+        """Look which workers ended or cannot be made."""
+        reports: list[Report] = []
+        nursery.has_news = False
+        if not nursery.is_running():
+            self._forget_nursery(nursery)
+        for process in self._workers():
+            if process.refused:
+                raise self._refused(os.strerror(process.refused))
+            if process.alive and process.has_ended:
+                reports += self._hear(process)
+        return reports
+
+    def _refused(self, reason: str | None) -> MachineError:
+        return MachineError(
+            "a worker process cannot be started",
+            code="DXB-E202",
+            facts={"system says": reason, "workers": len(self._busy)},
+            hint="build with `--jobs 1`",
+        )
+
+    def _hear(self, process: Process) -> list[Report]:
+        lines, ended = process.hear()
         reports: list[Report] = []
         for line in lines:
             if not process.tasks:
@@ -193,6 +233,9 @@ class LocalExecutor:
 
     def _bury(self, process: Process) -> list[Report]:
         """A worker is dead: what it had begun has failed, what stood behind goes to another."""
+        process.nursery.hear()
+        if process.refused:
+            raise self._refused(os.strerror(process.refused))
         rest = process.take_back()
         self._forget(process)
         process.end(_GRACE_S)
@@ -214,9 +257,12 @@ class LocalExecutor:
         return reports
 
     def _forget(self, process: Process) -> None:
-        for descriptor in process.descriptors():
-            if descriptor in self._selector.get_map():
-                self._selector.unregister(descriptor)
+        if process.descriptor in self._selector.get_map():
+            self._selector.unregister(process.descriptor)
+
+    def _forget_nursery(self, nursery: Nursery) -> None:
+        if nursery.fileno() in self._selector.get_map():
+            self._selector.unregister(nursery)
 
 
 def _cores() -> int:

@@ -12,24 +12,19 @@ import json
 import os
 import signal
 import socket
-import subprocess
-import sys
 import tempfile
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from dextera_build import digest as digests
+from dextera_build.engine.executors.nursery import Nursery
 from dextera_build.engine.tasks import PACKET, Task, printed
 from dextera_build.errors import RuleError
 from dextera_build.store.files import write_all
 
 _SPELL = digests.speller(ensure_ascii=True)
 _READ = json.JSONDecoder().decode
-_MODULE = "dextera_build.engine.worker"
-_ROOT = Path(__file__).resolve().parents[3]
 _TAIL_LINES = 12
 _NAME = 32
 """No ticket takes more [bytes]."""
@@ -41,16 +36,18 @@ class Process:
     It is the leader of its own process group, so that a Ctrl-C at the terminal does not reach it and that it can be
     ended with all that it started.
 
+    It can be given tasks before it is there.
+
     Args:
-        runner: `module:function` for the worker.
-        environment: Variables beside those of this process.
-        path: Module search path for the worker.
-        devices: GPUs that it may use; `environment` says so to the libraries.
+        nursery: What makes it.
+        devices: GPUs that it may use.
+
+    Raises:
+        OSError: No more files can be opened.
     """
 
-    def __init__(
-        self, runner: str, environment: Mapping[str, str], path: Sequence[str], devices: tuple[str, ...] = ()
-    ) -> None:
+    def __init__(self, nursery: Nursery, devices: tuple[str, ...] = ()) -> None:
+        self.nursery = nursery
         self.tasks: deque[Task] = deque()
         """What it was given and has not answered; the first is the one that it has, the others stand behind."""
         self.answered = 0
@@ -68,36 +65,41 @@ class Process:
         fcntl.fcntl(self._log.fileno(), fcntl.F_SETFL, os.O_APPEND)
         self._sending, self._taking = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._sending.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 * PACKET)
-        # What the worker is told once, and behind that a task that is too large for the socket.
+        # For a task that is too large for the socket.
         self._large = os.memfd_create("task")
-        self._told = os.write(self._large, _SPELL({"path": list(path)}).encode() + b"\n")
         self._hearing, writing = os.pipe()
         os.set_blocking(self._hearing, False)
-        passed = (self._taking.fileno(), self._large, writing)
-        command = [sys.executable, "-m", _MODULE, runner, *map(str, passed), str(os.getpid())]
+        self.pid = 0
+        """0 until it is there."""
+        self.refused = 0
+        """The error number, where it cannot be made."""
         try:
-            self._child = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=self._log,
-                stderr=self._log,
-                pass_fds=passed,
-                start_new_session=True,
-                env={**os.environ, **environment, "PYTHONPATH": _search_path()},
-            )
+            # CUDA looks at this once in a process, so a worker stays with its devices.
+            environment = {"CUDA_VISIBLE_DEVICES": ",".join(devices)}
+            passed = (self._taking.fileno(), self._large, writing, self._log.fileno())
+            nursery.make(passed, environment, self._born)
         except OSError:
             self.hang_up()
             os.close(self._hearing)
             raise
         finally:
             os.close(writing)
-        self.pid = self._child.pid
-        # The pipe alone does not tell: something that the worker started may hold its other end.
-        self._watch = os.pidfd_open(self.pid) if hasattr(os, "pidfd_open") else -1
 
-    def descriptors(self) -> list[int]:
-        """What becomes readable when the worker speaks or dies."""
-        return [descriptor for descriptor in (self._hearing, self._watch) if descriptor >= 0]
+    def _born(self, pid: int) -> None:
+        if pid < 0:
+            self.refused = -pid
+        elif self.alive:
+            self.pid = pid
+
+    @property
+    def descriptor(self) -> int:
+        """What becomes readable when the worker speaks; -1 when it has ended."""
+        return self._hearing
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the nursery said so; the pipe need not, as something that it started may hold the other end."""
+        return self.nursery.ended(self.pid) is not None
 
     def give(self, task: Task) -> None:
         """Give it a task, behind those that it has; a worker that is dead already shows in `hear`."""
@@ -150,10 +152,10 @@ class Process:
             return name + data
         if self._sent:
             return None
-        os.ftruncate(self._large, self._told)
-        os.lseek(self._large, self._told, os.SEEK_SET)
+        os.ftruncate(self._large, 0)
+        os.lseek(self._large, 0, os.SEEK_SET)
         write_all(self._large, data)
-        return name + b"@%d %d" % (self._told, len(data))
+        return name + b"@%d" % len(data)
 
     def _taken_back(self) -> set[int]:
         """Tickets of the tasks that were taken out of the socket."""
@@ -163,9 +165,9 @@ class Process:
                 tickets.add(int(packet.partition(b"\n")[0]))
         return tickets
 
-    def hear(self, descriptor: int) -> tuple[list[dict[str, Any]], bool]:
-        """(what it said, whether it is dead), after one of `descriptors` became readable."""
-        ended = descriptor == self._watch or (self._watch < 0 and not self.is_running())
+    def hear(self) -> tuple[list[dict[str, Any]], bool]:
+        """(what it said, whether it is dead)."""
+        ended = self.has_ended
         while True:
             try:
                 part = os.read(self._hearing, 1 << 16)
@@ -179,8 +181,9 @@ class Process:
         return [_READ(line.decode()) for line in lines], ended
 
     def is_running(self) -> bool:
-        """Whether the process lives."""
-        return self._child.poll() is None
+        """Whether the process lives, or is being made."""
+        self.nursery.hear()
+        return not (self.refused or self.has_ended)
 
     def hang_up(self) -> None:
         """Close the socket: the worker ends when it has nothing to do."""
@@ -192,20 +195,25 @@ class Process:
 
     def ask_to_end(self) -> None:
         """Ask it to clean up and end."""
-        self._child.send_signal(signal.SIGTERM)
+        if self.pid and self.is_running():
+            os.kill(self.pid, signal.SIGTERM)
 
     def end(self, patience_s: float) -> None:
-        """Wait at most `patience_s` [s] for its end, then kill it; what it started is killed at once."""
+        """Wait at most `patience_s` [s] for its end, then kill it; what it started is killed at once.
+
+        One that is not there yet ends when it is, since it will have nothing to do.
+        """
         self.hang_up()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._child.wait(patience_s)
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.pid, signal.SIGKILL)
-        self._child.wait()
+        self.nursery.hear()
+        if self.pid:
+            self.nursery.wait(self.pid, patience_s)
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self.pid, signal.SIGKILL)
+            self.nursery.wait(self.pid, None)
+            self.nursery.forget(self.pid)
         self.alive = False
-        for descriptor in self.descriptors():
-            os.close(descriptor)
-        self._hearing = self._watch = -1
+        os.close(self._hearing)
+        self._hearing = -1
 
     def log(self) -> bytes:
         """What the node printed so far."""
@@ -213,7 +221,7 @@ class Process:
 
     def death(self, log: bytes) -> RuleError:
         """What to say of a worker that died in the middle of a node."""
-        code = self._child.returncode
+        code = self.nursery.ended(self.pid) or 0
         if code < 0:
             try:
                 name = signal.Signals(-code).name
@@ -222,7 +230,10 @@ class Process:
             reason, facts = f"signal {-code}", {"signal": f"{-code} ({name})"}
         else:
             reason, facts = f"exit code {code}", {"exit code": str(code)}
-        tail = log.decode(errors="replace").strip().splitlines()[-_TAIL_LINES:]
+        tail = log.decode(errors="replace").strip().splitlines()
+        # Where Python says where it was, the innermost call stands first.
+        fatal = next((place for place, line in enumerate(tail) if line.startswith("Fatal Python error")), None)
+        tail = tail[-_TAIL_LINES:] if fatal is None else tail[fatal : fatal + _TAIL_LINES]
         if tail:
             facts["log"] = "\n".join(tail)
         return RuleError(
@@ -231,8 +242,3 @@ class Process:
             facts=facts,
             hint="build again, with `--jobs 1` where memory is short",
         )
-
-
-def _search_path() -> str:
-    inherited = os.environ.get("PYTHONPATH")
-    return os.pathsep.join([str(_ROOT), *([inherited] if inherited else [])])
