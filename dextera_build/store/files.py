@@ -23,7 +23,7 @@ _PIECE = 1 << 14
 _NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
 _COUNTER = itertools.count()
 # Bytes at random, since two machines may write to one folder with equal process ids.
-_own = f"{os.urandom(4).hex()}-{os.getpid()}-"
+_TOKEN = f"{os.urandom(4).hex()}-{os.getpid()}-"
 TEMPORARY = ".tmp"
 """How the names of unfinished files, and of folders for them, begin."""
 _UNFINISHED = re.compile(rf"{re.escape(TEMPORARY)}-[0-9a-f]{{8}}-\d+-\d+")
@@ -78,13 +78,13 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
 
 def unique() -> str:
     """A name that no other process, here or on another machine, and no other call of this one takes."""
-    return f"{_own}{next(_COUNTER)}"
+    return f"{_TOKEN}{next(_COUNTER)}"
 
 
 def _be_another() -> None:
     """This process was forked: process ids come again, and what a dead process left is there still."""
-    global _own
-    _own = f"{os.urandom(4).hex()}-{os.getpid()}-"
+    global _TOKEN
+    _TOKEN = f"{os.urandom(4).hex()}-{os.getpid()}-"
 
 
 os.register_at_fork(after_in_child=_be_another)
