@@ -148,8 +148,7 @@ class Project(settings_of.Project):
             locking.refuse(session, plan, wanted)
             locking.note(session, plan, wanted, done.result)
             locking.write()
-        failed = {name: record.error for name, record in done.result.nodes.items() if record.error is not None}
-        errors = {**done.result.errors, **failed}
+        errors = {**done.result.errors, **done.result.own.errors()}
         return Result(done.result.ok, done.run, done.result.nodes, done.result.targets, errors, session)
 
     def plan(
@@ -168,7 +167,7 @@ class Project(settings_of.Project):
         session, names = here._open(recipe, targets)
         graph = session.plan(_request(here.profile, inputs, settings, backends)).graph
         wanted = [address for name in names for address in addresses(graph, name)]
-        return dry(graph, wanted, session.store, history=session.past_builds)
+        return list(dry(graph, wanted, session.store, history=session.past_builds))
 
     def why(
         self,

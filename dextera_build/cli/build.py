@@ -145,7 +145,11 @@ def _run(
         args.notes.add(recipe, place, fresh.renew(project, fingerprint, seen, near, head["lines"][1:]))
         return _say_nothing_ran(project, recipe, head, started)
     session.nursery = _nursery(args, project, soon=near is not None)
-    plan = Plan(near.known.graph, ()) if near else session.plan(options.request(args, project.profile))
+    plan = (
+        Plan(near.known.graph, (), tuple(near.known.rules))
+        if near
+        else session.plan(options.request(args, project.profile))
+    )
     wanted = [address for target in targets for address in addresses(plan.graph, target)]
     args.locking.refuse(session, plan, wanted)
     if args.check:
@@ -206,7 +210,7 @@ def _make(
             return result, results.place(session, result)
         except StoreError as error:
             if error.code != MissingBlob.CODE:
-                if any(node.error and node.error.code == error.code for node in result.own.values()):
+                if any(failed.code == error.code for failed in result.own.errors().values()):
                     return result, []  # a node failed of the same, and that was said
                 raise
             if known is not None:

@@ -88,11 +88,10 @@ def carry_out(
     from dextera_build.cli import names
 
     project, store = session.project, session.store
-    rules = known.rules if known else [call.rule for _, call in plan.graph.calls()]
     # What is only brought runs nowhere.
     only = frozenset[str]() if manner.bring_from or project.remotes.local == "r" else None
     soon = only is None and known is not None and bool(known.cone)
-    with executor(session, rules, idle=manner.bring_from is not None, soon=soon) as workers:
+    with executor(session, plan.rules, idle=manner.bring_from is not None, soon=soon) as workers:
         # Loaded while a worker loads what it needs.
         from dextera_build.engine.eventlog import EventLog
         from dextera_build.engine.execute import RunInfo, build

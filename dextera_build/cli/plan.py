@@ -45,6 +45,7 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.dryrun import plan
     from dextera_build.engine.graph import parse_address
+    from dextera_build.engine.reach import copy_of
 
     project = options.project(args)
     wanted = options.wish(args.target)
@@ -54,13 +55,13 @@ def run(args: argparse.Namespace) -> int:
         from dextera_build.cli import stale
 
         return stale.check(session, graph, addresses(graph, wanted.target), as_json=args.json)
-    calls = dict(graph.calls())
     capacity = project.capacity(gpus=True) if args.resources is not None else None
-    rows = []
+    rows: list[dict[str, str]] = []
+    lines: list[str] = []
     nodes = plan(graph, addresses(graph, wanted.target), session.store, history=session.past_builds)
     elsewhere = remotes.held(session, nodes)
     for node in nodes:
-        rule = calls[parse_address(node.address).call].rule
+        rule = node.rule or copy_of(graph, parse_address(node.address).call, ()).rule
         row = {
             "node": node.address,
             "status": _status(node, elsewhere),
@@ -70,8 +71,11 @@ def run(args: argparse.Namespace) -> int:
         }
         if capacity is not None:
             row |= _resources(rule, session.past_builds.peak_gb(node.address), capacity)
-        rows.append(row)
-    print(json.dumps(rows, indent=1) if args.json else "\n".join("\t".join(row.values()) for row in rows))
+        if args.json:
+            rows.append(row)
+        else:
+            lines.append("\t".join(row.values()))
+    print(json.dumps(rows, indent=1) if args.json else "\n".join(lines))
     return 0
 
 

@@ -54,8 +54,10 @@ def exchange(session: Session, mode: str, named: str | None = None) -> Exchange:
 def held(session: Session, nodes: Sequence[Planned]) -> set[str]:
     """Addresses of the stale nodes whose results a remote has; only entries are asked for, no blobs."""
     used = [spec for spec in session.project.remotes.used if "r" in spec.mode]
+    if not used or session.project.remotes.local == "r":
+        return set()
     stale = [node for node in nodes if node.status == "stale" and node.key is not None]
-    if not used or not stale or session.project.remotes.local == "r":
+    if not stale:
         return set()
     from dextera_build.store.remotes import entry
     from dextera_build.store.remotes.connect import guarded

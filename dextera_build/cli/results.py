@@ -29,8 +29,8 @@ def place(session: Session, result: RunResult) -> list[str]:
     Raises:
         StoreError: The disk is full, or the folder cannot be written.
     """
-    ran = any(record.status == "ran" for record in result.own.values())
-    return _place(session, {node: result.output(node) for node in result.targets}, result.rule, ran=ran)
+    outputs = {node: result.output(node) for node in result.targets}
+    return _place(session, outputs, result.rule, ran=lambda: "ran" in result.own.statuses())
 
 
 def restore(session: Session, known: Known, nodes: Iterable[str]) -> list[str] | None:
@@ -43,12 +43,14 @@ def restore(session: Session, known: Known, nodes: Iterable[str]) -> list[str] |
     with session.store.running.announced():
         try:
             outputs = {node: known.output(node) for node in nodes}
-            return _place(session, outputs, lambda node: known.rule(node).path, ran=False)
+            return _place(session, outputs, lambda node: known.rule(node).path, ran=lambda: False)
         except MissingBlob:
             return None
 
 
-def _place(session: Session, outputs: Mapping[str, str | None], rule: Callable[[str], str], *, ran: bool) -> list[str]:
+def _place(
+    session: Session, outputs: Mapping[str, str | None], rule: Callable[[str], str], *, ran: Callable[[], bool]
+) -> list[str]:
     lines = []
     stamps: dict[str, str] = {}
     # Texts, because a thousand outputs are placed in the time that some ten thousand `Path` objects take.
@@ -63,7 +65,7 @@ def _place(session: Session, outputs: Mapping[str, str | None], rule: Callable[[
                 raise files.store_error(error, error.filename or folder) from None
             lines.append(f"{node}\t{main}")
     # A stamp says that the files beside it are whole, so it comes when they are on the disk.
-    if session.project.durable and (stamps or ran):
+    if session.project.durable and (stamps or ran()):
         durable.settle(session.store.root)
     for folder, text in stamps.items():
         failpoints.reach("export.stamp")

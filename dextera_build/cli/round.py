@@ -80,7 +80,7 @@ def _one(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch: W
             locking.write()
     except DxbError as error:
         return _refused(project, error, watch)
-    return None, states(Counter(record.status for record in result.nodes.values()))
+    return None, states(Counter(result.own.statuses()))
 
 
 def _refused(project: Project | None, error: DxbError, watch: Watch) -> tuple[DxbError, str]:

@@ -85,7 +85,7 @@ class Dispatch:
             if not self._claim(node):
                 self._admission.end(node)
                 continue
-            expected_s = self._pace.expected_s(node.call.rule)
+            expected_s = self._pace.expected_s(node.rule)
             self._seats[node] = Seat(deque([(node, expected_s)]), expected_s)
             self._hand_over(node)
             self.started(node)
@@ -107,12 +107,12 @@ class Dispatch:
             if node is None:
                 seats.remove(seat)
             elif self._claim(node):
-                seat.add(node, self._pace.expected_s(node.call.rule))
+                seat.add(node, self._pace.expected_s(node.rule))
                 self._hand_over(node)
                 executor.submit_behind(self._task(node, ()), seat.first.ticket)
 
     def _fits(self, seat: Seat, node: Node) -> bool:
-        return seat.fits(self._pace.expected_s(node.call.rule))
+        return seat.fits(self._pace.expected_s(node.rule))
 
     def _take_back(self, seat: Seat) -> None:
         if self._queues is None or len(seat.nodes) == 1:
@@ -138,7 +138,7 @@ class Dispatch:
             self._resting = [node for node in self._resting if node.rests_until > now]
         while queue:
             node = queue.popleft()
-            needs, lacking = self._needs_of(node.call.rule)
+            needs, lacking = self._needs_of(node.rule)
             if node.rests_until > now:
                 self._resting.append(node)
             elif lacking:
@@ -233,7 +233,7 @@ class Dispatch:
         return False
 
     def _task(self, node: Node, devices: tuple[str, ...]) -> Task:
-        rule = node.call.rule
+        rule = node.rule
         # Which key it has, and which of two results of a forced node stays, is judged here.
         judged = bool(rule.discovers) or self.forced(node)
         document = b"" if judged else node.document or self.reading.document(node)
@@ -288,8 +288,8 @@ class Dispatch:
     def _end(self, node: Node, report: Ended) -> None:
         node.seconds, node.usage = report.seconds, report.usage
         node.calls = tuple((report.reply or {}).get("calls") or ())
-        self._pace.note(node.call.rule, report.seconds)
-        retries = node.call.rule.retries
+        self._pace.note(node.rule, report.seconds)
+        retries = node.rule.retries
         if report.error is not None and retries.again(node.tries, report.error, report.raised):
             self._rest(node, report, report.error)
             return
@@ -304,7 +304,7 @@ class Dispatch:
 
     def _rest(self, node: Node, report: Ended, error: DxbError) -> None:
         """Have the node tried again after a while."""
-        wait_s = node.call.rule.retries.delay_s(node.tries, node.key or "")
+        wait_s = node.rule.retries.delay_s(node.tries, node.key or "")
         node.rests_until = time.monotonic() + wait_s
         log = log_of(self.store, report)
         self.said(node, "retried", {"tries": node.tries, "wait_s": wait_s, "error": error.to_json(), "log": log})

@@ -15,8 +15,8 @@ from dextera_build.engine.graph import Address, Graph, Leaf, Pack
 from dextera_build.engine.history import Entry, History
 from dextera_build.engine.known import Known, is_stub
 from dextera_build.engine.policy import Hooks, Policy
-from dextera_build.engine.reach import leaves, reach
-from dextera_build.engine.records import Kept
+from dextera_build.engine.reach import leaves_of, walk
+from dextera_build.engine.records import Kept, Records, record_of, status_of
 from dextera_build.engine.records import NodeRecord as NodeRecord
 from dextera_build.engine.records import RunResult as RunResult
 from dextera_build.engine.schedule import Scheduler
@@ -111,10 +111,11 @@ class _Run:
 
     def run(self, targets: list[Address]) -> RunResult:
         if self.known is None:
-            self.members = Counter(path[:-1] for path in reach(self.graph, targets))
-            # What is missing is said before an hour of work, not after.
-            for leaf in leaves(self.graph, targets):
-                self.scheduler.wiring.leaf(leaf)
+            for path, calls in walk(self.graph, targets):
+                self.members[path[:-1]] += 1
+                # What is missing is said before an hour of work, not after.
+                for leaf in leaves_of(calls):
+                    self.scheduler.wiring.leaf(leaf)
         began = time.monotonic()
         self._announce(targets)
         interrupted = whole = False
@@ -168,7 +169,7 @@ class _Run:
         self.listen(events.BytesMissed(time.time(), node.address, reader.address))
 
     def _started(self, node: Node) -> None:
-        rule, last = node.call.rule, None if self.known else self.history.get(node.address)
+        rule, last = node.rule, None if self.known else self.history.get(node.address)
         seconds = self.known.took(node.address) if self.known else last.seconds if last else None
         self.listen(events.NodeStarted(time.time(), node.address, rule.path, rule.backend, node.key or "", seconds))
 
@@ -182,12 +183,11 @@ class _Run:
             self.listen(events.NodeRetried(time.time(), node.address, **data))
 
     def _settled(self, node: Node) -> None:
-        record = self._record(node)
+        record, result = record_of(node), node.result
         new = self.known is None or self.known.key(node.address) != record.key or record.status == "ran"
-        if record.result is not None and node.result is not None and record.key is not None and new:
+        if record.result is not None and result is not None and record.key is not None and new:
             # How long a fetch took says nothing of how long the node runs.
-            seconds = node.result.seconds
-            entry = Entry(record.key, node.result.key_document, self.info.run, seconds, time.time(), record.usage)
+            entry = Entry(record.key, result.key_document, self.info.run, result.seconds, time.time(), record.usage)
             self.history.note(node.address, entry)
         self.uplink.tell()
         self._tell(node, record)
@@ -223,7 +223,9 @@ class _Run:
         )
 
     def _files(self, node: Node) -> dict[str, str]:
-        found = {}
+        found: dict[str, str] = {}
+        if node.state is State.DONE and not node.leaves:
+            return found
         for slot, source in node.call.inputs.items():
             parts = source.parts if isinstance(source, Pack) else {"": source}
             for label, part in parts.items():
@@ -235,42 +237,18 @@ class _Run:
         root = self.info.project
         return str(path.relative_to(root)) if root and path.is_relative_to(root) else str(path)
 
-    def _record(self, node: Node, blockers: Sequence[str] = ()) -> NodeRecord:
-        result, rule = node.result, node.call.rule
-        done = result is not None and node.state is State.DONE
-        return NodeRecord(
-            status=_status(node),
-            key=node.key,
-            output=result.output if result and done else None,
-            seconds=result.seconds if result and done and node.status != "fetched" else node.seconds,
-            line=result.line if result and done else "",
-            error=node.error,
-            inputs=node.inputs,
-            rule=rule.path,
-            backend=rule.backend,
-            result=result.digest if result and done else None,
-            log=result.log if result and done else node.log,
-            blocked_by=tuple(blockers),
-            usage=node.usage,
-            tries=node.tries,
-            calls=node.calls or (result.called if result and done else ()),
-        )
-
     def _close(self, whole: bool) -> RunResult:
         """End every node that is still open, and say so."""
         scheduler = self.scheduler
         scheduler.dispatch.release_all()
         blockers = blocked_by(scheduler.failed)
-        records = {}
         for node in scheduler.wiring.nodes.values():
-            if is_stub(node):
+            if is_stub(node) or node.state in (State.DONE, State.FAILED):
                 continue
-            known = node.state in (State.DONE, State.FAILED)
-            if node.state not in (State.DONE, State.FAILED, State.BLOCKED):
+            if node.state is not State.BLOCKED:
                 scheduler.states.set(node, State.CANCELLED)
-            records[node.address] = record = self._record(node, blockers.get(node.address, ()))
-            if not known:
-                self._tell(node, record)
+            self._tell(node, record_of(node, blockers.get(node.address, ())))
+        records = Records(scheduler.wiring.nodes, blockers, self.history.usage, self.store)
         ok = whole and all(wish.state is State.DONE for wish in scheduler.wishes)
         asked = [node.address for wish in scheduler.wishes for node in wish.nodes.values()]
         nodes = Kept(records, self.known, self.store) if self.known else records
@@ -283,11 +261,10 @@ class _Run:
         self.history.save()
         self.store.leaves.save()
         own = result.own
-        counts: Counter[str] = Counter(record.status for record in own.values())
+        counts: Counter[str] = Counter(own.statuses())
         nodes = (node for node in self.scheduler.wiring.nodes.values() if not is_stub(node))
-        spared = [node for node in nodes if _status(node) in ("cached", "fetched")]
-        saved = sum(node.result.seconds for node in spared if node.result)
-        saved -= sum(node.seconds for node in spared if node.status == "fetched")
+        spared = (node for node in nodes if status_of(node) in ("cached", "fetched"))
+        saved = sum(node.made_s - (node.seconds if node.status == "fetched" else 0.0) for node in spared)
         if self.known is not None and len(result.nodes) > len(own):
             counts["cached"] += len(result.nodes) - len(own)
             saved += sum(self.known.seconds) - sum(self.known.took(address) or 0.0 for address in own)
@@ -313,11 +290,3 @@ def _readers(root: Unit) -> Iterator[Unit]:
             seen.add(id(unit))
             yield unit
             stack += unit.dependents
-
-
-def _status(node: Node) -> events.Status:
-    if node.state is State.DONE:
-        return "ran" if node.status == "ran" else "fetched" if node.status == "fetched" else "cached"
-    if node.state is State.FAILED:
-        return "failed"
-    return "waits" if node.state is State.BLOCKED else "cancelled"

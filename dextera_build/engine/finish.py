@@ -30,17 +30,18 @@ def result_of(store: Store, node: Node, report: Ended, reading: Reading) -> Acti
     if report.error is not None:
         node.log = log_of(store, report)
         raise report.error
+    key = node.key
     assert report.reply is not None
-    assert node.key is not None
+    assert key is not None
     made = report.published
     if made is None or "entry" in made:
         _check_leaves(store, node)
-    if made is None or not _is_entered(store, node.key, made):
+    if made is None or not _is_entered(store, key, made):
         return _judged(store, node, report, reading)
-    store.keep.drop(node.key)
+    store.keep.drop(key)
     result = _spelled(report, made)
     result.know(made["result"])
-    store.actions.rely(node.key, [OutputFile("", digest, size) for digest, size in made["needs"]])
+    store.actions.rely(key, [OutputFile("", digest, size) for digest, size in made["needs"]])
     return result
 
 
@@ -66,7 +67,7 @@ def _judged(store: Store, node: Node, report: Ended, reading: Reading) -> Action
     reply: Mapping[str, Any] = report.reply or {}
     kept = node.key
     sizes: dict[str, int] = {}
-    if node.call.rule.discovers:
+    if node.rule.discovers:
         reading.ran(node, reply)
     if report.published is not None:
         result = _spelled(report, report.published)
@@ -80,7 +81,7 @@ def _judged(store: Store, node: Node, report: Ended, reading: Reading) -> Action
         # It was forced: others build on the first output, which stays. Or bytes of the first were lost.
         first = store.actions.get(node.key)
     result = first or result
-    if node.call.rule.discovers:
+    if node.rule.discovers:
         tree.publish(store, node.key, result)
     elif first is None:
         store.actions.put(node.key, result, sizes=sizes)

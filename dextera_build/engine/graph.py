@@ -143,22 +143,32 @@ class Graph:
     """Target name -> call addresses as tuples; `default` is always there."""
 
     def calls(self) -> Iterator[tuple[tuple[str, ...], Call]]:
-        """Every call with its address, groups in order; iterative, because chains may be long."""
-        stack: list[tuple[tuple[str, ...], Call | Group]] = [((n,), m) for n, m in reversed(list(self.members.items()))]
-        while stack:
-            address, member = stack.pop()
-            if isinstance(member, Call):
-                yield address, member
-            else:
-                stack += [((*address, name), inner) for name, inner in reversed(list(member.members.items()))]
+        """Every call with its address, groups in order; one after another, because there may be many."""
+        for name, member in self.members.items():
+            yield from _calls(name, member)
+
+    def below(self, name: str) -> Iterator[tuple[tuple[str, ...], Call]]:
+        """The calls of one group at the root, or the call that stands there."""
+        return _calls(name, self.members[name])
+
+
+def _calls(name: str, outer: Call | Group) -> Iterator[tuple[tuple[str, ...], Call]]:
+    stack: list[tuple[tuple[str, ...], Call | Group]] = [((name,), outer)]
+    while stack:
+        address, member = stack.pop()
+        if isinstance(member, Call):
+            yield address, member
+        else:
+            stack += [((*address, name), inner) for name, inner in reversed(list(member.members.items()))]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The graph, and every file that planning read."""
+    """The graph, every file that planning read, and the rules of its calls."""
 
     graph: Graph
     recipes: tuple[Path, ...]
+    rules: tuple[RuleFacts, ...]
 
 
 def node_address(call: tuple[str, ...], labels: tuple[str, ...]) -> str:

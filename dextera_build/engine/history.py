@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import json
+import marshal
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.store import failpoints, files
+from dextera_build.store.cas import is_digest
 from dextera_build.store.store import Store
 
 _FORM = 1
 _NUMBERS = {int, float}
-_ROWS = 1000
-"""So many nodes are spelled at a time."""
+_CHUNK = 1 << 16
+_OPEN, _CLOSE = b'"nodes": {\n', b"}}"
+"""Between them stands a row a line."""
 _WRITING = re.compile(rb'{"writing": "([0-9a-f]+)"')
 """How the file of all nodes begins: which writing of it this is. What stands beside it says to which it belongs."""
 
@@ -56,15 +60,15 @@ class History:
         self._path = store.local / "history" / f"{stem}-{name}.json"
         self._project = project
         self._more = self._path.with_suffix(".more.json")
-        self._fresh: dict[str, Entry] = {}
-        self._entries: dict[str, Entry] | None = None
+        self._fresh = _Packed()
+        self._entries: _Packed | None = None
         self._dirty = False
         self.lean = False
         """Write what is new beside what is known, so that a small build need not read all of it."""
 
     def get(self, address: str) -> Entry | None:
         """The entry of a node, or None where it was never made here."""
-        return self._load().get(address)
+        return self._load().entry(address)
 
     def all(self) -> dict[str, Entry]:
         """Every entry."""
@@ -73,9 +77,9 @@ class History:
     def note(self, address: str, entry: Entry) -> None:
         """Remember a node; one that still has its key stays with the run that gave it that."""
         if self.lean and self._entries is None:
-            self._fresh[address] = _with_usage(entry, self._fresh.get(address))
+            self._fresh[address] = _with_usage(entry, self._fresh.entry(address))
             return
-        known = self._load().get(address)
+        known = self._load().entry(address)
         if known is not None and known.key == entry.key and known.key_document == entry.key_document:
             if not entry.usage:
                 return
@@ -89,20 +93,29 @@ class History:
         peak = known.usage.get("memory_bytes") if known else None
         return peak / 2**30 if peak else None
 
+    def usage(self, address: str) -> Mapping[str, float]:
+        """What the last run of a node used."""
+        known = self.get(address)
+        return known.usage if known else {}
+
     def save(self) -> None:
         """Write it down, all or nothing; a store that cannot be written keeps the old one."""
         if self._fresh:
             writing = self._writing()
-            self._write(self._more, {"beside": writing}, _over(self._read(self._more, writing), self._fresh))
+            more = self._read(self._more, writing)
+            _lay_over(more, self._fresh)
+            self._write(self._more, {"beside": writing}, more)
         elif self._dirty and self._write(self._path, {"writing": os.urandom(8).hex()}, self._load()):
             self._dirty = False
             failpoints.reach("history.saved")
             self._more.unlink(missing_ok=True)
 
-    def _load(self) -> dict[str, Entry]:
+    def _load(self) -> _Packed:
         if self._entries is None:
+            self._entries = self._read(self._path)
             more = self._read(self._more, self._writing())
-            self._entries = _over(_over(self._read(self._path), more), self._fresh)
+            _lay_over(self._entries, more)
+            _lay_over(self._entries, self._fresh)
             self._dirty = self._dirty or bool(more)
         return self._entries
 
@@ -112,27 +125,97 @@ class History:
             return found[1].decode() if found else ""
         return ""
 
-    def _read(self, path: Path, beside: str = "") -> dict[str, Entry]:
+    def _read(self, path: Path, beside: str = "") -> _Packed:
         """The entries of a file; none where it stood beside another writing, which holds them already."""
-        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-            stored = digests.plain(files.read(str(path)))
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError), path.open("rb") as file:
+            head = file.readline()
+            stored = digests.plain(head + _CLOSE if head.endswith(_OPEN) else head)
             if stored["form"] == _FORM and stored.get("beside", "") == beside:
-                return {address: _entry(row) for address, row in stored["nodes"].items()}
-        return {}
+                found = _Packed()
+                for address, row in chain(stored["nodes"].items(), _lines(file) if head.endswith(_OPEN) else ()):
+                    found[address] = _entry(row)
+                return found
+        return _Packed()
 
     def _write(self, path: Path, mark: Mapping[str, str], entries: Mapping[str, Entry]) -> bool:
         head = json.dumps({**mark, "form": _FORM, "project": self._project})[:-1]
         try:
             with files.new_file(str(path), 0o644) as target:
-                files.write_all(target, f'{head}, "nodes": {{'.encode())
-                names = list(entries)
-                for start in range(0, len(names), _ROWS):  # as one text it would take as much memory as the graph
-                    rows = {name: _row(entries[name]) for name in names[start : start + _ROWS]}
-                    files.write_all(target, f"{', ' if start else ''}{json.dumps(rows)[1:-1]}".encode())
-                files.write_all(target, b"}}")
+                files.write_all(target, f'{head}, "nodes": {{\n'.encode())
+                text, comma = "", ""
+                for address, entry in entries.items():
+                    text += f"{comma}{json.dumps(address)}: {json.dumps(_row(entry))}"
+                    comma = ",\n"
+                    if len(text) > _CHUNK:  # as one text it would take as much memory as the graph
+                        files.write_all(target, text.encode())
+                        text = ""
+                files.write_all(target, text.encode() + b"\n" + _CLOSE)
         except StoreError:
             return False
         return True
+
+
+class _Packed(MutableMapping[str, Entry]):
+    """Entries by address in 150 bytes each; as objects they take 600."""
+
+    def __init__(self) -> None:
+        self._rows: dict[str, bytes] = {}
+        self._words: list[Any] = []
+        """Runs, and names of what was used, which many entries share."""
+        self._places: dict[object, int] = {}
+
+    def __getitem__(self, address: str) -> Entry:
+        key, document, run, seconds, time, names, *values = marshal.loads(self._rows[address])
+        key, words = _long(key), self._words
+        usage = dict(zip(words[names], values, strict=True))
+        return Entry(key, key if document is None else _long(document), words[run], seconds, time, usage)
+
+    def __setitem__(self, address: str, entry: Entry) -> None:
+        document = None if entry.key_document == entry.key else _short(entry.key_document)
+        run, names = self._place(entry.run), self._place(tuple(entry.usage))
+        row = (_short(entry.key), document, run, entry.seconds, entry.time, names, *entry.usage.values())
+        self._rows[address] = marshal.dumps(row)
+
+    def entry(self, address: str) -> Entry | None:
+        """The entry of an address; quicker than `get` where there is none."""
+        return self[address] if address in self._rows else None
+
+    def __delitem__(self, address: str) -> None:
+        del self._rows[address]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def _place(self, word: object) -> int:
+        place = self._places.setdefault(word, len(self._words))
+        if place == len(self._words):
+            self._words.append(word)
+        return place
+
+
+def _short(digest: str) -> bytes | str:
+    return bytes.fromhex(digest) if is_digest(digest) else digest
+
+
+def _long(digest: bytes | str) -> str:
+    return digest.hex() if isinstance(digest, bytes) else digest
+
+
+def _lines(file: Iterable[bytes]) -> Iterator[tuple[str, list[Any]]]:
+    """The rows of a history, a line each.
+
+    Raises:
+        ValueError: There is another thing on a line, or the end is missing.
+    """
+    for line in file:
+        if line == _CLOSE:
+            return
+        if line != b"\n":
+            yield from digests.plain(b"{" + line.rstrip().removesuffix(b",") + b"}").items()
+    raise ValueError("the end is missing")
 
 
 def _entry(row: list[Any]) -> Entry:
@@ -152,8 +235,9 @@ def _row(entry: Entry) -> list[object]:
     return [entry.key, entry.key_document, entry.run, entry.seconds, entry.time, entry.usage]
 
 
-def _over(old: Mapping[str, Entry], new: Mapping[str, Entry]) -> dict[str, Entry]:
-    return {**old, **{address: _with_usage(entry, old.get(address)) for address, entry in new.items()}}
+def _lay_over(old: MutableMapping[str, Entry], new: Mapping[str, Entry]) -> None:
+    for address, entry in new.items():
+        old[address] = _with_usage(entry, old.get(address))
 
 
 def _with_usage(entry: Entry, old: Entry | None) -> Entry:

@@ -10,23 +10,25 @@ from __future__ import annotations
 
 import json
 from array import array
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.engine import compact
-from dextera_build.engine.compact import Members, Names
+from dextera_build.engine.compact import Members, Names, Texts
 from dextera_build.engine.graph import Graph, RuleFacts, parse_address
-from dextera_build.engine.reach import copy_of
+from dextera_build.engine.reach import copy_of, leaves_of
 from dextera_build.engine.reread import Reread
 from dextera_build.engine.states import State
-from dextera_build.engine.units import Gathering, Node, Opening, Packing, Unit
+from dextera_build.engine.units import Gathering, Node, Opening, Unit
 from dextera_build.store import frames
-from dextera_build.store.actions import ActionResult
 
 if TYPE_CHECKING:
     from dextera_build.engine.wiring import Wiring
+
+
+_KEPT = "kept"
 
 
 @dataclass
@@ -141,12 +143,12 @@ class Known:
         self.leaves |= {str(path.absolute()): digest for path, digest in wiring.leaves.items()}
         for node in wiring.nodes.values():
             number = self.names.find(node.address)
-            if number is not None and node.key and node.result is not None and not is_stub(node):
+            if number is not None and node.key_bytes and node.output_bytes and not is_stub(node):
                 self.reread.learn(number, node.reads)
                 (self.bare.add if node.bare else self.bare.discard)(number)
-                self.keys[number * 32 : number * 32 + 32] = bytes.fromhex(node.key)
-                self.outputs[number * 32 : number * 32 + 32] = bytes.fromhex(node.result.output)
-                self.seconds[number] = node.result.seconds
+                self.keys[number * 32 : number * 32 + 32] = node.key_bytes
+                self.outputs[number * 32 : number * 32 + 32] = node.output_bytes
+                self.seconds[number] = node.made_s
                 self.peaks[number] = node.usage.get("memory_bytes", 0.0) / 2**30 or self.peaks[number]
         for unit in wiring.gatherings():
             if unit.output is not None:
@@ -176,16 +178,16 @@ class Known:
         if number is None or number in self.cone:
             return False
         place = slice(number * 32, number * 32 + 32)
-        unit.key, unit.status, unit.state = self.keys[place].hex(), "cached", State.DONE
-        unit.bare = number in self.bare
-        unit.result = ActionResult(self.outputs[place].hex(), "", (), {}, self.seconds[number], None, "")
+        unit.key_bytes, unit.output_bytes = bytes(self.keys[place]), bytes(self.outputs[place])
+        unit.status, unit.state, unit.bare = _KEPT, State.DONE, number in self.bare
+        unit.made_s = self.seconds[number]
         self.stubs += 1
         return True
 
 
 def is_stub(node: Node) -> bool:
     """Whether a node was known and has not been looked at."""
-    return node.result is not None and not node.result.key_document
+    return node.status == _KEPT
 
 
 def write(
@@ -201,25 +203,25 @@ def write(
     """
     nodes = list(wiring.nodes.values())
     others: list[Unit] = [*wiring.openings.values(), *wiring.gatherings()]
-    numbers = {id(unit): number for number, unit in enumerate([*nodes, *others])}
-    names, members = Names.of([node.address for node in nodes]), Names.of(list(graph.members))
-    if names is None or members is None or any(unit.state is not State.DONE for unit in [*nodes, *others]):
+    names = Names.of(node.address for node in nodes)
+    if not names.are_distinct or any(unit.state is not State.DONE for unit in [*nodes, *others]):
         return False
-    starts, read_by = _readers([*nodes, *others], numbers)
-    head, texts = compact.Writer().write(graph)
-    ends = array("Q", [0])
-    for text in texts:
-        ends.append(ends[-1] + len(text))
-    head |= {
-        "calls": len({node.path for node in nodes}),
+    starts, read_by = _readers([*nodes, *others])
+    members = compact.members_of(graph)
+    head: dict[str, Any] = {
+        "name": graph.name,
+        "targets": graph.targets,
+        "rules": [compact.facts_to_plain(rule) for rule in members.rules],
+        "calls": sum(not node.labels for node in nodes) + len({node.path for node in nodes if node.labels}),
         "groups": len({node.path[:depth] for node in nodes for depth in range(1, len(node.path))}),
         "others": [["opening", u.address] if isinstance(u, Opening) else ["gathering", _name(u)] for u in others],
-        "leaves": _leaves(nodes),
+        "leaves": _leaves(nodes, {id(node) for node in wiring.readers}),
     }
-    parts = [names.hashes, names.numbers, starts, read_by, members.hashes, members.numbers, ends]
+    found, texts = members.names, members.texts
+    parts = [names.hashes, names.numbers, starts, read_by, found.hashes, found.numbers, texts.ends]
     lines = "\n".join(node.address for node in nodes)
     framed = [*(part.tobytes() for part in parts), lines.encode()]
-    frames.write(f"{path}.plan", head, [*framed, *texts], len(framed))
+    frames.write(f"{path}.plan", head, [*framed, texts.heap], len(framed))
     known = Known(
         head=head,
         graph=graph,
@@ -227,15 +229,15 @@ def write(
         names=names,
         readers=starts,
         read_by=read_by,
-        keys=bytearray(b"".join(bytes.fromhex(node.key or "") for node in nodes)),
-        outputs=bytearray(b"".join(bytes.fromhex(node.result.output) for node in nodes if node.result)),
-        seconds=array("d", [node.result.seconds if node.result else 0.0 for node in nodes]),
-        peaks=array("d", [peak_gb(node.address) or 0.0 for node in nodes]),
+        keys=bytearray(b"".join(node.key_bytes or b"" for node in nodes)),
+        outputs=bytearray(b"".join(node.output_bytes or b"" for node in nodes)),
+        seconds=array("d", (node.made_s for node in nodes)),
+        peaks=array("d", (peak_gb(node.address) or 0.0 for node in nodes)),
         items={unit.address: unit.items for unit in wiring.openings.values()},
         collections={_name(unit): unit.output or "" for unit in wiring.gatherings()},
         leaves={str(path.absolute()): digest for path, digest in wiring.leaves.items()},
         text=lambda: lines,
-        reread=Reread.of(dict(enumerate(nodes))),
+        reread=Reread.of(nodes),
         run=run,
         bare={number for number, node in enumerate(nodes) if node.bare},
     )
@@ -253,14 +255,10 @@ def read(path: Path) -> Known:
     head, parts, heap = frames.read(f"{path}.plan")
     state, columns, _ = frames.read(f"{path}.known")
     hashes, numbers, starts, read_by, member_hashes, member_numbers, ends = (
-        frames.numbers(kind, part) for kind, part in zip("QIIIQIQ", parts[:7], strict=True)
+        frames.numbers(kind, part) for kind, part in zip("QIIIIIQ", parts[:7], strict=True)
     )
     rules = [compact.facts_of(rule) for rule in head["rules"]]
-
-    def text(number: int) -> bytes:
-        return bytes(heap[ends[number] : ends[number + 1]])
-
-    members = Members(Names(member_hashes, member_numbers), text, rules)
+    members = Members(Names(member_hashes, member_numbers), Texts(heap, ends), rules)
     targets = {name: tuple(tuple(call) for call in calls) for name, calls in head["targets"].items()}
     return Known(
         head=head,
@@ -284,27 +282,28 @@ def read(path: Path) -> Known:
     )
 
 
-def _readers(units: Sequence[Unit], numbers: Mapping[int, int]) -> tuple[array[int], array[int]]:
-    found: list[list[int]] = [[] for _ in units]
+def _readers(units: Sequence[Unit]) -> tuple[array[int], array[int]]:
+    """Where the readers of each unit begin, and all readers, by number."""
+    numbers = {unit: number for number, unit in enumerate(units)}
+    starts = array("I", bytes(4 * (len(units) + 1)))
     for unit in units:
-        sources = list(unit.sources)
-        while sources:
-            source = sources.pop()
-            if isinstance(source, Packing):
-                sources += source.sources
-            else:
-                found[numbers[id(source)]].append(numbers[id(unit)])
-    starts, read_by = array("I", [0]), array("I")
-    for readers in found:
-        read_by.extend(readers)
-        starts.append(len(read_by))
+        for source in unit.sources:
+            starts[numbers[source] + 1] += 1
+    for number in range(len(units)):
+        starts[number + 1] += starts[number]
+    read_by, ends = array("I", bytes(4 * starts[-1])), starts[:-1]
+    for number, unit in enumerate(units):
+        for source in unit.sources:
+            place = numbers[source]
+            read_by[ends[place]] = number
+            ends[place] += 1
     return starts, read_by
 
 
-def _leaves(nodes: Sequence[Node]) -> dict[str, list[int]]:
+def _leaves(nodes: Sequence[Node], readers: Container[int]) -> dict[str, list[int]]:
     found: dict[str, list[int]] = {}
     for number, node in enumerate(nodes):
-        for leaf, _ in node.leaves:
+        for leaf in leaves_of((node.call,)) if id(node) in readers else ():
             found.setdefault(str(leaf.path.absolute()), []).append(number)
     return found
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from dextera_build.engine.graph import Address, Call, Fixed, Gather, Graph, Group, Item, Leaf, Output, parts_of
 from dextera_build.errors import UsageError, did_you_mean, listing
@@ -10,38 +10,52 @@ from dextera_build.errors import UsageError, did_you_mean, listing
 Path = tuple[str, ...]
 
 
-def reach(graph: Graph, targets: Sequence[Address]) -> dict[Path, Call]:
-    """Every call that `targets` may need, by its address without labels, in the order in which they are met.
+def walk(graph: Graph, targets: Sequence[Address]) -> Iterator[tuple[Path, list[Call]]]:
+    """Every call that `targets` may need, in the order in which they are met: its address without labels; `variants`.
 
     Raises:
         UsageError: A target names no call.
     """
-    found: dict[Path, Call] = {}
-    stack = [target.call for target in reversed(targets)]
     for target in targets:
         lookup(graph, target)
+    seen: set[Path] = set()
+    stack = [target.call for target in reversed(targets)]
     while stack:
         path = stack.pop()
-        if path in found:
+        if path in seen:
             continue
+        seen.add(path)
         groups, call = _descend(graph, path)
-        found[path] = call
         for group in groups:
             stack += _read_by(group.over)
-        for variant in variants(groups, call):
+        found = variants(groups, call)
+        for variant in found:
             for source in variant.inputs.values():
                 for part in parts_of(source):
                     stack += _read_by(part)
-    return found
+        yield path, found
+
+
+def reach(graph: Graph, targets: Sequence[Address]) -> list[Path]:
+    """The addresses of every call that `targets` may need, in the order in which they are met.
+
+    Raises:
+        UsageError: A target names no call.
+    """
+    return [path for path, _ in walk(graph, targets)]
 
 
 def leaves(graph: Graph, targets: Sequence[Address]) -> Iterator[Leaf]:
     """Every file and folder that `targets` may need."""
-    for path, call in reach(graph, targets).items():
-        groups, _ = _descend(graph, path)
-        for variant in variants(groups, call):
-            read = (part for source in variant.inputs.values() for part in parts_of(source))
-            yield from (part for part in read if isinstance(part, Leaf))
+    for _, calls in walk(graph, targets):
+        yield from leaves_of(calls)
+
+
+def leaves_of(calls: Iterable[Call]) -> Iterator[Leaf]:
+    """Every file and folder that some calls read."""
+    for call in calls:
+        for source in call.inputs.values():
+            yield from (part for part in parts_of(source) if isinstance(part, Leaf))
 
 
 def variants(groups: Sequence[Group], call: Call) -> list[Call]:
@@ -55,9 +69,7 @@ def variants(groups: Sequence[Group], call: Call) -> list[Call]:
 def copy_of(graph: Graph, path: Path, labels: tuple[str, ...]) -> Call:
     """The call that stands at `path` in the copy with these labels."""
     groups, call = _descend(graph, path)
-    if groups and labels:
-        return groups[-1].overrides.get(labels[-1], {}).get(call.name, call)
-    return call
+    return groups[-1].overrides.get(labels[-1], {}).get(call.name, call) if groups and labels else call
 
 
 def group_at(graph: Graph, path: Path) -> Group:

@@ -37,7 +37,7 @@ class Reading:
 
     def find(self, node: Node) -> Found | None:
         """What the store knows of a node; the key of one that reads by itself follows from what it would read."""
-        if not node.call.rule.discovers:
+        if not node.rule.discovers:
             return self._store.actions.find(node.key or "")
         found = tree.find(self._store, self._static(node), self._answers(node))
         self._take(node, found.steps, found.document)
@@ -45,7 +45,7 @@ class Reading:
 
     def is_missing(self, node: Node) -> bool:
         """Whether the store has nothing of a node; the quick answer for most that are about to run."""
-        return not node.call.rule.discovers and not self._store.actions.has(node.key or "")
+        return not node.rule.discovers and not self._store.actions.has(node.key or "")
 
     def whole(self, node: Node) -> ActionResult | None:
         """The result of a node with all its bytes, or None."""
@@ -54,18 +54,18 @@ class Reading:
 
     def document(self, node: Node) -> bytes:
         """The key document of a node, with what it has read as far as is known."""
-        if node.call.rule.discovers:
+        if node.rule.discovers:
             return traces.spelled(self._static(node), node.reads)
         return self._writer.document(node.call, node.inputs)
 
     def begin(self, node: Node) -> None:
         """Let a node have the key that it has before it read anything."""
-        if node.call.rule.discovers:
+        if node.rule.discovers:
             self._take(node, (), traces.spelled(self._static(node), ()))
 
     def onward(self, node: Node, result: ActionResult) -> Steps | None:
         """What a node would read next, where what a remote gave under its key says that; None for its result."""
-        return tree.going_on(self._store, result) if node.call.rule.discovers else None
+        return tree.going_on(self._store, result) if node.rule.discovers else None
 
     def follow(self, node: Node, onward: Steps) -> bool:
         """Let a node have the key that it has when it has read on; False where that cannot be told."""
@@ -90,12 +90,12 @@ class Reading:
                     hint="build again; nothing of this run of the node was kept",
                 )
         for kind, name, answer in steps:
-            self._told[node.call.rule.discovers, kind, name] = answer
+            self._told[node.rule.discovers, kind, name] = answer
         self._take(node, steps, traces.spelled(self._static(node), steps))
 
     def suppose(self, node: Node, last: str) -> None:
         """Give a stale node the key that it has if it reads what it read when it had the key `last`, or none."""
-        if not node.call.rule.discovers:
+        if not node.rule.discovers:
             return
         try:
             parts = traces.parts_of(self._store.blobs.get(last)) if last else None
@@ -116,11 +116,11 @@ class Reading:
     def forget(self, node: Node) -> None:
         """Ask anew what a node reads."""
         for kind, name, _ in node.reads:
-            self._told.pop((node.call.rule.discovers, kind, name), None)
+            self._told.pop((node.rule.discovers, kind, name), None)
 
     def _changed(self, node: Node, step: Step) -> bool:
         kind, name, answer = step
-        if self._told.get((node.call.rule.discovers, kind, name), answer) != answer:
+        if self._told.get((node.rule.discovers, kind, name), answer) != answer:
             return True
         return self._look(node).answer_or_unknown(kind, name) != answer
 
@@ -128,7 +128,7 @@ class Reading:
         look = self._look(node)
 
         def answer(kind: str, name: str) -> str:
-            question = (node.call.rule.discovers, kind, name)
+            question = (node.rule.discovers, kind, name)
             if question not in self._told:
                 self._told[question] = look.answer(kind, name)
             return self._told[question]
@@ -136,7 +136,7 @@ class Reading:
         return answer
 
     def _look(self, node: Node) -> Look:
-        root = node.call.rule.discovers
+        root = node.rule.discovers
         if root not in self._looks:
             self._looks[root] = Look(Path(root), self._store.leaves, self._store.root)
         return self._looks[root]

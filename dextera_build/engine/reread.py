@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 from dextera_build.engine.units import Node
@@ -18,10 +18,10 @@ class Reread:
         self._asked: dict[int, list[tuple[str, str]]] = {}
 
     @classmethod
-    def of(cls, nodes: Mapping[int, Node]) -> Reread:
-        """What nodes read in this build, by number."""
+    def of(cls, nodes: Iterable[Node]) -> Reread:
+        """What nodes read in this build, by their place in it."""
         found = cls()
-        for number, node in nodes.items():
+        for number, node in enumerate(nodes):
             found.learn(number, node.reads)
         return found
 

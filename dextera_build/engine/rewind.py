@@ -11,7 +11,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
 from dextera_build.engine.states import State, States
-from dextera_build.engine.units import Gathering, Node, Opening, Packing, Unit
+from dextera_build.engine.units import Gathering, Node, Opening, Unit
+from dextera_build.engine.values import value
+from dextera_build.engine.wiring import Wiring
 from dextera_build.store.store import Store
 
 _MOST = 3
@@ -33,13 +35,16 @@ def rewind(unit: Unit, digest: str, store: Store, states: States) -> list[Unit] 
     return _back(unit, again, states) if again or isinstance(unit, Node) else None
 
 
-def absent(node: Node, store: Store) -> list[Node]:
+def absent(node: Node, store: Store, wiring: Wiring) -> list[Node]:
     """Nodes whose results are bare, and of which `node`, all of whose inputs are known, reads bytes that are absent."""
     found: dict[Node, None] = {}
-    for slot, link in node.links.items():
-        bare = [source for source in _makers(link.unit) if source.bare]
-        if bare and not store.actions.references.are_here(node.inputs[slot]):
-            found |= dict.fromkeys(source for source in bare if not _is_here(source, store))
+    for slot, source in node.call.inputs.items():
+        bare = [maker for maker in _makers(wiring.sources(source, node)) if maker.bare]
+        if not bare:
+            continue
+        given = node.inputs.get(slot) or value(source, node, wiring, store.blobs)  # in a dry run inputs are not held
+        if not store.actions.references.are_here(given):
+            found |= dict.fromkeys(maker for maker in bare if not _is_here(maker, store))
     return list(found)
 
 
@@ -49,23 +54,21 @@ def send_back(unit: Unit, missing: Iterable[Node], states: States) -> list[Unit]
     return _back(unit, _above(unit, lambda source: id(source) in wanted), states)
 
 
-def _makers(unit: Unit | None) -> Iterator[Node]:
-    """The nodes whose bytes come over a link to `unit`: not those that only said which copies a group has."""
-    stack = [unit]
+def _makers(units: Iterable[Unit]) -> Iterator[Node]:
+    """The nodes whose bytes come from these units: not those that only said which copies a group has."""
+    stack = [*units]
     while stack:
         source = stack.pop()
         if isinstance(source, Node):
             yield source
         elif isinstance(source, Gathering):
             stack += source.nodes.values()
-        elif isinstance(source, Opening):
-            stack.append(source.over.unit if source.over is not None else None)
-        elif isinstance(source, Packing):
-            stack += [link.unit for link in source.links.values()]
+        else:
+            stack += source.sources
 
 
 def _is_here(node: Node, store: Store) -> bool:
-    return node.result is not None and store.actions.references.are_here(node.result.output)
+    return node.output is not None and store.actions.references.are_here(node.output)
 
 
 def _above(unit: Unit, gone: Callable[[Unit], bool]) -> list[Unit]:
@@ -95,14 +98,13 @@ def _readers_last(order: list[Unit]) -> list[Unit]:
     nodes = [unit for unit in order if isinstance(unit, Node)]
     openings = [unit for unit in order if isinstance(unit, Opening)]
     gatherings = [unit for unit in order if isinstance(unit, Gathering)]
-    packings = [unit for unit in order if isinstance(unit, Packing)]
-    return [*nodes, *sorted(openings, key=lambda unit: len(unit.path)), *gatherings, *packings]
+    return [*nodes, *sorted(openings, key=lambda unit: len(unit.path)), *gatherings]
 
 
 def _gone(source: Unit, store: Store) -> bool:
     if isinstance(source, Node):
         return source.key is None or store.actions.get(source.key) is None
-    if isinstance(source, Gathering | Packing) and source.output is not None:
+    if isinstance(source, Gathering) and source.output is not None:
         return not store.blobs.has(source.output)
     return False
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 
 from dextera_build import digest as digests
 from dextera_build.engine import rewind
@@ -32,7 +31,8 @@ from dextera_build.engine.reading import Reading
 from dextera_build.engine.sharing import Remotes, Sharing
 from dextera_build.engine.states import LOST, State, States
 from dextera_build.engine.tasks import Executor
-from dextera_build.engine.units import Gathering, Link, Node, Opening, Packing, Unit
+from dextera_build.engine.units import Gathering, Node, Opening, Unit
+from dextera_build.engine.values import inputs_of, value
 from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
 from dextera_build.store import header
@@ -164,31 +164,33 @@ class Scheduler:
             self._open(unit)
         elif isinstance(unit, Gathering):
             self._gather(unit)
-        elif isinstance(unit, Packing):
-            parts = {label: self._value(link) for label, link in unit.links.items()}
-            unit.output = self.store.blobs.put(header.collection_header(parts))
-            self._done(unit)
 
     def _look_up(self, node: Node) -> None:
-        node.inputs = {slot: self._value(link) for slot, link in node.links.items()}
-        node.document = self._writer.document(node.call, node.inputs)
-        node.key = digests.of_bytes(node.document)
+        call = node.call
+        if node.leaves:
+            self.wiring.note_leaves(node, call)  # another node that reads one of them may have looked again since
+        inputs = node.inputs = inputs_of(call, node, self.wiring, self.store.blobs)
+        document = node.document = self._writer.document(call, inputs)
+        node.key = digests.of_bytes(document)
         try:
             self._find(node)
         finally:
-            if not self.policy.dry and (node.state is not State.QUEUED or self.dispatch.is_long):
+            if node.state is not State.QUEUED or self.dispatch.is_long:
                 node.document = b""  # it is spelled again when the node runs
+            if self.policy.dry:
+                node.rest()
 
     def _find(self, node: Node) -> None:
         """Where the result of a node may come from."""
-        assert node.key is not None
-        owner = self._owners.get(node.key)
+        key = node.key
+        assert key is not None
+        owner = self._owners.get(key)
         if owner is not None:
             node.follow(owner)
             self.states.set(node, State.SHARED)
             return
         node.asked |= self.policy.whole
-        node.owned = node.key
+        node.owned = key
         hit = self.reading.find(node)
         forced = self._is_forced(node)
         # A dry run goes on from what is known of a node, also where that is not enough.
@@ -199,7 +201,7 @@ class Scheduler:
         elif self.policy.dry:
             self.states.set(node, State.STALE)
         else:
-            if hit is not None and not forced and node.result is None:
+            if hit is not None and not forced and node.output is None:
                 self.hooks.missed(node, node)
             self._owners[node.owned] = node
             # What is forced shall run, and a result that others made is not what it asks for.
@@ -218,14 +220,14 @@ class Scheduler:
         """Note in a dry run which results would have to have their bytes, so that `node` can run."""
         stack = [node]
         while stack and self._any_bare:
-            for source in rewind.absent(stack.pop(), self.store):
+            for source in rewind.absent(stack.pop(), self.store, self.wiring):
                 if not source.asked:
                     source.asked = True
                     stack.append(source)
 
     def _queue(self, node: Node) -> None:
         if self.policy.only is None or _named(node, self.policy.only):
-            if not self._send_back(node, rewind.absent(node, self.store) if self._any_bare else []):
+            if not self._send_back(node, rewind.absent(node, self.store, self.wiring) if self._any_bare else []):
                 self.states.set(node, State.QUEUED)
             return
         hint = f"dxb why '{self.graph.name}:{node.address}'"
@@ -246,17 +248,15 @@ class Scheduler:
             if isinstance(unit, Node):
                 for follower in self._disown(unit):
                     self.states.set(follower, State.READY)
-                if unit.result is not None and is_stub(unit):
-                    # From now on it is one of this run's nodes; the digest of a key document is its key.
-                    unit.result = replace(unit.result, key_document=unit.key or "")
+                if is_stub(unit):
+                    unit.status = "cached"  # from now on it is one of this run's nodes
         self.wiring.fresh += units
 
     def _open(self, unit: Opening) -> None:
         if isinstance(unit.group.over, Fixed):
             unit.items = dict.fromkeys(unit.group.over.labels, "")
         else:
-            assert unit.over is not None
-            unit.items = header.items(self.store.blobs.get, self._value(unit.over))
+            unit.items = header.items(self.store.blobs.get, value(unit.group.over, unit, self.wiring, self.store.blobs))
         for label in unit.items:
             if not _LABEL.fullmatch(label):
                 raise RuleError(
@@ -272,11 +272,11 @@ class Scheduler:
         if unit.collect:
             parts: dict[str, str] = {}
             for labels, node in sorted(unit.nodes.items()):
-                assert node.result is not None
+                assert node.output is not None
                 label = ".".join(labels[len(unit.labels) :])
                 if label in parts:
                     raise RuleError(f"`{unit.address}` has two copies called `{label}`", code="DXB-B307")
-                parts[label] = header.project(self.store.blobs.get, node.result.output, unit.fields)
+                parts[label] = header.project(self.store.blobs.get, node.output, unit.fields)
             unit.output = self.store.blobs.put(header.collection_header(parts))
         elif not self.policy.dry and self._send_back(unit, [node for node in unit.nodes.values() if node.bare]):
             return
@@ -284,10 +284,11 @@ class Scheduler:
 
     def _succeed(self, node: Node, status: str, result: ActionResult, *, bare: bool = False) -> None:
         node.result, node.status, node.error, node.bare = result, status, None, bare
+        node.output, node.made_s = result.output, result.seconds
         self._any_bare |= bare
         if status == "ran" and (self.policy.force or self.policy.recall):
             self._made |= {node.owned, node.key or ""}
-        node.document = node.document if self.policy.dry else b""
+        node.document = b""
         followers = self._disown(node)
         self.sharing.offer(node)
         self._done(node)
@@ -305,6 +306,8 @@ class Scheduler:
         self.states.set(unit, State.DONE)
         if isinstance(unit, Node):
             self.hooks.settled(unit)
+            # What it used is in the history; that of a build that goes on from another is read only where needed.
+            unit.rest(*(("usage",) if self.policy.known is not None else ()))
         for dependent in unit.release():
             if dependent.state is State.WAITS:
                 dependent.pending -= 1
@@ -369,19 +372,6 @@ class Scheduler:
             if reader.state is State.WAITS:
                 self.states.set(reader, State.BLOCKED)
                 stack += reader.dependents
-
-    def _value(self, link: Link) -> str:
-        """The digest that comes over a link whose unit is known."""
-        unit = link.unit
-        start: str | None = link.digest
-        if isinstance(unit, Node) and unit.result is not None:
-            start = unit.result.output
-        elif isinstance(unit, Opening):
-            start = unit.items[link.label or ""]
-        elif isinstance(unit, Gathering | Packing):
-            start = unit.output
-        assert start is not None
-        return header.project(self.store.blobs.get, start, link.fields) if link.fields else start
 
     def _is_forced(self, node: Node) -> bool:
         if node.status or node.key in self._made or not (self.policy.force or self.policy.recall):

@@ -54,7 +54,7 @@ class Sharing:
         """Look for the node's result elsewhere, with its bytes where these are asked for; False where no one has it."""
         if self._exchange is None or not self._exchange.reads:
             return False
-        if not node.call.rule.discovers:
+        if not node.rule.discovers:
             return self._ask(node, self._exchange)
         here = (node.key, node.document, node.reads)
         self._reading.begin(node)  # a remote knows ways of its own to what it holds
@@ -107,7 +107,7 @@ class Sharing:
 
     def _go_without(self, node: Node) -> None:
         """No remote leads further; what came from them may."""
-        hit = self._reading.find(node) if node.call.rule.discovers else None
+        hit = self._reading.find(node) if node.rule.discovers else None
         if hit is not None and (hit.is_whole or not node.asked):
             self._succeed(node, "cached", hit.result, bare=not hit.is_whole)
         else:

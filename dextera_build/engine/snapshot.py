@@ -77,9 +77,12 @@ def save(
         is none.
     """
     forget(path)
-    frozen = store[1].freeze() if store else ({}, b"")
+    frozen = store[1].freeze() if store else ({}, [])
     if frozen is None or not watch.settled():
         return None
+    size, check = 0, 0
+    for part in frozen[1]:
+        size, check = size + len(part), zlib.crc32(part, check)
     head = {
         **(more or {}),
         "form": _FORM,
@@ -92,10 +95,12 @@ def save(
         "store": store[0] if store else "",
         "boot": presence.boot(),
         "shards": frozen[0],
-        "rows": [len(frozen[1]), zlib.crc32(frozen[1])],
+        "rows": [size, check],
     }
     try:
-        files.write(f"{path}.rows", frozen[1], 0o644)
+        with files.new_file(f"{path}.rows", 0o644) as target:
+            for part in frozen[1]:
+                files.write_all(target, part)
         failpoints.reach("snapshot.rows")
         _write(path, head)
     except StoreError:

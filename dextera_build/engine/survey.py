@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build.engine.graph import Address, Call, Graph, Leaf, Pack
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.reach import leaves
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
@@ -51,7 +51,9 @@ def survey(graph: Graph, wanted: Sequence[Address], store: Store, *, whole: bool
         UsageError: A target names nothing.
         RecipeError: A file or folder is missing or cannot be read.
     """
-    scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True, whole=whole))
+    results: dict[str, ActionResult] = {}
+    hooks = Hooks(settled=lambda node: results.update({node.address: node.result} if node.result else {}))
+    scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True, whole=whole), hooks)
     for leaf in leaves(graph, wanted):
         scheduler.wiring.leaf(leaf)
     scheduler.run(list(wanted))
@@ -62,11 +64,12 @@ def survey(graph: Graph, wanted: Sequence[Address], store: Store, *, whole: bool
     held, stale = [], []
     for node in scheduler.wiring.nodes.values():
         lacks_bytes = node.bare and node.asked
-        if node.state is not State.DONE or node.result is None or node.key is None or lacks_bytes:
+        if node.state is not State.DONE or node.key is None or lacks_bytes:
             stale.append(node.address)
             continue
-        rule, reads = node.call.rule, tuple(dict.fromkeys(other.address for other in producers(node)))
-        held.append(Held(node.address, rule.path, rule.backend, node.key, node.result, reads, _files(node.call)))
+        rule, reads = node.rule, tuple(dict.fromkeys(other.address for other in producers(node)))
+        result, files = results[node.address], _files(node.call)
+        held.append(Held(node.address, rule.path, rule.backend, node.key, result, reads, files))
     asked = [node.address for wish in scheduler.wishes for node in wish.nodes.values()]
     complete = all(wish.state is State.DONE for wish in scheduler.wishes)
     if not complete and not stale:

@@ -1,64 +1,133 @@
-"""What a run is made of: nodes, groups that open, and collections that are gathered."""
+"""What a run is made of: nodes, groups that open, and collections that are gathered.
+
+A build of a hundred thousand nodes has as many units at one time, so a unit has slots for what every unit has, and room
+for the rest only while there is something in it.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequence
+from operator import attrgetter
+from typing import Any, Generic, TypeVar
 
-from dextera_build.engine.graph import Call, Group, Input, Leaf
+from dextera_build.engine.graph import Call, Graph, Group, Leaf, RuleFacts
+from dextera_build.engine.reach import copy_of
 from dextera_build.engine.states import State
 from dextera_build.errors import DxbError
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.traces.steps import Steps
 
+T = TypeVar("T")
 Path = tuple[str, ...]
 """Names from the root of the graph."""
 Labels = tuple[str, ...]
 """One label for each enclosing group, from the outside in."""
 
-
 _NOBODY: list[Any] = []
 _NOTHING: dict[str, Any] = {}
-"""Stand for every empty list and mapping of units, so that a hundred thousand of them take no room; never filled."""
+"""Stand for every empty list and mapping of units; never filled."""
+_TOLD = frozenset({"lost", "reads", "calls", "remote"})
+"""What is kept of a node that is done."""
 
 
-@dataclass(eq=False, kw_only=True, slots=True)
+class Rare(Generic[T]):
+    """What few units have at a time: a slot would take 8 bytes in all of them, and a number in it 32 more."""
+
+    def __init__(self, default: T) -> None:
+        self._default = default
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, unit: Unit, owner: type) -> T:
+        found: T = unit.more.get(self._name, self._default)
+        return found
+
+    def __set__(self, unit: Unit, value: T) -> None:
+        more = unit.more
+        if value != self._default:
+            if more is _NOTHING:
+                more = unit.more = {}
+            more[self._name] = value
+        elif self._name in more:
+            del more[self._name]
+
+
+class Digest:
+    """A digest that is kept as bytes, which take 80 bytes rather than the 128 of its text."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._slot = f"{name}_bytes"
+        self._kept = attrgetter(self._slot)
+
+    def __get__(self, unit: Unit, owner: type) -> str | None:
+        kept: bytes | None = self._kept(unit)
+        return kept.hex() if kept is not None else None
+
+    def __set__(self, unit: Unit, value: str | None) -> None:
+        setattr(unit, self._slot, bytes.fromhex(value) if value is not None else None)
+
+
 class Unit:
-    """Something that becomes known during a run."""
+    """Something that becomes known during a run.
 
-    address: str
-    path: Path
-    labels: Labels
-    state: State = State.WAITS
-    pending: int = 0
-    """How many sources are not known yet."""
-    sources: list[Unit] = field(default_factory=lambda: _NOBODY, repr=False)
-    """What this one reads from."""
-    dependents: list[Unit] = field(default_factory=lambda: _NOBODY, repr=False)
-    """What waits for this one; emptied when it becomes known."""
-    lost: Counter[str] | None = field(default=None, repr=False)
+    Args:
+        address: Names it in events.
+        path: Its call or group.
+        labels: Of the copy that it stands in.
+
+    Attributes:
+        state: See `states`.
+        pending: How many sources are not known yet.
+        sources: What this one reads from.
+        dependents: What waits for this one; emptied when it becomes known.
+        more: The attributes that are `Rare`.
+    """
+
+    __slots__ = ("_path", "address", "dependents", "labels", "more", "pending", "sources", "state")
+
+    lost = Rare[Counter[str] | None](None)
     """Blobs that it reads and that were found to be gone, with how often."""
 
-    def await_(self, source: Unit) -> None:
-        """Depend on `source`, and wait for it unless it is known."""
+    def __init__(self, *, address: str, path: Path, labels: Labels) -> None:
+        self.address, self.labels = address, labels
+        self._path = path if path != (address,) else None
+        self.state = State.WAITS
+        self.pending = 0
+        self.sources: Sequence[Unit] = _NOBODY
+        self.dependents: list[Unit] = _NOBODY
+        self.more: MutableMapping[str, Any] = _NOTHING
+
+    def __repr__(self) -> str:
+        """For a fault in dxb."""
+        return f"{type(self).__name__} {self.address}"
+
+    @property
+    def path(self) -> Path:
+        """The address of its call or group, without labels."""
+        return self._path or (self.address,)
+
+    def await_(self, sources: Iterable[Unit]) -> None:
+        """Depend on all of `sources` too, and wait for those that are not known."""
+        more = tuple(sources)
         if self.sources:
-            self.sources.append(source)
+            held: list[Unit] = self.sources if isinstance(self.sources, list) else [*self.sources]
+            held.extend(more)
+            self.sources = held
         else:
-            self.sources = [source]
-        if source.state is not State.DONE:
-            self.pending += 1
-            if source.dependents:
-                source.dependents.append(self)
-            else:
-                source.dependents = [self]
+            self.sources = more
+        for source in more:
+            if source.state is not State.DONE:
+                self.pending += 1
+                if source.dependents:
+                    source.dependents.append(self)
+                else:
+                    source.dependents = [self]
 
     def release(self) -> list[Unit]:
-        """It is known: what waited for it. How it became known is forgotten, and found anew where that is needed."""
+        """It is known: what waited for it."""
         waiting, self.dependents = self.dependents, _NOBODY
-        if isinstance(self, Node | Packing):
-            self.links = _NOTHING
         return waiting
 
     def forget(self) -> None:
@@ -69,48 +138,94 @@ class Unit:
         self.sources, self.pending = _NOBODY, 0
 
 
-@dataclass(eq=False, kw_only=True, slots=True)
 class Node(Unit):
-    """One copy of a call."""
+    """One copy of a call.
 
-    call: Call
-    links: dict[str, Link] = field(default_factory=lambda: _NOTHING, repr=False)
-    leaves: list[tuple[Leaf, str]] = field(default_factory=lambda: _NOBODY, repr=False)
-    """Files and folders that it reads directly, with the digests that entered its key."""
-    inputs: dict[str, str] = field(default_factory=lambda: _NOTHING)
-    key: str | None = None
-    document: bytes = field(default=b"", repr=False)
-    """The key document, while it is looked up, and until it runs where few nodes wait; in a dry run also later."""
-    ticket: int = -1
+    Args:
+        address: `body[mug].mesh`.
+        path: The call.
+        labels: Which copy of it.
+        graph: Has the call.
+
+    Attributes:
+        status: What it came to; one of `events.Status`, "kept" where that is known from the last build, "" as long as
+            that is open.
+        made_s: How long the run took that made its result [s].
+        asked: Somebody reads its bytes or wants them; else it is enough to know its result.
+        bare: Its result is known, and bytes of it may be absent.
+    """
+
+    __slots__ = ("_rule", "asked", "bare", "graph", "key_bytes", "made_s", "output_bytes", "status")
+
+    key_bytes: bytes | None
+    output_bytes: bytes | None
+    key = Digest()
+    output = Digest()
+    """What it returned, the last time that it was done."""
+    leaves = Rare[list[tuple[Leaf, str]]](_NOBODY)
+    """Files and folders that it reads directly, with the digests that entered its key; until it is done."""
+    inputs = Rare[dict[str, str]](_NOTHING)
+    """Slot -> digest; until it is done."""
+    document = Rare[bytes](b"")
+    """The key document, while it is looked up, and until it runs where few nodes wait."""
+    ticket = Rare[int](-1)
     """Names its run at the executor."""
-    status: str = ""
-    """What it came to; one of `events.Status`, or "" as long as that is open."""
-    result: ActionResult | None = None
-    error: DxbError | None = None
-    seconds: float = 0.0
-    """How long it ran here [s], also when it failed."""
-    remote: str = ""
+    result = Rare[ActionResult | None](None)
+    """Until it was told of."""
+    error = Rare[DxbError | None](None)
+    seconds = Rare[float](0.0)
+    """How long it ran here [s], also when it failed, or was fetched."""
+    remote = Rare[str]("")
     """Name of the remote that its result was fetched from."""
-    log: str | None = None
+    log = Rare[str | None](None)
     """Digest of what a failed run printed."""
-    usage: Mapping[str, float] = field(default_factory=lambda: _NOTHING)
+    usage = Rare[Mapping[str, float]](_NOTHING)
     """What its last run here used; see `usage.Usage`."""
-    tries: int = 0
+    tries = Rare[int](0)
     """How often it ran here."""
-    calls: tuple[Mapping[str, Any], ...] = ()
+    calls = Rare[tuple[Mapping[str, Any], ...]](())
     """What it called when it ran here, as `store.calls` notes it."""
-    reads: Steps = ()
+    reads = Rare[Steps](())
     """What it reads by itself, as far as is known."""
-    owned: str = ""
+    owned = Rare[str]("")
     """The key that it had when it became the one to build it."""
-    rests_until: float = 0.0
+    rests_until = Rare[float](0.0)
     """Not before this is it tried again, by `time.monotonic`."""
-    asked: bool = False
-    """Somebody reads its bytes or wants them; else it is enough to know its result."""
-    bare: bool = False
-    """Its result is known, and bytes of it may be absent."""
-    followers: list[Node] = field(default_factory=lambda: _NOBODY, repr=False)
+    followers = Rare[list["Node"]](_NOBODY)
     """Nodes with the same key that wait for this one."""
+
+    def __init__(self, *, address: str, path: Path, labels: Labels, graph: Graph) -> None:
+        super().__init__(address=address, path=path, labels=labels)
+        self.graph = graph
+        self._rule: RuleFacts | None = None
+        self.key_bytes = self.output_bytes = None
+        self.status = ""
+        self.made_s = 0.0
+        self.asked = self.bare = False
+
+    @property
+    def call(self) -> Call:
+        """What it is a copy of; made anew where the graph holds texts, for as objects calls would outweigh all else."""
+        return copy_of(self.graph, self.path, self.labels)
+
+    @property
+    def rule(self) -> RuleFacts:
+        """That of its call, which is asked for more often than all else of a call."""
+        if self._rule is None:
+            self._rule = self.call.rule
+        return self._rule
+
+    @rule.setter
+    def rule(self, rule: RuleFacts) -> None:
+        self._rule = rule
+
+    def rest(self, *also: str) -> None:
+        """It is done and was told of: of the `Rare` attributes keep what a record of it cannot find elsewhere."""
+        if self.status == "fetched":
+            also += ("seconds",)
+        if self.tries > 1:
+            also += ("tries",)
+        self.more = {name: value for name, value in self.more.items() if name in _TOLD or name in also} or _NOTHING
 
     def follow(self, owner: Node) -> None:
         """Wait for `owner`, which has the same key."""
@@ -121,51 +236,47 @@ class Node(Unit):
 
     def let_go(self) -> list[Node]:
         """Those that still wait for this one because they have its key; from here on they do not."""
-        followers, self.followers = self.followers, _NOBODY
+        followers = self.followers
+        if not followers:
+            return followers
+        self.followers = _NOBODY
         return [follower for follower in followers if follower.state is State.SHARED]
 
 
-@dataclass(eq=False, kw_only=True, slots=True)
 class Opening(Unit):
-    """A group in one scope; known when its collection is."""
+    """A group in one scope; known when its collection is.
 
-    group: Group
-    over: Link | None = field(default=None, repr=False)
-    items: dict[str, str] = field(default_factory=dict)
-    """Label -> digest of the item."""
+    Attributes:
+        items: Label -> digest of the item.
+    """
+
+    __slots__ = ("group", "items")
+
+    def __init__(self, *, address: str, path: Path, labels: Labels, group: Group) -> None:
+        super().__init__(address=address, path=path, labels=labels)
+        self.group = group
+        self.items: dict[str, str] = {}
 
 
-@dataclass(eq=False, kw_only=True, slots=True)
 class Gathering(Unit):
     """All copies of one call within a scope; `labels` are those of the scope.
 
     With `collect` their outputs become a `Collection`; without, it only asks for the copies, as a target does.
+
+    Attributes:
+        nodes: The copies, as far as groups are open.
+        output: Digest of the collection.
     """
 
-    collect: bool
-    fields: tuple[str, ...] = ()
-    nodes: dict[Labels, Node] = field(default_factory=dict, repr=False)
-    output: str | None = None
+    __slots__ = ("collect", "fields", "nodes", "output")
 
-
-@dataclass(eq=False, kw_only=True, slots=True)
-class Packing(Unit):
-    """A collection that one reader lists by label; `path` and `labels` are the reader's."""
-
-    parts: Mapping[str, Input]
-    links: dict[str, Link] = field(default_factory=lambda: _NOTHING, repr=False)
-    output: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Link:
-    """Where the digest of one input comes from: known at once, or a unit with a path into what it gives."""
-
-    unit: Unit | None = None
-    fields: tuple[str, ...] = ()
-    label: str | None = None
-    """The item of an opening."""
-    digest: str | None = None
+    def __init__(
+        self, *, address: str, path: Path, labels: Labels, collect: bool, fields: tuple[str, ...] = ()
+    ) -> None:
+        super().__init__(address=address, path=path, labels=labels)
+        self.collect, self.fields = collect, fields
+        self.nodes: dict[Labels, Node] = {}
+        self.output: str | None = None
 
 
 def producers(unit: Unit) -> Iterator[Node]:

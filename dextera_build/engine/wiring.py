@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 from pathlib import Path as FilePath
 
 from dextera_build.engine.graph import (
     Address,
+    Call,
     Fixed,
     Gather,
     Graph,
@@ -15,14 +17,13 @@ from dextera_build.engine.graph import (
     Item,
     Leaf,
     Output,
-    Pack,
     node_address,
     parts_of,
 )
 from dextera_build.engine.known import Known
-from dextera_build.engine.reach import copy_of, group_at
+from dextera_build.engine.reach import group_at, leaves_of
 from dextera_build.engine.states import State
-from dextera_build.engine.units import Gathering, Labels, Link, Node, Opening, Packing, Path, Unit
+from dextera_build.engine.units import Gathering, Labels, Node, Opening, Path, Unit
 from dextera_build.errors import DxbError, UsageError, did_you_mean, listing
 
 
@@ -38,13 +39,18 @@ class Wiring:
     def __init__(self, graph: Graph, digest_leaf: Callable[[FilePath], str], known: Known | None = None) -> None:
         self.graph = graph
         self.known = known
-        self.nodes: dict[tuple[Path, Labels], Node] = {}
+        self.nodes: dict[str, Node] = {}
+        """By address."""
         self.openings: dict[tuple[Path, Labels], Opening] = {}
         self.fresh: deque[Unit] = deque()
         """Units that are not connected yet."""
         self._gatherings: dict[tuple[Path, Labels, tuple[str, ...]], Gathering] = {}
         self.leaves: dict[FilePath, str] = {}
         """Files and folders that were looked at -> digest."""
+        self.unread: list[DxbError] = []
+        """Why files and folders could not be looked at."""
+        self.readers: list[Node] = []
+        """Nodes that read files or folders directly; one that was connected again stands there again."""
         self._digest_leaf = digest_leaf
 
     def wish(self, target: Address) -> Gathering:
@@ -55,11 +61,10 @@ class Wiring:
 
     def node(self, path: Path, labels: Labels) -> Node:
         """The copy of a call with these labels."""
-        unit = self.nodes.get((path, labels))
+        address = node_address(path, labels) if labels else path[0]
+        unit = self.nodes.get(address)
         if unit is None:
-            call = copy_of(self.graph, path, labels)
-            unit = Node(address=node_address(path, labels), path=path, labels=labels, call=call)
-            self.nodes[path, labels] = unit
+            unit = self.nodes[address] = Node(address=address, path=path, labels=labels, graph=self.graph)
             self._welcome(unit)
         return unit
 
@@ -92,13 +97,22 @@ class Wiring:
                 self.leaves[leaf.path] = self._digest_leaf(leaf.path)
             except DxbError as error:
                 error.where = error.where or leaf.where
+                self.unread.append(error)
                 raise
         return self.leaves[leaf.path]
 
     def forget_leaves(self, node: Node) -> None:
         """Look anew at the files and folders of `node` when it is connected again."""
-        for leaf, _ in node.leaves:
+        for leaf in leaves_of((node.call,)):
             self.leaves.pop(leaf.path, None)
+
+    def note_leaves(self, node: Node, call: Call) -> None:
+        """Note which files and folders `node`, a copy of `call`, reads, and what they hold now.
+
+        Raises:
+            RecipeError: One of them cannot be read.
+        """
+        node.leaves = [(leaf, self.leaf(leaf)) for leaf in leaves_of((call,))]
 
     def connect(self, unit: Unit) -> None:
         """Find what `unit` reads and wait for what is not known.
@@ -107,25 +121,37 @@ class Wiring:
             DxbError: A leaf cannot be read, or a label does not exist.
         """
         if isinstance(unit, Node):
-            read = [part for source in unit.call.inputs.values() for part in parts_of(source)]
-            leaves = [(source, self.leaf(source)) for source in read if isinstance(source, Leaf)]
-            if leaves:
-                unit.leaves = leaves
-            self._await_all(unit, unit.call.inputs)
-        elif isinstance(unit, Packing):
-            self._await_all(unit, unit.parts)
+            call = unit.call
+            unit.rule = call.rule
+            self.note_leaves(unit, call)
+            if unit.leaves:
+                self.readers.append(unit)
+            sources = (self.sources(source, unit) for source in call.inputs.values())
+            unit.await_(dict.fromkeys(chain.from_iterable(sources)))
         elif isinstance(unit, Opening) and not isinstance(unit.group.over, Fixed):
-            unit.over = self._link(unit.group.over, unit)
-            if unit.over.unit is not None:
-                unit.await_(unit.over.unit)
+            unit.await_(self.sources(unit.group.over, unit))
         elif isinstance(unit, Gathering):
             unit.nodes = {}
             self._spread(unit, [()])
 
-    def _await_all(self, unit: Node | Packing, sources: Mapping[str, Input]) -> None:
-        unit.links = {name: self._link(source, unit) for name, source in sources.items()}
-        for source in dict.fromkeys(link.unit for link in unit.links.values() if link.unit is not None):
-            unit.await_(source)
+    def sources(self, source: Input, reader: Unit) -> Iterator[Unit]:
+        """The units that an input of `reader` comes from; none for a file or folder."""
+        for part in parts_of(source):
+            unit = self.source(part, reader)
+            if unit is not None:
+                yield unit
+
+    def source(self, part: Leaf | Output | Item | Gather, reader: Unit) -> Unit | None:
+        """The unit that one part of an input of `reader` comes from, None for a file or folder."""
+        if isinstance(part, Output):
+            level = len(part.call) - 1
+            assert not level or part.call[:-1] == reader.path[:-1][:level], f"{reader} reads into a group: {part.call}"
+            return self.node(part.call, reader.labels[:level])
+        if isinstance(part, Leaf):
+            return None
+        if isinstance(part, Item):
+            return self.opening(part.group, reader.labels[: len(part.group) - 1])
+        return self._gathering(part, reader.path[:-1], reader.labels)
 
     def expand(self, unit: Gathering, opened: Opening) -> None:
         """Go on from a group that `unit` waited for and that is open now.
@@ -137,35 +163,19 @@ class Wiring:
 
     def _spread(self, unit: Gathering, frontier: list[Labels]) -> None:
         depth = len(unit.path) - 1
+        found: list[Unit] = []
         while frontier:
             labels = frontier.pop()
             if len(labels) == depth:
-                unit.nodes[labels] = self.node(unit.path, labels)
-                unit.nodes[labels].asked |= not unit.collect
-                unit.await_(unit.nodes[labels])
+                node = unit.nodes[labels] = self.node(unit.path, labels)
+                node.asked |= not unit.collect
+                found.append(node)
                 continue
             opening = self.opening(unit.path[: len(labels) + 1], labels)
-            unit.await_(opening)
+            found.append(opening)
             if opening.state is State.DONE:
                 frontier += [(*labels, label) for label in reversed(_chosen(unit, opening))]
-
-    def _link(self, source: Input, reader: Unit) -> Link:
-        scope = reader.path[:-1]
-        if isinstance(source, Leaf):
-            return Link(digest=self.leaf(source))
-        if isinstance(source, Item):
-            level = len(source.group)
-            opening = self.opening(source.group, reader.labels[: level - 1])
-            return Link(opening, source.fields, label=reader.labels[level - 1])
-        if isinstance(source, Output):
-            level = len(source.call) - 1
-            assert source.call[:-1] == scope[:level], f"{reader.address} reads into a group: {source.call}"
-            return Link(self.node(source.call, reader.labels[:level]), source.fields)
-        if isinstance(source, Pack):
-            pack = Packing(address=reader.address, path=reader.path, labels=reader.labels, parts=source.parts)
-            self.fresh.append(pack)
-            return Link(pack)
-        return Link(self._gathering(source, scope, reader.labels))
+        unit.await_(found)
 
     def _gathering(self, source: Gather, scope: Path, labels: Labels) -> Gathering:
         shared = 0

@@ -13,7 +13,7 @@ from dextera_build.engine.retries import Retries, name_of
 from dextera_build.errors import MachineError, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.loader import BackendFile, Library, RuleFile, choose_backend, version_of
 from dextera_build.recipe import matrix
-from dextera_build.recipe.schema import CallDecl
+from dextera_build.recipe.schema import CallDecl, PackedCall
 from dextera_build.recipe.scope import Scope, type_name
 from dextera_build.recipe.settings import Setting
 from dextera_build.recipe.strict_yaml import Node
@@ -38,7 +38,12 @@ class CallMaker:
         for rule in backends:
             library.find(rule)
 
-    def rule_file(self, decl: CallDecl) -> RuleFile:
+    @property
+    def rules(self) -> tuple[RuleFacts, ...]:
+        """Those of all calls that were made."""
+        return tuple(self._facts.values())
+
+    def rule_file(self, decl: CallDecl | PackedCall) -> RuleFile:
         """The rule that a declaration names."""
         return self._library.find(decl.rule, decl.place)
 
@@ -90,6 +95,8 @@ class CallMaker:
         Raises:
             UsageError: One names none.
         """
+        if not self._settings:
+            return
         calls = {address for address, _ in graph.calls()}
         known = [".".join(address) for address in calls]
         for setting in self._settings:
@@ -221,22 +228,23 @@ def _schema(annotation: Any) -> str:
 
 
 def _resolved(node: Node, name: str, slot: Slot, scope: Scope) -> Input | None:
-    if isinstance(node.value, dict):
+    text = node.value
+    if isinstance(text, dict):
         return _packed(node, name, slot, scope)
-    if not isinstance(node.value, str) or not node.value.startswith("$"):
+    if not isinstance(text, str) or not text.startswith("$"):
         raise RecipeError(
             f"the input `{name}` takes a reference, this is {node.kind}",
             code="DXB-R107",
             where=node.place,
             hint=f"`{name}: $...`; files are declared under `inputs`",
         )
-    bound = scope.resolve(node.value, node.place)
+    bound = scope.resolve(text, node.place)
     if bound.input is None:
         return None
     given = bound.kind()
     if not _fits(slot.annotation, given):
         raise RecipeError(
-            f"`{name}` takes {type_name(slot.annotation)}, but `{node.value}` is {type_name(given)}",
+            f"`{name}` takes {type_name(slot.annotation)}, but `{text}` is {type_name(given)}",
             code="DXB-R107",
             where=node.place,
         )

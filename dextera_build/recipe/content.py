@@ -10,23 +10,30 @@ import yaml
 
 from dextera_build.recipe.strict_yaml import PARSER
 
+_CHUNK = 1000
+"""So many events are spelled together."""
+
 
 def content(file: Path) -> str | None:
     """Digest of what a YAML file says, or None where it cannot be read or is not YAML."""
     state = hashlib.sha256()
+    said: list[tuple[object, ...]] = []
     try:
         parser: Any = PARSER(file.read_text(encoding="utf-8"))
         event = parser.get_event()
-        while not isinstance(event, yaml.StreamEndEvent):
-            state.update(_spelled(event))
+        while type(event) is not yaml.StreamEndEvent:
+            said.append(_plain(event))
+            if len(said) == _CHUNK:
+                state.update(repr(said).encode(errors="surrogatepass"))
+                said.clear()
             event = parser.get_event()
     except (OSError, UnicodeDecodeError, yaml.YAMLError):
         return None
+    state.update(repr(said).encode(errors="surrogatepass"))
     return state.hexdigest()
 
 
-def _spelled(event: Any) -> bytes:
-    name, anchor = type(event).__name__, getattr(event, "anchor", None)
-    if isinstance(event, yaml.ScalarEvent):
-        return repr((event.value, event.tag, event.implicit[0], anchor)).encode(errors="surrogatepass")
-    return repr((name, getattr(event, "tag", None), anchor)).encode()
+def _plain(event: Any) -> tuple[object, ...]:
+    if type(event) is yaml.ScalarEvent:
+        return event.value, event.tag, event.implicit[0], event.anchor
+    return type(event).__name__, getattr(event, "tag", None), getattr(event, "anchor", None)

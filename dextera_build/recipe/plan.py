@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from dextera_build.engine.compact import Members, Writer
 from dextera_build.engine.graph import Call, Graph, Group, Leaf
 from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
-from dextera_build.loader import Library
+from dextera_build.loader import Library, RuleFile
 from dextera_build.recipe import cycles, groups, limits
 from dextera_build.recipe.calls import CallMaker
-from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, MatrixDecl, Recipe, UseDecl
-from dextera_build.recipe.scope import Alias, Bound, CallName, GroupName, Scope, UseName, item
+from dextera_build.recipe.schema import Decl, GroupDecl, MatrixDecl, PackedCall, Recipe, UseDecl
+from dextera_build.recipe.scope import Alias, Bound, CallNames, GroupName, Scope, UseName, item
 from dextera_build.recipe.settings import Setting
 from dextera_build.recipe.strict_yaml import Node
 
@@ -53,15 +54,31 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
     planner = _Planner(read, library, project, request or Request())
     recipe = planner.recipe(address, Place("the command line"))
     scope = planner.root(recipe)
-    planner.fill()
+    order = planner.fill()
     targets = {"default": [], **recipe.targets} if not recipe.targets else dict(recipe.targets)
     resolved = {name: tuple(planner.target(scope, node) for node in nodes) for name, nodes in targets.items()}
     if not resolved.get("default"):
-        resolved["default"] = tuple((name,) for name in recipe.nodes if (name,) in planner.calls)
+        resolved["default"] = tuple((name,) for name, decl in recipe.nodes.items() if isinstance(decl, PackedCall))
     graph = Graph(address, planner.tree(), resolved)
-    cycles.refuse(graph)
+    if not order.holds:
+        cycles.refuse(graph)
     planner.maker.refuse_unused_settings(graph)
-    return Plan(graph, tuple(planner.files))
+    return Plan(graph, tuple(planner.files), planner.maker.rules)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Calls that stand one after another in one block."""
+
+    group: tuple[str, ...]
+    prefix: str
+    scope: Scope
+    calls: list[PackedCall] = field(default_factory=list)
+
+    def addresses(self) -> Iterator[tuple[tuple[str, ...], PackedCall]]:
+        """Each call with its place in the graph."""
+        for call in self.calls:
+            yield (*self.group, self.prefix + call.name), call
 
 
 class _Planner:
@@ -75,13 +92,16 @@ class _Planner:
         self.files: list[Path] = []
         self._recipes: dict[str, Recipe] = {}
         self._foreign: dict[str, Scope] = {}
-        self._pending: list[tuple[tuple[str, ...], CallDecl, Scope]] = []
+        self._pending: list[_Run] = []
         self._groups: dict[tuple[str, ...], tuple[GroupDecl | MatrixDecl, groups.Over | None]] = {}
         """Address -> declaration, and what an `each` opens over."""
         self._opening: list[str] = []
         self._used = 0
         """Nodes of recipes that the recipe uses."""
-        self.calls: dict[tuple[str, ...], Call] = {}
+        self._writer = Writer()
+        """Takes the calls that stand in no group: as objects a hundred thousand of them would need 150 MB."""
+        self._inner: dict[tuple[str, ...], Call] = {}
+        """Calls of groups."""
         self._overrides: dict[tuple[str, ...], dict[str, dict[str, Call]]] = {}
 
     def recipe(self, address: str, where: Place) -> Recipe:
@@ -108,15 +128,24 @@ class _Planner:
                 )
         return self._open(recipe, "", (), {}, self._request.inputs)
 
-    def fill(self) -> None:
-        """Make every declared call."""
-        for address, decl, scope in self._pending:
-            around = self._groups[address[:-1]][0] if len(address) > 1 else None
+    def fill(self) -> cycles.Order:
+        """Make every declared call, and say in what order they stand."""
+        order = cycles.Order()
+        for run in self._pending:
+            around = self._groups[run.group][0] if run.group else None
             # The call of a matrix that stands for its copies is that of the first one.
             first = next(iter(around.copies.values())) if isinstance(around, MatrixDecl) else None
-            self.calls[address] = self.maker.call(decl, scope, address, self.maker.values(decl, first))
+            for address, packed in run.addresses():
+                decl = packed.decl
+                call = self.maker.call(decl, run.scope, address, self.maker.values(decl, first))
+                order.note(address, call)
+                if run.group:
+                    self._inner[address] = call
+                else:
+                    self._writer.add(call)
         for address, (group, _) in self._groups.items():
             self._overrides[address] = self._override(address, group)
+        return order
 
     def target(self, scope: Scope, node: Node) -> tuple[str, ...]:
         """The call that a target of the recipe names."""
@@ -126,19 +155,19 @@ class _Planner:
             raise RecipeError(f"`{node.value}` is not a node that can be built", code="DXB-R113", where=node.place)
         return tuple(call)
 
-    def tree(self) -> dict[str, Call | Group]:
-        """Calls and groups, nested as the graph wants them."""
-        root: dict[str, Call | Group] = {}
-        blocks: dict[tuple[str, ...], dict[str, Call | Group]] = {(): root}
+    def tree(self) -> Members:
+        """Groups and calls, nested as the graph wants them."""
+        root: dict[str, Group] = {}
+        blocks: dict[tuple[str, ...], dict[str, Any]] = {(): root}
         for address, (decl, over) in self._groups.items():
             members: dict[str, Call | Group] = {}
             blocks[address] = members
             blocks[address[:-1]][address[-1]] = Group(
                 address[-1], groups.collection(decl, over), members, self._overrides[address], decl.place
             )
-        for address, call in self.calls.items():
+        for address, call in self._inner.items():
             blocks[address[:-1]][address[-1]] = call
-        return root
+        return self._writer.members(root)
 
     def _open(
         self,
@@ -177,15 +206,23 @@ class _Planner:
         return scope
 
     def _declare(self, nodes: Mapping[str, Decl], scope: Scope, prefix: str, group: tuple[str, ...]) -> None:
+        run: _Run | None = None
+        kinds: dict[str, CallNames] = {}
         for name, decl in nodes.items():
             address = (*group, prefix + name)
             self._used += len(self._opening) > 1
-            limits.refuse_many(self._used, decl.place)
-            if isinstance(decl, CallDecl):
-                found = self.maker.rule_file(decl)
-                scope.names[name] = CallName(address, lambda found=found: found.rule.returns)  # type: ignore[misc]
-                self._pending.append((address, decl, scope))
-            elif isinstance(decl, UseDecl):
+            limits.refuse_many(self._used, decl)
+            if isinstance(decl, PackedCall):
+                if run is None:
+                    run = _Run(group, prefix, scope)
+                    self._pending.append(run)
+                run.calls.append(decl)
+                if decl.rule not in kinds:
+                    kinds[decl.rule] = CallNames(group, prefix, _returned(self.maker.rule_file(decl)))
+                scope.names[name] = kinds[decl.rule]
+                continue
+            run = None
+            if isinstance(decl, UseDecl):
                 scope.names[name] = UseName(self._use(decl, scope, f"{address[-1]}/", group))
             elif isinstance(decl, MatrixDecl):
                 self._groups[address] = (decl, None)
@@ -269,7 +306,8 @@ class _Planner:
         return scope.resolve(f"${target}", where)
 
     def _override(self, address: tuple[str, ...], decl: GroupDecl | MatrixDecl) -> dict[str, dict[str, Call]]:
-        members = {a[-1]: (d, s) for a, d, s in self._pending if a[:-1] == address}
+        runs = (run for run in self._pending if run.group == address)
+        members = {at[-1]: (packed.decl, run.scope) for run in runs for at, packed in run.addresses()}
         if isinstance(decl, MatrixDecl):
             return groups.swept(self.maker, address, decl, members)
         found: dict[str, dict[str, Call]] = {}
@@ -292,6 +330,10 @@ class _Planner:
                 if changed or self.maker.concerns((*address, name), label):
                     found.setdefault(label, {})[name] = self.maker.call(call, scope, (*address, name), changed, label)
         return found
+
+
+def _returned(found: RuleFile) -> Callable[[], Any]:
+    return lambda: found.rule.returns
 
 
 def _leaf_type(kind: str) -> Any:

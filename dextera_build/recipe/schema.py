@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -43,6 +44,25 @@ class CallDecl:
         return self.node.keys
 
 
+@dataclass(frozen=True, slots=True)
+class PackedCall:
+    """A call as a recipe holds it: checked, and packed where there are many; there may be a hundred thousand."""
+
+    name: str
+    rule: str
+    node: Node
+
+    @property
+    def decl(self) -> CallDecl:
+        """The call, made anew each time."""
+        return _call(self.name, self.node.opened())
+
+    @property
+    def place(self) -> Place:
+        """Where its rule stands."""
+        return self.decl.place
+
+
 @dataclass(frozen=True)
 class UseDecl:
     """`{recipe: twin/tabletop, capture: $capture}`: the nodes of another recipe, with its inputs bound."""
@@ -76,7 +96,7 @@ class MatrixDecl:
     place: Place
 
 
-Decl: TypeAlias = CallDecl | UseDecl | GroupDecl | MatrixDecl
+Decl: TypeAlias = PackedCall | UseDecl | GroupDecl | MatrixDecl
 
 
 @dataclass(frozen=True)
@@ -142,7 +162,7 @@ def _mapping(node: Node, what: str, allowed: Iterable[str]) -> dict[str, Node]:
     if not isinstance(node.value, dict):
         raise RecipeError(f"{what} is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
     known = set(allowed)
-    for key, place in node.keys.items():
+    for key, place, _ in node.entries():
         if key not in known:
             raise RecipeError(
                 f"{what} has no `{key}`",
@@ -159,7 +179,7 @@ def _entries(node: Node | None, what: str) -> dict[str, Node]:
         return {}
     if not isinstance(node.value, dict):
         raise RecipeError(f"`{what}` is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
-    for key, place in node.keys.items():
+    for key, place, _ in node.entries():
         _check_name(key, place)
     return node.value
 
@@ -196,14 +216,19 @@ def _input(name: str, node: Node) -> InputDecl:
 
 
 def _nodes(node: Node | None, where: Place) -> dict[str, Decl]:
-    places = node.keys if node is not None and isinstance(node.value, dict) else {}
-    found = {name: _node(name, inner, places[name]) for name, inner in _entries(node, "nodes").items()}
+    found: dict[str, Decl] = {}
+    if node is not None and _entries(node, "nodes"):
+        found = {name: _node(name, inner, place) for name, place, inner in node.entries()}
     if not found:
         raise RecipeError("no nodes are declared", code="DXB-R112", where=node.place if node else where)
     return found
 
 
-def _node(name: str, node: Node, place: Place) -> Decl:
+def _node(name: str, held: Node, place: Place) -> Decl:
+    rule = _rule_of(held)
+    if rule is not None:
+        return PackedCall(name, sys.intern(rule), held)
+    node = held.opened()
     if not isinstance(node.value, dict):
         raise RecipeError(f"the node `{name}` is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
     kinds = [kind for kind in ("rule", "recipe", "each", "matrix") if kind in node.value]
@@ -220,16 +245,32 @@ def _node(name: str, node: Node, place: Place) -> Decl:
         parts = _mapping(node, f"the matrix `{name}`", {"matrix", "nodes"})
         copies = matrix.copies(_entries(parts["matrix"], "matrix"), parts["matrix"].place)
         return MatrixDecl(name, copies, _nodes(parts.get("nodes"), place), place)
-    rest = {key: inner for key, inner in node.value.items() if key not in ("rule", "recipe", "backend", "salt")}
     if kinds == ["recipe"]:
         _text(node.value["recipe"], "recipe")
-        return UseDecl(name, node.value["recipe"], rest, place)
+        return UseDecl(name, node.value["recipe"], _arguments(node), place)
+    return PackedCall(name, sys.intern(_call(name, node).rule), held)
+
+
+def _rule_of(held: Node) -> str | None:
+    """The rule of a packed call of which nothing is wrong here; None of all else, which is to be looked at in full."""
+    found = held.outline()
+    if found is None or not found.keys().isdisjoint(("recipe", "each", "matrix")):
+        return None
+    texts = (found.get("rule"), found.get("salt", ""), found.get("backend", ""))
+    return found["rule"] if all(type(text) is str for text in texts) else None
+
+
+def _call(name: str, node: Node) -> CallDecl:
     salt = _text(node.value["salt"], "salt") if "salt" in node.value else ""
     rule = _text(node.value["rule"], "rule")
     backend = node.value.get("backend")
     if backend is not None:
         _text(backend, "backend")
-    return CallDecl(name, rule, backend, salt, rest, node, node.value["rule"].place)
+    return CallDecl(name, rule, backend, salt, _arguments(node), node, node.value["rule"].place)
+
+
+def _arguments(node: Node) -> dict[str, Node]:
+    return {key: inner for key, inner in node.value.items() if key not in ("rule", "recipe", "backend", "salt")}
 
 
 def _group(name: str, node: Node, place: Place) -> GroupDecl:

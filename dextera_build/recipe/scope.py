@@ -41,11 +41,17 @@ class Alias:
 
 
 @dataclass(frozen=True)
-class CallName:
-    """A name of a call; `address` is its place in the graph."""
+class CallNames:
+    """What the names of all calls of one rule in one block stand for: a block may have a hundred thousand."""
 
-    address: tuple[str, ...]
+    group: tuple[str, ...]
+    prefix: str
+    """Before each name in the graph: `robot/`, of a recipe that is used."""
     kind: Callable[[], Any]
+
+    def bound(self, name: str) -> Bound:
+        """What the call of this name returns."""
+        return Bound(Output((*self.group, self.prefix + name)), self.kind)
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,7 @@ class UseName:
     scope: Scope
 
 
-Entry: TypeAlias = Bound | Alias | CallName | GroupName | UseName
+Entry: TypeAlias = Bound | Alias | CallNames | GroupName | UseName
 
 
 @dataclass
@@ -106,8 +112,8 @@ class Scope:
                 return entry.follow(rest, where)
             case Alias():
                 return entry.resolve().follow(rest, where)
-            case CallName():
-                return Bound(Output(entry.address), entry.kind).follow(rest, where)
+            case CallNames():
+                return entry.bound(first).follow(rest, where)
             case UseName():
                 return self._inside(entry.scope, first, rest, before, where)
             case GroupName():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from array import array
 from collections.abc import Callable
 from typing import Any
 
@@ -34,6 +35,8 @@ _CORE = "tag:yaml.org,2002:"
 _DEEPEST = 100
 _MOST_ALIASED = 100_000
 """How many values aliases may stand for in one file: a few lines of them can say a billion."""
+_MOST_LOOSE = 1_000
+"""So many calls of one file are held as they are, which is quicker; in all they take 2 MB."""
 _MOST_DIGITS = 400
 """The largest number of the longest float has fewer; to read and write long ones takes the square of their length."""
 _MOST_REREAD = 1 << 20
@@ -65,20 +68,20 @@ def scalar(text: str) -> Any:
 
 
 class _Builder:
-    """From parser events to nodes, without recursion."""
+    """From parser events to nodes, without recursion; where calls are many they are packed as soon as they are read."""
 
     def __init__(self, file: str) -> None:
         self._file = file
         self._root: Node | None = None
-        self._open: list[tuple[Node, list[int], str | None, int]] = []
-        """Mappings and sequences that are not closed yet: where their keys stand, the anchor, values before them."""
+        self._open: list[tuple[Node, Any, array[int], str | None, int]] = []
+        """Mappings and sequences that are not closed yet: their values, where keys stand, the anchor, values before."""
         self._key: list[str | None] = []
         """For each of them the key that waits for its value."""
         self._heights: list[int] = []
         """For each of them how many levels lie in it so far."""
         self._anchors: dict[str, tuple[Node, int, int]] = {}
         """Node, how many values it is, how many levels."""
-        self._values = self._aliased = 0
+        self._values = self._aliased = self._calls = 0
 
     def build(self, parser: Any) -> Node | None:
         """The node of the one document, None where there is none."""
@@ -110,13 +113,19 @@ class _Builder:
             value = _tagged(event.tag, text, place_of(self._file, mark))
         else:
             value = _plain(text, self._file, mark) if event.implicit[0] else text
+        if event.anchor is None and self._awaits_key():
+            self._name(value, mark)
+            return
         node = Node(value, self._file, mark)
         if event.anchor is not None:
             self._anchors[event.anchor] = (node, 1, 0)
         self._take(node, mark, 0)
 
+    def _awaits_key(self) -> bool:
+        return bool(self._open) and self._key[-1] is None and type(self._open[-1][1]) is dict
+
     def _take(self, node: Node, mark: int, height: int) -> None:
-        if self._open and self._key[-1] is None and isinstance(self._open[-1][0].value, dict):
+        if self._awaits_key():
             self._name(node.value, mark)
         else:
             self._add(node, height)
@@ -126,20 +135,24 @@ class _Builder:
         is_mapping = isinstance(event, yaml.MappingStartEvent)
         if event.tag not in (None, "!", f"{_CORE}{'map' if is_mapping else 'seq'}"):
             raise _unknown_tag(event.tag, place_of(self._file, mark))
-        if self._open and self._key[-1] is None and isinstance(self._open[-1][0].value, dict):
+        if self._awaits_key():
             raise _no_text({} if is_mapping else [], place_of(self._file, mark))
         self._limit_depth(1, mark)
         value: Any = {} if is_mapping else []
-        marks: list[int] = []
+        marks = array("Q")
         node = Node(value, self._file, mark, marks)
-        self._open.append((node, marks, event.anchor, self._values))
+        self._open.append((node, value, marks, event.anchor, self._values))
         self._key.append(None)
         self._heights.append(1)
 
     def _end(self, event: Any) -> None:
-        node, _, anchor, before = self._open.pop()
+        node, value, _, anchor, before = self._open.pop()
         self._key.pop()
         height = self._heights.pop()
+        if len(self._key) > 1 and self._key[-2] == "nodes" and isinstance(value, dict) and "rule" in value:
+            self._calls += 1
+            if self._calls > _MOST_LOOSE:
+                node.pack()
         if anchor is not None:
             self._anchors[anchor] = (node, self._values - before + 1, height)
         self._add(node, height)
@@ -167,7 +180,7 @@ class _Builder:
             raise RecipeError(message, code="DXB-R101", where=place_of(self._file, mark))
 
     def _name(self, key: Any, mark: int) -> None:
-        mapping, marks = self._open[-1][0].value, self._open[-1][1]
+        _, mapping, marks, _, _ = self._open[-1]
         if not isinstance(key, str) or key == "<<":
             raise _no_text(key, place_of(self._file, mark))
         if key in mapping:
@@ -187,7 +200,7 @@ class _Builder:
             self._root = node
             return
         self._heights[-1] = max(self._heights[-1], height + 1)
-        inside = self._open[-1][0].value
+        inside = self._open[-1][1]
         if isinstance(inside, list):
             inside.append(node)
         else:

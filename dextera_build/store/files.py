@@ -142,7 +142,7 @@ def append(path: str, size: int, data: bytes) -> None:
         raise store_error(error, path) from None
 
 
-def write_all(descriptor: int, data: bytes) -> None:
+def write_all(descriptor: int, data: bytes | bytearray | memoryview) -> None:
     """Write all of `data`, however small the pieces that the system takes."""
     done = os.write(descriptor, data)
     while done < len(data):

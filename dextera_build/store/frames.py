@@ -7,18 +7,18 @@ import struct
 import zlib
 from array import array
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 from dextera_build import digest as digests
 from dextera_build.store import files
 
-_FORM = 1
+_FORM = 2
 _FRAME = struct.Struct("<8sQI")
 _MAGIC = b"dxbplan1"
-_CHUNK = 1 << 20
+Part: TypeAlias = bytes | bytearray | memoryview
 
 
-def write(path: str, head: Mapping[str, Any], parts: Sequence[bytes], framed: int | None = None) -> None:
+def write(path: str, head: Mapping[str, Any], parts: Sequence[Part], framed: int | None = None) -> None:
     """Write a frame, the head, and parts; those after the first `framed` are one heap.
 
     Raises:
@@ -31,13 +31,9 @@ def write(path: str, head: Mapping[str, Any], parts: Sequence[bytes], framed: in
     for part in parts:
         check = zlib.crc32(part, check)
     with files.new_file(path, 0o644) as target:
-        buffer = bytearray(_FRAME.pack(_MAGIC, len(text), check) + text)
+        files.write_all(target, _FRAME.pack(_MAGIC, len(text), check) + text)
         for part in parts:
-            buffer += part
-            if len(buffer) > _CHUNK:
-                files.write_all(target, bytes(buffer))
-                buffer.clear()
-        files.write_all(target, bytes(buffer))
+            files.write_all(target, part)
 
 
 def read(path: str) -> tuple[dict[str, Any], list[memoryview], memoryview]:

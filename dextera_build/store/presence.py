@@ -12,15 +12,17 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
-from dextera_build.store import signature
+from dextera_build.store import files, signature
 
 if TYPE_CHECKING:
     from dextera_build.store.reapi import OutputFile
 
 _ROW = 40
 """32 bytes of digest, 8 of size."""
+_MOST_HELD = 50_000
+"""Rows in memory: 2 MB."""
 _ANY = b"\xff" * 8
 """Stands for any size."""
 Shards: TypeAlias = dict[str, list[int]]
@@ -39,24 +41,54 @@ class Presence:
     def __init__(self, root: str) -> None:
         self._root = root
         self._rows: dict[str, bytearray] = defaultdict(bytearray)
+        self._held = 0
+        """How many rows are in memory."""
+        self._aside: BinaryIO | None = None
+        self._pieces: dict[str, list[tuple[int, int]]] = defaultdict(list)
+        """Where the rows of a folder lie that were laid aside: place, length."""
 
     def note(self, key: str, needs: Iterable[OutputFile]) -> None:
         """Rely on the result of a key and on all that it needs."""
         self._rows[f"ac/{key[:2]}"] += bytes.fromhex(key) + _ANY
+        self._held += 1
         for file in needs:
             digest = file.digest
             self._rows[f"cas/{digest[:2]}"] += bytes.fromhex(f"{digest}{file.size:016x}")
+            self._held += 1
+        if self._held > _MOST_HELD:
+            self._lay_aside()
+
+    def _lay_aside(self) -> None:
+        """Let rows lie in a file without a name: those of a hundred thousand nodes take 24 MB."""
+        from tempfile import TemporaryFile
+
+        self._held = 0
+        with suppress(OSError):  # where there is no room for it they stay in memory
+            if self._aside is None:
+                self._aside = TemporaryFile(buffering=0)  # noqa: SIM115 - as long as the build
+            for shard, rows in self._rows.items():
+                place = self._aside.seek(0, os.SEEK_END)
+                files.write_all(self._aside.fileno(), rows)
+                self._pieces[shard].append((place, len(rows)))
+                rows.clear()
+
+    def _shards(self) -> list[str]:
+        return sorted({*self._rows, *self._pieces})
 
     def _noted(self, shard: str) -> list[bytes]:
-        rows = bytes(self._rows[shard])
+        """The rows of a folder, each once; they are not held any more."""
+        rows = bytes(self._rows.pop(shard, b""))
+        for place, size in self._pieces.pop(shard, ()):
+            assert self._aside is not None
+            rows += os.pread(self._aside.fileno(), size, place)
         return sorted({rows[place : place + _ROW] for place in range(0, len(rows), _ROW)})
 
-    def freeze(self) -> tuple[Shards, bytes] | None:
-        """The folders as they are now and the files in them, or None where a file is gone already."""
+    def freeze(self) -> tuple[Shards, list[bytes]] | None:
+        """The folders as they are now and the files in them, or None where a file is gone already; then it is empty."""
         shards: Shards = {}
         parts: list[bytes] = []
         place = 0
-        for shard in sorted(self._rows):
+        for shard in self._shards():
             rows = self._noted(shard)
             found = look(self._root, shard)
             names = frozenset(_names(f"{self._root}/{shard}"))
@@ -64,14 +96,14 @@ class Presence:
                 return None
             shards[shard] = [*found, place, place + len(rows)]
             place += len(rows)
-            parts += rows
-        return shards, b"".join(parts)
+            parts.append(b"".join(rows))
+        return shards, parts
 
     def extend(self, shards: Shards, rows: bytes | memoryview) -> tuple[Shards, bytes] | None:
         """The folders of what `freeze` gave once and of what was noted since, and the rows to add, or None."""
         found = dict(shards)
         added = bytearray()
-        for shard in sorted(self._rows):
+        for shard in self._shards():
             known, place = shards.get(shard, [])[2:], len(added) // _ROW
             added += b"".join(self._noted(shard))
             fresh = [place, len(added) // _ROW]

@@ -52,7 +52,8 @@ def test_a_build_notes_what_its_workers_stored(tmp_path: Path) -> None:
     results, presence, store = made(tmp_path, pool=True)
     frozen = presence.freeze()
     assert frozen is not None
-    rows = {frozen[1][place : place + 32].hex() for place in range(0, len(frozen[1]), 40)}
+    noted = b"".join(frozen[1])
+    rows = {noted[place : place + 32].hex() for place in range(0, len(noted), 40)}
     for result in results.values():
         assert result is not None
         assert {result.output, result.digest, result.key_document} <= rows

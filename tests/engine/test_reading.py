@@ -56,7 +56,7 @@ def built(folder: Path, store: Store, *remotes: Guarded, **flags: Any) -> tuple[
 
 def reads(result: RunResult) -> list[str]:
     assert result.wiring is not None
-    return [name for _, name, _ in result.wiring.nodes[("read",), ()].reads]
+    return [name for _, name, _ in result.wiring.nodes["read"].reads]
 
 
 def share(folder: Path, mode: str = "rw") -> Guarded:

@@ -6,6 +6,7 @@ import json
 import os
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -40,7 +41,7 @@ def run(what: Graph, store: Store, run: str = "0001") -> None:
     build(what, [("scene",)], store=store, executor=inline(), listen=Record(), info=RunInfo(run=run))
 
 
-def statuses(found: list[Planned]) -> dict[str, str]:
+def statuses(found: Sequence[Planned]) -> dict[str, str]:
     return {node.address: node.status for node in found}
 
 
@@ -63,6 +64,7 @@ def test_a_plan_knows_what_is_cached(store: Store) -> None:
     for node in found:
         assert node.seconds_last is not None
         assert (node.key is None) == (node.status == "unknown")
+        assert node.key is None or digest.of_bytes(node.key_document) == node.key
         assert bool(node.key_document) == (node.status != "unknown")
         assert (node.output is None) == (node.status != "cached")
     assert set(statuses(plan(scene(), [("scene",)], store)).values()) == {"cached"}
@@ -84,6 +86,9 @@ def test_a_plan_refuses_what_a_build_refuses(store: Store, tmp_path: Path) -> No
         plan(scene(), [Address(("body", "mesh"), ("mgu",))], store)
     with pytest.raises(RecipeError, match="there is no file"):
         plan(graph(call("a", f=leaf(tmp_path / "nope"))), [("a",)], store)
+    copies = group("g", out("a"), call("b", f=leaf(tmp_path / "nope"), i=item("g")))
+    with pytest.raises(RecipeError, match="there is no file"):
+        plan(graph(call("a", "items", {"x": 1}), copies), [("g", "b")], store)
 
 
 def test_history_is_kept_by_recipe_and_project(store: Store) -> None:

@@ -257,7 +257,7 @@ def test_a_pace_is_known_after_some_runs_and_follows() -> None:
 
 
 def seat(*expected_s: float) -> Seat:
-    nodes = [Node(address=f"n{n}", path=("n",), labels=(), call=call("n")) for n in range(len(expected_s))]
+    nodes = [Node(address=f"n{n}", path=(f"n{n}",), labels=(), graph=graph(call("n"))) for n in range(len(expected_s))]
     return Seat(deque(zip(nodes, expected_s, strict=True)), sum(expected_s))
 
 

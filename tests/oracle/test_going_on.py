@@ -14,10 +14,10 @@ from dextera_build.engine import compact, eventlog, known
 from dextera_build.engine.eventlog import EventLog
 from dextera_build.engine.events import NodeFinished, NodesKept, fan_out
 from dextera_build.engine.execute import RunInfo, RunResult, build
-from dextera_build.engine.graph import Address, Fixed, Graph, Leaf, parts_of
+from dextera_build.engine.graph import Address, Fixed, Graph
 from dextera_build.engine.history import History
 from dextera_build.engine.known import Known
-from dextera_build.engine.reach import reach
+from dextera_build.engine.reach import leaves
 from dextera_build.engine.retries import Retries
 from dextera_build.engine.units import Node
 from dextera_build.store.store import Store
@@ -122,13 +122,7 @@ def test_the_graph_comes_back_whole(tmp_path: Path) -> None:
         again = known.read(tmp_path / "snapshot").graph
         assert again == plan
         assert list(again.members) == list(plan.members)
-        read = {
-            part.path
-            for c in reach(again, targets).values()
-            for s in c.inputs.values()
-            for part in parts_of(s)
-            if isinstance(part, Leaf)
-        }
+        read = {leaf.path for leaf in leaves(again, targets)}
         assert read <= set(random_graph.files)
 
 

@@ -7,8 +7,15 @@ import pytest
 from dextera_build.engine.graph import Gather, Group, Item, Leaf, Output
 from dextera_build.engine.reach import copy_of
 from dextera_build.errors import DxbError, MachineError, RecipeError, UsageError
-from dextera_build.recipe import settings
+from dextera_build.recipe import settings, strict_yaml
 from dextera_build.recipe.plan import Request, plan
+
+
+@pytest.fixture(autouse=True, params=["loose", "packed"])
+def calls_are(request, monkeypatch):
+    """Of a large recipe calls are packed; that changes no plan and no error."""
+    if request.param == "packed":
+        monkeypatch.setattr(strict_yaml, "_MOST_LOOSE", 0)
 
 
 def planned(space, address="say/words", **request):
@@ -101,6 +108,29 @@ def test_a_used_recipe_keeps_its_names_apart(space):
     calls = dict(planned(space, "say/use").calls())
     assert calls["first/words",].inputs == {"text": Output(("start",))}
     assert calls["all",].inputs == {"texts": Output(("first/words",))}
+
+
+def test_members_are_called_as_they_are_found(space):
+    space.write(
+        "recipes/say/each.yaml",
+        "inputs: {text: {help: what to say}}\nnodes:\n  words: {rule: toy.split, text: $text}\n"
+        "  word: {each: $words, as: word, nodes: {loud: {rule: toy.shout, text: $word}}}\n",
+    )
+    space.write(
+        "recipes/say/use.yaml",
+        "nodes:\n  start: {rule: toy.start}\n  first: {recipe: say/each, text: $start}\n"
+        "  words: {rule: toy.split, text: $start}\n"
+        "  own: {each: $words, as: word, nodes: {in: {recipe: say/loud, text: $word}}}\n",
+    )
+    space.write(
+        "recipes/say/loud.yaml",
+        "inputs: {text: {help: what to say}}\nnodes:\n  loud: {rule: toy.shout, text: $text}\n",
+    )
+    graph = planned(space, "say/use", settings=(settings.parse("own[one].in/loud.times=5"),))
+    for name, member in graph.members.items():
+        assert member.name == name
+        assert graph.members[name] == member
+    assert list(graph.members) == [name for name, _ in graph.members.items()]
 
 
 def test_an_override_reaches_a_call_of_a_recipe_that_a_group_uses(space):

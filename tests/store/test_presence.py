@@ -102,6 +102,28 @@ def test_after_a_power_cut_sizes_are_looked_at(
     assert not is_fresh(file)
 
 
+@pytest.mark.parametrize("room", ["room", "no room"])
+def test_rows_that_were_laid_aside_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: str) -> None:
+    store = Store(tmp_path)
+    every, few = Presence(str(tmp_path)), Presence(str(tmp_path))
+    keys = [publish(store, number) for number in range(60)] * 2
+    monkeypatch.setattr(presence, "_MOST_HELD", 7)
+    if room == "no room":
+        monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "nowhere"))
+    for key in keys:
+        message = store.actions.message(key)
+        assert message is not None
+        few.note(key, message[1])
+    monkeypatch.setattr(presence, "_MOST_HELD", 10**9)
+    for key in keys:
+        every.note(key, (store.actions.message(key) or (b"", []))[1])
+    found, wanted = few.freeze(), every.freeze()
+    assert found is not None
+    assert wanted is not None
+    assert found[1] == wanted[1]
+    assert [row[1:] for row in found[0].values()] == [row[1:] for row in wanted[0].values()]
+
+
 def test_what_is_gone_already_is_not_written_down(made: tuple[Store, Path]) -> None:
     store, file = made
     store.actions.presence = found = Presence(str(store.root))
