@@ -7,11 +7,13 @@ same bytes leaves its readers cached (early cutoff).
 A result may be bare: its digest is known, its bytes are absent. That is enough as long as nobody asks for them. A
 reader that must run does; then it is sent back to wait until they were fetched or made again.
 
-The loop, until nothing is left to do; all other walks are loops too, for chains may be long:
+The loop, until nothing is left to do:
 - connect new units, and settle those that are ready: open groups, gather collections, look keys up;
 - fill the executor from the queue;
 - take what it and remotes report; what ends sets its readers free;
 - look again at what another process was building.
+
+All walks are loops: chains may be long.
 """
 
 from __future__ import annotations
@@ -231,7 +233,8 @@ class Scheduler:
                 self.states.set(node, State.QUEUED)
             return
         hint = f"dxb why '{self.graph.name}:{node.address}'"
-        self._fail(node, StaleError(f"`{node.address}` is stale and may not run now", code="DXB-C101", hint=hint))
+        error = StaleError(f"`{node.address}` is stale and may not run now", code="DXB-C101", hint=hint)
+        self._fail(node, error)
 
     def _send_back(self, unit: Unit, missing: Sequence[Node]) -> bool:
         """Let `unit` wait until these nodes have their bytes; False where there are none."""
