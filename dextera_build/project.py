@@ -37,6 +37,8 @@ _DEFAULTS: dict[str, Any] = {
 }
 EXECUTORS = ("local", "ray")
 PROFILES = ("stub", "cpu", "gpu", "cloud")
+CONSOLES = ("live", "plain", "jsonl", "none")
+"""What a build may show; `auto`, the default, chooses between the first two."""
 _ON, _OFF = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
 """What a setting that is true or false may be spelled as, in a file or in the environment."""
 _COUNT = re.compile(r"[0-9]{1,6}")
@@ -145,6 +147,29 @@ class Project:
             )
         return str(setting.value)
 
+    @property
+    def console(self) -> str:
+        """What a build shows, or `auto`.
+
+        Raises:
+            UsageError: There is no such console.
+        """
+        setting = self.config["console"]
+        kind = str(setting.value)
+        if kind not in (*CONSOLES, "auto"):
+            facts = {"consoles": listing(CONSOLES), "from": setting.origin}
+            hint = did_you_mean(kind, CONSOLES)
+            raise UsageError(f"there is no console `{kind}`", code="DXB-U120", facts=facts, hint=hint)
+        return kind
+
+    def refuse_wrong_settings(self) -> None:
+        """Look at all that a build may need of the settings, also where this one finds nothing to do.
+
+        Raises:
+            UsageError: A value is none that its setting can have.
+        """
+        _ = self.jobs, self.executor, self.console, self.calls, self.durable, self.remotes.used
+
     def capacity(self, *, gpus: bool) -> Capacity:
         """What this machine has to share out, or what the settings say that it has; `gpus`: look for devices."""
         from dextera_build.engine.capacity import measure
@@ -235,7 +260,10 @@ class Project:
         limits.refuse_deep(trail, own.extends.place)
         found = self.recipe(base, trail) if base not in trail else None
         if found is None:
-            message = f"no recipe is called `{base}`" if base not in trail else "the recipe extends itself"
+            if base in trail:
+                facts = {"extends": " -> ".join((*trail, base))}
+                raise RecipeError("the recipe extends itself", code="DXB-R110", where=own.extends.place, facts=facts)
+            message = f"no recipe is called `{base}`"
             raise RecipeError(message, code="DXB-R110", where=own.extends.place, hint="`dxb ls` shows all of them")
         return own.over(found)
 

@@ -50,6 +50,7 @@ def run(args: argparse.Namespace) -> int:
     started = time.perf_counter()
     args.notes = Notes(args.words)
     project = options.project(args)
+    project.refuse_wrong_settings()
     args.locking = locking.Locking(project, lock=args.lock, locked=args.locked, added=options.added(args))
     code = 0
     recipes = options.by_recipe(args.targets)
@@ -61,11 +62,11 @@ def run(args: argparse.Namespace) -> int:
                 break
     finally:
         notice = args.locking.write()
-        if notice and project.config["console"].value not in ("none", "jsonl"):
+        if notice and project.console not in ("none", "jsonl"):
             print(notice, file=sys.stderr)
     if args.cache is None:
         args.notes.write_place(project)
-    kind = project.config["console"].value
+    kind = project.console
     if not (code or args.force or args.lock or args.locked or project.asks_again or kind == "jsonl"):
         args.notes.write(len(recipes), told=kind != "none")
     return code
@@ -100,13 +101,13 @@ def _say_nothing_ran(project: Project, recipe: str, head: Head, started: float) 
 
     nodes, *lines = head["lines"]
     seconds = time.perf_counter() - started
-    kind = project.config["console"].value
+    kind = project.console
     if kind == "jsonl":
         from dextera_build.engine.events import RunFinished
 
         print(RunFinished(time.time(), True, seconds, {"cached": int(nodes)}, 0.0).to_line(), file=sys.stderr)
     elif kind != "none":
-        print(f"{recipe} is up to date   {nodes} nodes   {seconds:.2f} s", file=sys.stderr)
+        print(f"{recipe} is up to date   {nodes} node{'s' * (nodes != '1')}   {seconds:.2f} s", file=sys.stderr)
     print(fresh.told(lines), end="")
     return 0
 
@@ -131,7 +132,7 @@ def _run(
     seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
     session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
     whole = whole or args.force or args.check or args.locked or project.asks_again
-    quick = not (whole or project.config["console"].value == "jsonl")
+    quick = not (whole or project.console == "jsonl")
     place = fresh.place(project, fingerprint)
     near = fresh.near(project, fingerprint, session.store) if quick else None
     if near is not None and near.idle:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from dextera_build.cli import options
 from dextera_build.errors import UsageError, listing
+from dextera_build.report.wording import count
 from dextera_build.store.bundle import layout, oci, receive, signing, trust
 
 if TYPE_CHECKING:
@@ -148,7 +149,7 @@ def _inputs(store: Store, key: str) -> dict[str, str]:
 def _say(bundle: Opened, voucher: trust.Voucher, taken: receive.Taken) -> None:
     nodes = [node for _, node in bundle.contents.nodes()]
     bare = f" ({taken.bare} without their bytes)" if taken.bare else ""
-    counts = f"{len(nodes)} nodes: {taken.new} results new{bare}, {taken.known} known"
+    counts = f"{count(len(nodes), 'node')}: {count(taken.new, 'result')} new{bare}, {taken.known} known"
     print(f"{bundle.source.name}   {counts}   {voucher}", file=sys.stderr)
     if taken.other:
         print(

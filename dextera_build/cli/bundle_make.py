@@ -132,7 +132,7 @@ def _request(args: argparse.Namespace) -> dict[str, object]:
 
 
 def _created(times: Sequence[float]) -> str:
-    """When the newest target was made, or what `SOURCE_DATE_EPOCH` says (https://reproducible-builds.org)."""
+    """When this store came by the newest target, or what `SOURCE_DATE_EPOCH` says (https://reproducible-builds.org)."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     if epoch and not epoch.isdigit():
         raise UsageError(f"`SOURCE_DATE_EPOCH` is a number of seconds, not `{epoch}`", code="DXB-U145")

@@ -60,7 +60,7 @@ def show(project: Project, text: str) -> dict[str, Any]:
     found = [(key, known) for key in keys if (known := recorder.of(store, key))]
     if len(found) != 1:
         many = f"{len(found)} recorded calls begin with" if found else "no recorded call begins with"
-        raise UsageError(f"{many} `{text}`", code="DXB-U181", hint="`dxb ls calls --json` has the whole digests")
+        raise UsageError(f"{many} `{text}`", code="DXB-U183", hint="`dxb ls calls --json` has the whole digests")
     key, (document, result) = found[0]
     body = recorder.body_of(store, result).decode(errors="replace")
     said = {name: f"{value:g} {unit}".strip() for name, (value, unit) in result.metrics.items() if name != "asked"}

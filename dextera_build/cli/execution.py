@@ -60,7 +60,7 @@ def execute(
     session: Session, plan: Plan, wanted: Sequence[Address], args: argparse.Namespace, known: Known | None = None
 ) -> RunResult:
     """Build `wanted` as the command line says, and return what became of every node."""
-    kind = str(session.project.config["console"].value)
+    kind = session.project.console
     force = frozenset(name.partition(":")[2] or name for name in args.force)
     with console("live" if kind == "auto" else kind, sys.stderr, verbose=args.verbose) as shown:
         done = carry_out(

@@ -37,11 +37,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the graph, or write it and print its path.
 
-    The JSON has `recipe`, `target`, `by`, `nodes` (`id`, `rule`, `backend`, `status`: null without `--status`) and
-    `edges` (`from`, `to`: ids; `to` reads what `from` returns).
+    The JSON has `recipe`, `target`, `by`, `nodes` (`id`, `rule`, `backend`, `status`: null without `--status`; `count`:
+    how many nodes it stands for; rule and backend are null where these are not one) and `edges` (`from`, `to`: ids;
+    `to` reads what `from` returns).
     """
     from dextera_build.cli.session import Session
-    from dextera_build.report.collapse import WAYS, collapse
+    from dextera_build.report.collapse import WAYS
 
     if args.by not in WAYS:
         raise UsageError(
@@ -50,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     project = options.project(args)
     wanted = options.wish(args.target)
     session = Session(project, wanted.recipe)
-    nodes = collapse(_nodes(session, wanted.target, args), args.by)
+    nodes = _nodes(session, wanted.target, args)
     return give(project, _written(args, wanted.recipe, wanted.target, nodes), args.out)
 
 
@@ -112,16 +113,28 @@ def _state(states: Mapping[str, str], node: Known) -> str:
 
 
 def _written(args: argparse.Namespace, recipe: str, target: str, nodes: list[Node]) -> str:
-    from dextera_build.report import drawing
+    from dextera_build.report import collapse, drawing
 
+    boxes = collapse.collapse(nodes, args.by)
     title = f"{recipe}:{target}" if target else recipe
     if args.dot:
-        return drawing.dot(title, nodes)
+        return drawing.dot(title, boxes)
     if not args.json:
-        return drawing.svg(title, nodes)
+        return drawing.svg(title, boxes)
+    inside = collapse.members(nodes, args.by)
     rows = [
-        {"id": node.address, "rule": node.rule, "backend": node.backend, "status": node.status or None}
-        for node in nodes
+        {
+            "id": box.address,
+            "rule": _same({node.rule for node in inside[box.address]}),
+            "backend": _same({node.backend for node in inside[box.address]}),
+            "status": box.status or None,
+            "count": len(inside[box.address]),
+        }
+        for box in boxes
     ]
-    edges = [{"from": source, "to": node.address} for node in nodes for source in node.depends_on]
+    edges = [{"from": source, "to": box.address} for box in boxes for source in box.depends_on]
     return json.dumps({"recipe": recipe, "target": target, "by": args.by, "nodes": rows, "edges": edges}, indent=1)
+
+
+def _same(values: set[str] | set[str | None]) -> str | None:
+    return next(iter(values)) if len(values) == 1 else None

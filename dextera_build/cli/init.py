@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     if (root / "dxb.toml").exists():
         raise UsageError(
             f"`{root / 'dxb.toml'}` exists: this is a project already",
-            code="DXB-U201",
+            code="DXB-U190",
             hint="`dxb ls` shows its recipes",
         )
     for name, text in files.items():

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import TYPE_CHECKING
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options
 from dextera_build.errors import UsageError, did_you_mean, listing
@@ -42,19 +44,27 @@ def run(args: argparse.Namespace) -> int:
             facts={"nodes": listing(finished, most=40)},
             hint=did_you_mean(args.node, finished),
         )
-    said = [event["text"] for event in events if event["event"] == "node_log" and event["node"] == args.node]
-    print("\n".join(said) or _stored(project, finished[args.node]["key"]))
+    text = _printed(project, finished[args.node])
+    if text is None:
+        logged = [event["text"] for event in events if event["event"] == "node_log" and event["node"] == args.node]
+        text = "\n".join(logged)
+    if text:
+        print(text)
+    else:
+        print("it printed nothing, or that is no longer in the store", file=sys.stderr)
     return 0
 
 
-def _stored(project: Project, key: str | None) -> str:
-    """What a cached node printed when it was built."""
+def _printed(project: Project, finished: Mapping[str, Any]) -> str | None:
+    """All that a node printed when it ran, in this run or an earlier one; None where the store does not have it.
+
+    What a rule prints by itself, and the traceback of one that failed, stands there and in no event.
+    """
     from dextera_build.store.store import Store
 
     store = Store(project.cache)
-    found = store.actions.known(key) if key else None
-    if found is None or not found.log:
-        return "(it printed nothing)"
-    if not store.blobs.has(found.log):
-        return "(what it printed is not in the store)"
-    return store.blobs.get(found.log).decode(errors="replace").rstrip()
+    found = store.actions.known(finished["key"]) if finished["key"] else None
+    log = finished.get("log") or (found.log if found else None)
+    if not log or not store.blobs.has(log):
+        return None
+    return store.blobs.get(log).decode(errors="replace").rstrip()

@@ -15,9 +15,9 @@ inputs:
   capture:
     help: A folder with rgb.png, depth.png and capture.json.
 nodes:
-  capture_: {{rule: capture.folder, folder: $capture}}
+  photo: {{rule: capture.folder, folder: $capture}}
 targets:
-  default: [capture_]
+  default: [photo]
 """
 _RULE = '''"""{path}: what it does, in one line."""
 
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     project = options.project(args)
     path, text = {"recipe": _recipe, "rule": _rule, "backend": _backend}[args.kind](project, args.name)
     if path.exists():
-        raise UsageError(f"`{path}` exists already", code="DXB-U202")
+        raise UsageError(f"`{path}` exists already", code="DXB-U191")
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
     print(project.shown(path))
@@ -87,9 +87,16 @@ def _backend(project: Project, text: str) -> tuple[Path, str]:
     _match(text, r"[a-z0-9_]+\.[a-z0-9_]+=[a-z0-9_]+", "factorize.my_rule=my_backend")
     path, _, backend = text.partition("=")
     found = project.library.find(path)
+    if not found.file.is_relative_to((project.root / "rules").resolve()):
+        raise UsageError(
+            f"`{path}` is no rule of this project, and a backend lies beside its rule",
+            code="DXB-U193",
+            facts={"rule": str(found.file), "rules of the project": str(project.root / "rules")},
+            hint=f"`dxb new rule {path.partition('.')[0]}.my_rule` makes a rule of your own",
+        )
     return found.file.with_name(f"{found.file.stem}_{backend}.py"), _BACKEND.format(path=path, backend=backend)
 
 
 def _match(text: str, form: str, example: str) -> None:
     if not re.fullmatch(form, text):
-        raise UsageError(f"`{text}` is not a name of this form: `{example}`", code="DXB-U203")
+        raise UsageError(f"`{text}` is not a name of this form: `{example}`", code="DXB-U192")

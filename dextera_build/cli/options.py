@@ -90,12 +90,15 @@ def json_argument(parser: argparse.ArgumentParser) -> None:
 def project(args: argparse.Namespace) -> Project:
     """The project that the arguments name."""
     from dextera_build import project as module
+    from dextera_build.cli import variables
 
     flags = {
         name: getattr(args, name, None)
         for name in ("cache", "profile", "jobs", "console", "resources", "calls", "executor")
     }
-    return module.find(flags=flags)
+    found = module.find(flags=flags)
+    variables.warn(found)
+    return found
 
 
 def added(args: argparse.Namespace) -> tuple[object, ...]:

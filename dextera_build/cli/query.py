@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dextera_build.project import Project
 
 Row = dict[str, str]
-_FILTERS = ("deps", "rdeps", "rule", "stale", "cached")
+_FILTERS = ("deps", "rdeps", "depth", "rule", "stale", "cached")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,17 +56,21 @@ def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:
             hint=did_you_mean(recipe, addresses) or "`dxb ls` shows all of them",
         )
     matched = False
+    seen: dict[str, Known] = {}
     for address in chosen:
         session = Session(project, address)
         found = _nodes(session, args, several=len(chosen) > 1)
         start = known.matching(found, node or "*")
+        seen |= found
         matched = matched or bool(start)
         yield from _rows(session, args, found, start, depth)
     if not matched:
-        raise _nothing(args.what, found)
+        raise _nothing(args.what, seen)
 
 
 def _depth(args: argparse.Namespace) -> int | None:
+    if args.depth is not None and not (args.deps or args.rdeps):
+        raise UsageError("`--depth` counts the steps of `--deps` or `--rdeps`", code="DXB-U174", hint="add one of them")
     if args.depth is None or args.depth == "all":
         return None if args.depth else 1
     if not args.depth.isdigit() or not int(args.depth):

@@ -29,7 +29,8 @@ def answer(words: list[str]) -> bool:
         return False
     for recipe, nodes, lines in note["answers"]:
         if note["told"] == [["yes"]]:
-            sys.stderr.write(f"{recipe} is up to date   {nodes} nodes   {time.perf_counter() - began:.2f} s\n")
+            many = "s" * (nodes != "1")
+            sys.stderr.write(f"{recipe} is up to date   {nodes} node{many}   {time.perf_counter() - began:.2f} s\n")
         sys.stdout.write(lines)
     return True
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options
 from dextera_build.cli.calls import is_call, show
 from dextera_build.cli.reads import Reads
 from dextera_build.errors import UsageError
 from dextera_build.report.wording import used
+
+if TYPE_CHECKING:
+    from dextera_build.project import Setting
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
 
     project = options.project(args)
     if args.config:
-        rows: dict[str, Any] = {name: f"{_plain(s.value)}\t{s.origin}" for name, s in project.config.items()}
+        rows: dict[str, Any] = {name: _setting(found, as_json=args.json) for name, found in project.config.items()}
     elif args.target is None:
         raise UsageError("name a recipe or a node, or give `--config`", code="DXB-U111", hint="`dxb ls` lists recipes")
     elif is_call(args.target):
@@ -45,13 +48,21 @@ def run(args: argparse.Namespace) -> int:
         session = Session(project, wanted.recipe)
         if args.lineage:
             return _lineage(session, wanted.target, as_json=args.json)
-        rows = _node(session, wanted.target) if wanted.target else _recipe(session)
+        rows = _node(session, wanted.target) if wanted.target else _recipe(session, as_json=args.json)
     print(json.dumps(rows, indent=1) if args.json else "\n".join(f"{name}\t{value}" for name, value in rows.items()))
     return 0
 
 
-def _plain(value: Any) -> Any:
-    return ",".join(f"{name}={amount:g}" for name, amount in value.items()) if isinstance(value, dict) else value
+def _setting(found: Setting, *, as_json: bool) -> Any:
+    """Value and origin of a setting; printed as it is written in `dxb.toml` or on the command line."""
+    value = found.value
+    if as_json:
+        return {"value": value, "origin": found.origin}
+    if isinstance(value, dict):
+        value = ",".join(f"{name}={amount:g}" for name, amount in value.items())
+    elif isinstance(value, bool):
+        value = str(value).lower()
+    return f"{value}\t{found.origin}"
 
 
 def _lineage(session: Any, target: str, *, as_json: bool) -> int:
@@ -78,13 +89,15 @@ def _targets(session: Any, target: str) -> list[str]:
     return found
 
 
-def _recipe(session: Any) -> dict[str, Any]:
+def _recipe(session: Any, *, as_json: bool) -> dict[str, Any]:
     if session.project.recipe(session.recipe) is None:
         session.plan(None)  # says that there is none, and what there is
-    return {
-        node: f"{entry.seconds:.1f} s\trun {entry.run}\t{_line(session, entry.key)}"
-        for node, entry in session.history.items()
-    }
+    rows: dict[str, Any] = {}
+    for node, entry in session.history.items():
+        line = _line(session, entry.key)
+        told = {"seconds": entry.seconds, "run": entry.run, "line": line}
+        rows[node] = told if as_json else f"{entry.seconds:.1f} s\trun {entry.run}\t{line}"
+    return rows
 
 
 def _line(session: Any, key: str) -> str:

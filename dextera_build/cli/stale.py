@@ -55,5 +55,6 @@ def reason(session: Session, states: Mapping[str, Planned], causes: Causes, node
     if entry.key == states[node].key:
         return "built, but the store no longer holds it"
     first, *more = causes.direct(node)
-    told = " ".join(cell for cell in (first.kind, first.name, first.change, first.place) if cell)
+    name = "" if first.name == first.kind else first.name
+    told = " ".join(cell for cell in (first.kind, name, first.change, first.place) if cell)
     return f"{told}, and {len(more)} more" if more else told

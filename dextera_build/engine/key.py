@@ -75,9 +75,10 @@ def compare(old: Document, new: Document) -> list[Change]:
     """Every difference that makes two keys differ, the nearest to what a person edits first."""
     changes = [
         *_rows("option", _flat(old["options"]), _flat(new["options"])),
+        # Before the code: another backend is other code.
+        *_rows("backend", {"backend": old["backend"]}, {"backend": new["backend"]}),
         *_rows("code", _code(old), _code(new)),
         *_rows("version", _versions(old), _versions(new)),
-        *_rows("backend", {"backend": old["backend"]}, {"backend": new["backend"]}),
         *_rows("weights", _weights(old), _weights(new)),
         *_rows("package", old["packages"], new["packages"]),
         *_rows("type", old["types"], new["types"]),

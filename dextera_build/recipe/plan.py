@@ -17,7 +17,7 @@ from dextera_build.recipe import cycles, groups, limits
 from dextera_build.recipe.calls import CallMaker
 from dextera_build.recipe.schema import Decl, GroupDecl, MatrixDecl, PackedCall, Recipe, UseDecl
 from dextera_build.recipe.scope import Alias, Bound, CallNames, GroupName, Scope, UseName, item
-from dextera_build.recipe.settings import Setting
+from dextera_build.recipe.settings import COMMAND_LINE, Setting
 from dextera_build.recipe.strict_yaml import Node
 
 Read = Callable[[str], Recipe | None]
@@ -266,6 +266,7 @@ class _Planner:
 
     def _value(self, text: str, where: Place, from_cli: bool) -> Bound:
         """An input's text: a target of another recipe (`robot/kuka_leap`, `reference/x:capture`), or a path."""
+        where = COMMAND_LINE if from_cli else where
         address, _, target = text.partition(":")
         path = self._path(text, where, from_cli)
         is_there = os.path.exists(path)  # False for what cannot be a path; `Path.exists` raises where it is too long

@@ -262,6 +262,11 @@ def _syntax_error(error: yaml.YAMLError, text: str, file: str) -> RecipeError:
             _Builder(file).build(yaml.SafeLoader(text))
         except yaml.YAMLError as better:
             error = better
+    if isinstance(error, yaml.reader.ReaderError):
+        before = text[: error.position]
+        where = Place(file, before.count("\n") + 1, len(before) - before.rfind("\n"))
+        code = f"U+{ord(text[error.position]):04X}"
+        return RecipeError(f"not valid YAML: the character {code} may not stand in it", code="DXB-R101", where=where)
     mark = getattr(error, "problem_mark", None)
     where = Place(file, mark.line + 1, mark.column + 1) if mark else Place(file)
     problem = getattr(error, "problem", None) or str(error)

@@ -23,13 +23,21 @@ def collapse(nodes: Sequence[Node], way: str) -> list[Node]:
     if way == "node":
         return list(nodes)
     place = {node.address: _name(node, way) for node in nodes}
-    members: dict[str, list[Node]] = {}
+    boxes = members(nodes, way)
+    return [_one(index, address, inside, place) for index, (address, inside) in enumerate(boxes.items())]
+
+
+def members(nodes: Sequence[Node], way: str) -> dict[str, list[Node]]:
+    """The nodes that each box of `collapse` stands for, by the address of the box."""
+    boxes: dict[str, list[Node]] = {}
     for node in nodes:
-        members.setdefault(place[node.address], []).append(node)
-    return [_one(index, address, members[address], place) for index, address in enumerate(members)]
+        boxes.setdefault(_name(node, way), []).append(node)
+    return boxes
 
 
 def _name(node: Node, way: str) -> str:
+    if way == "node":
+        return node.address
     if way == "rule":
         return node.rule
     if way == "group":

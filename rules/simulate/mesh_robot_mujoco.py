@@ -10,7 +10,7 @@ import numpy as np
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
-from dextera_build.errors import RuleError
+from dextera_build.errors import RuleError, listing
 from dextera_build.rule import Backend
 from dextera_build.sim import robot as robots
 from dextera_build.sim.robot_meshes import Part, dressed, misplaced
@@ -29,9 +29,9 @@ TOLERANCE = 1e-5
 """Geoms that stand elsewhere by more were not understood [m, entries of a rotation matrix]; MJCF has six digits."""
 
 
-def dress(like: RobotModel, options: MeshRobotOptions) -> Folder:
-    """`robot.xml` and its meshes."""
-    parts = [_part(part) for part in options.parts]
+def dress(like: RobotModel, options: MeshRobotOptions, own: Path) -> Folder:
+    """`robot.xml` and its meshes; the project's own models lie below `own`."""
+    parts = [_part(part, own) for part in options.parts]
     folder = dressed(like, parts)
     for part in parts:
         if (error := misplaced(part, folder)) > TOLERANCE:
@@ -45,13 +45,25 @@ def portrait(robot: RobotModel) -> np.ndarray | None:
     return robots.portrait(robot.model, robot.followed(robot.home))
 
 
-def _part(options: PartOptions) -> Part:
-    distribution = importlib.metadata.distribution(options.distribution)
-    path = Path(str(distribution.locate_file(options.file)))
+def _part(options: PartOptions, own: Path) -> Part:
+    path = own / options.file if options.distribution is None else _installed(options.distribution, options.file)
     if not path.is_file():
         raise RuleError(
-            f"`{options.distribution}` {distribution.version} has no file `{options.file}`",
+            f"`own` has no file `{options.file}`",
+            code="DXB-B213",
+            facts={"files": listing(str(file.relative_to(own)) for file in own.rglob("*.xml"))},
+            hint="`own: $NODE`, a call of simulate.mjcf",
+        )
+    return Part(path, options.root, options.prefix, dict(options.links), options.drawn)
+
+
+def _installed(name: str, file: str) -> Path:
+    distribution = importlib.metadata.distribution(name)
+    path = Path(str(distribution.locate_file(file)))
+    if not path.is_file():
+        raise RuleError(
+            f"`{name}` {distribution.version} has no file `{file}`",
             code="DXB-B213",
             hint="`pip install 'dextera-build[robots]'`",
         )
-    return Part(path, options.root, options.prefix, dict(options.links), options.drawn)
+    return path

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 BACKEND = Backend(summary="no meshes: the robot as it is", profiles=("stub",))
 
 
-def dress(like: RobotModel, options: MeshRobotOptions) -> Folder:
+def dress(like: RobotModel, options: MeshRobotOptions, own: Path) -> Folder:
     """The files of `like`."""
     return like.model
 

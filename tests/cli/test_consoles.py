@@ -27,7 +27,6 @@ from dextera_build.engine.events import (
     RunFinished,
     RunStarted,
 )
-from dextera_build.errors import UsageError
 from tests.report.fabricate import Spec, fabricate
 
 
@@ -142,12 +141,6 @@ def test_jsonl_is_the_event_stream() -> None:
     read = [json.loads(line) for line in show("jsonl", events).splitlines()]
     assert [line["event"] for line in read] == [event.kind for event in events]
     assert read == [json.loads(event.to_line()) for event in events]
-
-
-def test_unknown_console_names_those_that_exist() -> None:
-    with pytest.raises(UsageError, match="there is no console `fancy`") as caught:
-        console("fancy", io.StringIO())
-    assert caught.value.facts == {"consoles": "jsonl, live, none, plain"}
 
 
 def test_live_becomes_plain_where_nothing_can_move(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -152,6 +152,16 @@ def test_equal_targets_give_equal_bytes(space, there):
     assert (wrong.code, "DXB-U145" in wrong.err) == (2, True)
 
 
+def test_whoever_imported_a_bundle_makes_the_same_one_when_the_time_is_said(space, there):
+    epoch = {"SOURCE_DATE_EPOCH": "0"}
+    assert there.dxb("bundle", "import", bundle(space)).code == 0
+    digests = {
+        where.dxb("bundle", "create", "say/file", "-o", "then.tar", env=epoch).out.split("\t")[1]
+        for where in (space, there)
+    }
+    assert len(digests) == 1
+
+
 def test_inspect_says_what_is_inside(space, there):
     file = bundle(space)
     rows = dict(line.split("\t", 1) for line in there.dxb("bundle", "inspect", file).out.splitlines())
@@ -174,6 +184,10 @@ def test_only_who_is_trusted_is_believed(space, there):
     file = bundle(space, "--sign", "anna")
     wrong = there.dxb("bundle", "import", "--require-signed", file)
     assert (wrong.code, "DXB-S309" in wrong.err, "not trusted here" in wrong.err) == (1, True, True)
+    folder = f"{there.root}/.config/dxb/trusted_keys"
+    assert f"hint: if you trust the signer: `mkdir -p {folder} && cp SIGNER.pub {folder}/`" in wrong.err
+    unsigned = there.dxb("bundle", "import", "--require-signed", bundle(space, name="unsigned.tar"))
+    assert (unsigned.code, "is not signed" in unsigned.err, "--sign KEY" in unsigned.err) == (1, True, True)
     assert "say/file" not in there.dxb("ls", "runs").out
     there.write("trusted/anna.pub", (space.root / "anna.pub").read_text())
     there.write("dxb.toml", 'cache = "cache"\ntrusted_keys = "trusted"\nrequire_signed = true\n')

@@ -39,16 +39,22 @@ def test_keep_going_builds_what_does_not_depend_on_it(space):
 
 
 @pytest.mark.parametrize(
-    ("do", "code", "text"), [("kill", "B301", "signal 9"), ("raise", "B302", "ZeroDivisionError: by hand")]
+    ("do", "code", "text", "last"),
+    [
+        ("kill", "B301", "signal 9", "printed kill"),
+        ("raise", "B302", "ZeroDivisionError: by hand", "ZeroDivisionError: by hand"),
+    ],
 )
-def test_a_dead_or_faulty_worker_fails_its_node_alone(space, do, code, text):
+def test_a_dead_or_faulty_worker_fails_its_node_alone(space, do, code, text, last):
     space.write("recipes/say/bad.yaml", RECIPE % do)
     answer = space.dxb("build", "-k", "say/bad")
     assert answer.code == 1
     assert f"error[DXB-{code}]" in answer.err
     assert text in answer.err
     assert "Traceback" not in answer.err
-    assert "printed" in space.dxb("log", "say/bad", "bad").out
+    log = space.dxb("log", "say/bad", "bad").out.splitlines()
+    assert (log[0], log[-1]) == (f"printed {do}", last)
+    assert ("Traceback (most recent call last):" in log) == (do == "raise")
     space.edit("recipes/say/bad.yaml", f"do: {do}", "do: work")
     again = space.build("say/bad")
     assert again.code == 0
@@ -81,7 +87,8 @@ def test_a_missing_file_is_named(space):
     )
     answer = space.dxb("build", "say/note")
     assert answer.code == 2
-    assert "gone.txt" in answer.err
+    assert "error[DXB-R301]: `notes/gone.txt` is neither a file nor a recipe" in answer.err
+    assert "--> recipes/say/note.yaml:1:16" in answer.err
     assert "Traceback" not in answer.err
 
 

@@ -65,7 +65,13 @@ def test_a_recipe_that_was_never_built_has_its_calls(space: Space) -> None:
     [
         (("say/nothing:x",), "DXB-U108", "no recipe is called `say/nothing`"),
         (("say/words:lod",), "DXB-U173", "no node is called `say/words:lod`"),
+        (
+            ("say/*:lod",),
+            "DXB-U173",
+            "no node is called `say/*:lod`\n   nodes   all, start, word.loud, word.louder, words",
+        ),
         (("say/words:all", "--deps", "--depth", "0"), "DXB-U174", "`--depth` is a number of steps or `all`, not `0`"),
+        (("say/words:all", "--depth", "2"), "DXB-U174", "`--depth` counts the steps of `--deps` or `--rdeps`"),
     ],
 )
 def test_what_does_not_exist_is_named(built: Space, words: tuple[str, ...], code: str, said: str) -> None:
@@ -78,7 +84,7 @@ def test_the_graph_as_json_dot_and_svg(built: Space) -> None:
     found = json.loads(built.dxb("graph", "say/words", "--json", "--status").out)
     assert (found["recipe"], found["target"], found["by"]) == ("say/words", "", "node")
     assert {node["status"] for node in found["nodes"]} == {"cached"}
-    assert {"id": "start", "rule": "toy.start", "backend": None, "status": "cached"} in found["nodes"]
+    assert {"id": "start", "rule": "toy.start", "backend": None, "status": "cached", "count": 1} in found["nodes"]
     edges = {(edge["from"], edge["to"]) for edge in found["edges"]}
     assert {("start", "words"), ("words", "word[one].loud"), ("word[two].louder", "all")} <= edges
     ids = {node["id"] for node in found["nodes"]}
@@ -93,7 +99,12 @@ def test_the_graph_of_a_target_and_collapsed(space: Space) -> None:
     below = json.loads(space.dxb("graph", "say/words:words", "--json").out)
     assert [(node["id"], node["status"]) for node in below["nodes"]] == [("start", None), ("words", None)]
     rules = json.loads(space.dxb("graph", "say/words", "--json", "--by", "rule").out)
-    assert {node["id"] for node in rules["nodes"]} == {"toy.start", "toy.split", "toy.shout", "toy.join"}
+    boxes = {node["id"]: (node["rule"], node["count"]) for node in rules["nodes"]}
+    assert boxes == {
+        f"toy.{name}": (f"toy.{name}", 2 if name == "shout" else 1) for name in ("start", "split", "shout", "join")
+    }
+    (whole,) = json.loads(space.dxb("graph", "say/words", "--json", "--by", "recipe").out)["nodes"]
+    assert (whole["rule"], whole["count"]) == (None, 5)
     answer = space.dxb("graph", "say/words", "--by", "colour")
     assert (answer.code, "`--by colour` is not a way to draw a graph" in answer.err) == (2, True)
     answer = space.dxb("graph", "say/words", "-o", "no/such/folder/graph.svg")

@@ -40,6 +40,11 @@ def test_show_a_node_and_the_configuration(built):
     assert "jobs\t3\tenvironment" in config
     assert "cache\tcache\tdxb.toml" in config
     assert "profile\tcpu\tdefault" in config
+    assert "durable\ttrue\tdefault" in built.dxb("show", "--config", env={"DXB_DURABLE": ""}).out
+    config = json.loads(built.dxb("show", "--config", "--json", env={"DXB_JOBS": "3"}).out)
+    assert config["jobs"] == {"value": "3", "origin": "environment"}
+    past = json.loads(built.dxb("show", "--json", "say/words").out)
+    assert past["start"]["run"] == "0001"
 
 
 def test_get_writes_the_artifact(built):
@@ -106,6 +111,52 @@ def test_doctor_lists_findings(space):
     answer = space.dxb("doctor", "--json")
     assert answer.code in (0, 4)
     assert {"python", "store", "rendering"} <= {finding["what"] for finding in json.loads(answer.out)}
+
+
+def test_a_backend_is_made_beside_a_rule_of_the_project_and_nowhere_else(space):
+    assert space.dxb("new", "backend", "toy.shout=softly").out == "rules/toy/shout_softly.py\n"
+    answer = space.dxb("new", "backend", "factorize.mesh=softly")
+    assert (answer.code, answer.out) == (2, "")
+    assert "error[DXB-U193]: `factorize.mesh` is no rule of this project" in answer.err
+
+
+def test_a_variable_that_nothing_reads_is_told_once_a_command(built):
+    answer = built.dxb("build", "say/words", env={"DXB_STORE": "elsewhere"})
+    assert answer.code == 0
+    assert answer.err.splitlines()[0].startswith(
+        "warning: nothing reads the variable `DXB_STORE`; did you mean `DXB_CACHE`,"
+    )
+    assert answer.err.count("DXB_STORE") == 1
+    assert "warning" not in built.dxb("ls", env={"DXB_JOBS": "2", "DXB_REMOTE_TOKEN": "x"}).err
+
+
+@pytest.mark.parametrize(
+    ("flag", "value", "code"),
+    [
+        ("--jobs", "many", "DXB-U103"),
+        ("--console", "liv", "DXB-U120"),
+        ("--executor", "rai", "DXB-U181"),
+        ("--calls", "replai", "DXB-U180"),
+        ("--cache", "local:rw,nowhere:r", "DXB-U133"),
+        ("--cache", "local:x", "hint: `local:r` reads from it"),
+    ],
+)
+def test_a_wrong_setting_is_refused_where_nothing_has_to_run(built, flag, value, code):
+    answer = built.dxb("build", "say/words", flag, value)
+    assert (answer.code, answer.out, code in answer.err) == (2, "", True)
+
+
+def test_one_node_is_no_plural(space):
+    for said in ("1 node: 1 ran", "up to date   1 node   ", "up to date   1 node   "):
+        assert said in space.dxb("build", "say/words:start").err
+
+
+def test_a_file_in_place_of_the_store_is_one_error(space):
+    space.write("cache", "")
+    answer = space.dxb("build", "say/words")
+    assert (answer.code, answer.err.count("error[")) == (1, 1)
+    assert "error[DXB-S102]: a file stands where the store has a folder" in answer.err
+    assert str(space.root / "cache") in answer.err
 
 
 def test_a_wrong_setting_is_named(space):

@@ -97,6 +97,12 @@ def test_order_does_not_matter() -> None:
     assert key_of(turned, dict(reversed(list(INPUTS.items())))) == key_of(BASE, INPUTS)
 
 
+def test_another_backend_is_told_before_the_code_that_it_brings() -> None:
+    other = rule(backend="other", code={**BASE.rule.code, "other.py": {"f": "1"}})
+    kinds = [change.kind for change in compare(manifest(BASE, INPUTS), manifest(other, INPUTS))]
+    assert kinds == ["backend", "code"]
+
+
 def test_numbers_are_typed() -> None:
     keys = {key_of(option(voxel_m=value), INPUTS) for value in (1, 1.0, "1", True)}
     assert len(keys) == 4

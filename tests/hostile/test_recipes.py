@@ -132,7 +132,9 @@ def test_a_chain_of_files_has_an_end(project, dxb, text):
 def test_a_circle_of_bases_is_refused(project, dxb):
     project.write("recipes/x.yaml", "extends: y\n")
     project.write("recipes/y.yaml", "extends: x\n")
-    assert "the recipe extends itself" in one_error(dxb("check", "x"))
+    said = one_error(dxb("check", "x"))
+    assert "the recipe extends itself" in said
+    assert "extends: x -> y -> x" in said
 
 
 def test_recipes_that_use_one_another_tenfold_are_refused(project, dxb):

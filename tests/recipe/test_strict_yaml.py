@@ -76,6 +76,7 @@ def test_every_value_knows_its_place():
             "f:1:4",
         ),
         ("a: 1\n---\nb: 2\n", "not valid YAML: but found another document", "f:2:1"),
+        ("a: 1\nb: \x1b[31m", "not valid YAML: the character U+001B may not stand in it", "f:2:4"),
     ],
 )
 def test_refusals_name_the_place(text, message, place):

@@ -7,10 +7,6 @@ from types import TracebackType
 from typing import Protocol, Self, TextIO
 
 from dextera_build.engine.events import Event
-from dextera_build.errors import UsageError, listing
-
-KINDS = ("live", "plain", "jsonl", "none")
-"""Values of `--console`."""
 
 _NARROW = 40  # columns below which a foot that moves has no room for a name, a clock and a bar
 
@@ -37,12 +33,9 @@ def console(kind: str, stream: TextIO, *, verbose: bool = False) -> Console:
     """The console called `kind`; `live` becomes `plain` where `stream` cannot show a foot that moves.
 
     Args:
-        kind: One of `KINDS`.
+        kind: One of `project.CONSOLES`.
         stream: Standard error, as a rule; standard output is for results.
         verbose: Show the lines that nodes log, too.
-
-    Raises:
-        UsageError: There is no such console.
     """
     if kind == "live" and can_move(stream):
         from dextera_build.cli.consoles.live import LiveConsole
@@ -56,11 +49,9 @@ def console(kind: str, stream: TextIO, *, verbose: bool = False) -> Console:
         from dextera_build.cli.consoles.jsonl import JsonlConsole
 
         return JsonlConsole(stream)
-    if kind == "none":
-        from dextera_build.cli.consoles.quiet import QuietConsole
+    from dextera_build.cli.consoles.quiet import QuietConsole
 
-        return QuietConsole(stream)
-    raise UsageError(f"there is no console `{kind}`", code="DXB-U120", facts={"consoles": listing(KINDS)})
+    return QuietConsole(stream)
 
 
 def can_move(stream: TextIO) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
@@ -59,8 +60,11 @@ def require(bundle: Opened, voucher: Voucher, keys: Sequence[PublicKey]) -> None
         return
     if voucher.state == "unsigned":
         message = f"`{bundle.source.name}` is not signed"
+        hint = "its maker signs it: `dxb bundle create RECIPE -o FILE.tar --sign KEY`"
     else:
         message = f"`{bundle.source.name}` is signed by a key that is not trusted here"
+        folder = f"{os.environ.get('XDG_CONFIG_HOME', '~/.config')}/dxb/trusted_keys"
+        hint = f"if you trust the signer: `mkdir -p {folder} && cp SIGNER.pub {folder}/`"
     raise BundleRefused(
         message,
         code="DXB-S309",
@@ -68,7 +72,7 @@ def require(bundle: Opened, voucher: Voucher, keys: Sequence[PublicKey]) -> None
             "signed by": listing(voucher.signers),
             "trusted": listing(f"{key.name} ({key.id})" for key in keys),
         },
-        hint="if you trust the signer: `cp SIGNER.pub ~/.config/dxb/trusted_keys/`",
+        hint=hint,
     )
 
 

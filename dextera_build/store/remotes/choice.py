@@ -103,11 +103,13 @@ def choose(text: str, known: Mapping[str, Spec]) -> tuple[str, list[Spec]]:
     for part in (part.strip() for part in text.split(",")):
         match = _USE.fullmatch(part)
         if match is None:
+            name = part.rpartition(":")[0]
+            use = name if name in (LOCAL, EVERY, *known) else mask(part)
             raise UsageError(
                 f"`{mask(part)}` does not say how to use a store",
                 code="DXB-U132",
                 facts={"form": "`NAME:MODE` or `URL:MODE`", "modes": listing(MODES)},
-                hint=f"`{mask(part)}:r` reads from it",
+                hint=f"`{use}:r` reads from it",
             )
         what, mode = match["what"], match["mode"]
         if what == LOCAL:

@@ -60,3 +60,23 @@ def test_a_distribution_without_the_file_is_one_error(tmp_path: Path, monkeypatc
     options = OPTIONS | {"parts": (OPTIONS["parts"][0] | {"file": "robosuite/elsewhere.xml"},)}
     with pytest.raises(RuleError, match=r"`robosuite` .* has no file `robosuite/elsewhere.xml`"):
         RuleRunner(tmp_path).run("simulate.mesh_robot", options=options, like=LIKE)
+
+
+MODEL = b"""<mujoco><compiler angle="radian"/><worldbody><body name="base">
+  <inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/><geom size="0.1"/>
+  <joint name="hinge" axis="0 1 0" range="-1 1" limited="true"/><site name="flange"/>
+</body></worldbody><actuator><position name="hinge" joint="hinge"/></actuator></mujoco>"""
+
+
+def test_a_model_of_the_project_takes_the_place_of_an_installed_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pretend(monkeypatch, tmp_path)
+    like = LIKE.model_copy(update={"model": Folder(files={"robot.xml": MODEL})})
+    own = Folder(files={"arm/arm.xml": MODEL.replace(b'mass="3"', b'mass="7"')})
+    options = {"source": "mine", "parts": ({"file": "arm/arm.xml", "root": "base"},)}
+    robot = RuleRunner(tmp_path).run("simulate.mesh_robot", options=options, like=like, own=own)
+    assert b'mass="7"' in robot.model.files["robot.xml"]
+    with pytest.raises(RuleError, match=r"`own` has no file `arm/arm\.xml`") as error:
+        RuleRunner(tmp_path / "again").run("simulate.mesh_robot", options=options, like=like)
+    assert error.value.hint == "`own: $NODE`, a call of simulate.mjcf"

@@ -16,6 +16,7 @@ MAKERS: dict[str, Callable[[], str]] = {
     "errors": errors.page,
     "rules": rules.page,
     "states": states.page,
+    "variables": cli.variables_page,
 }
 _MARK = "% generated: "
 

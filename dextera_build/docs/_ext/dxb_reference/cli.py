@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from dextera_build.cli import grammar
+from dextera_build.cli import grammar, variables
 
 from .markdown import code, escaped, join, table
 
@@ -17,6 +17,12 @@ def page() -> str:
         ["verb", "what it does"], [[f"[{code(name)}](#dxb-{name})", text] for name, (_, text) in verbs.items()]
     )
     return join(overview, *(_verb(name, parser) for name, (parser, _) in verbs.items()))
+
+
+def variables_page() -> str:
+    """One table of all variables of the environment."""
+    known = variables.SETTINGS | variables.OTHERS
+    return table(["variable", "what it is"], [[code(name), text] for name, text in known.items()])
 
 
 def _verbs(top: argparse.ArgumentParser) -> dict[str, tuple[argparse.ArgumentParser, str]]:

@@ -1,0 +1,69 @@
+"""Variables of the environment that dxb reads, and a word about those that look like one of them and are none."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dextera_build.project import Project
+
+PREFIX = "DXB_"
+SETTINGS = {
+    "DXB_CACHE": "the store's folder, or which stores to use",
+    "DXB_REMOTES": "which stores to use, where `DXB_CACHE` is the folder",
+    "DXB_PROFILE": "stub, cpu, gpu or cloud",
+    "DXB_JOBS": "cores to share out",
+    "DXB_RESOURCES": "what this machine has to share out",
+    "DXB_EXECUTOR": "where nodes run",
+    "DXB_CONSOLE": "live, plain, jsonl or none",
+    "DXB_CALLS": "how calls of services are treated",
+    "DXB_DURABLE": "whether the end of a build waits for the disk",
+    "DXB_TRUSTED_KEYS": "a file or folder with the public keys of those whose bundles are believed",
+    "DXB_REQUIRE_SIGNED": "whether bundles are refused that no trusted key signed",
+}
+"""Those that stand for a setting of `dxb.toml`; `dxb show --config` names the ones in force."""
+OTHERS = {
+    "DXB_NO_PROGRESS": "any text: whole lines at a terminal, too",
+    "DXB_KEY_PASSPHRASE": "opens the private key that `--sign` names",
+    "DXB_REMOTE_TOKEN": "a bearer token for gRPC remotes",
+    "DXB_REMOTE_METADATA": "more headers for gRPC remotes",
+    "DXB_REMOTE_CA": "authorities that gRPC remotes are believed by",
+    "DXB_REMOTE_CERT": "a certificate of your own for gRPC remotes",
+    "DXB_REMOTE_KEY": "the private key of that certificate",
+    "DXB_NODE_STORE": "the store's folder of a Ray worker",
+    "DXB_VLM_URL": "where backend `vlm` asks",
+    "DXB_VLM_API_KEY": "the key that backend `vlm` asks with",
+    "DXB_FAILPOINT": "where a test stops a process",
+}
+
+_told: set[str] = set()
+
+
+def warn(project: Project) -> None:
+    """Say on standard error, once in a process, which `DXB_*` variables nothing reads, with the nearest name."""
+    addresses = [spec.address for spec in project.remotes.known.values()] if project.config else []
+    for name in strangers(os.environ, addresses):
+        if name not in _told:
+            _told.add(name)
+            print(f"warning: nothing reads the variable `{name}`; {meant(name)}", file=sys.stderr)
+
+
+def strangers(environment: Mapping[str, str], addresses: Iterable[str]) -> list[str]:
+    """Variables that are named like dxb's own and are none; what the address of a remote names is the user's."""
+    known = {*SETTINGS, *OTHERS, *(name for address in addresses for name in re.findall(r"\$\{(\w+)\}", address))}
+    return sorted(name for name in environment if name.startswith(PREFIX) and name not in known)
+
+
+def meant(name: str) -> str:
+    """The nearest variable: by a word of what a setting is, or by its name."""
+    from difflib import get_close_matches  # slow to import, and few commands need it
+
+    known = SETTINGS | OTHERS
+    word = name.removeprefix(PREFIX).lower()
+    near = [setting for setting, what in SETTINGS.items() if word in what.replace("'s", "").split()]
+    near += get_close_matches(name, known, n=1, cutoff=0.7)
+    return f"did you mean `{near[0]}`, {known[near[0]]}?" if near else "`dxb show --config` names every setting"
