@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import json
 import os
 import tempfile
 import traceback
@@ -11,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from dextera_build.store.remotes.exchange import Exchange
 
 Emit = Callable[[str, Mapping[str, object]], None]
+_SPELL = digests.speller(ensure_ascii=True)
 
 
 def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
@@ -48,13 +49,14 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     store = opened(task["store"])
     rule = found.rule
     inputs = {}
-    for name in (name for name in rule.slots if name in task["inputs"]):
-        with header.reading(f"the input `{name}`"):
-            inputs[name] = rule.slots[name].annotation.decode(task["inputs"][name], store.recent)
+    for name, slot in rule.slots.items():
+        if name in task["inputs"]:
+            with header.reading(f"the input `{name}`"):
+                inputs[name] = slot.annotation.decode(task["inputs"][name], store.recent)
     # JSON mode takes a list for a tuple, and the engine speaks JSON.
-    options = rule.options.model_validate_json(json.dumps(task["options"]))
+    options = rule.options.model_validate_json(_SPELL(task["options"]))
     calls, reads = _Calls(task, store, emit), ProjectReads(Path(task["project"]), store) if rule.discovers else None
-    with _full_disk_said(store), ExitStack() as folders, _full_disk_said(store):
+    with _FullDiskSaid(store), ExitStack() as folders, _FullDiskSaid(store):
         # Most calls need no folder, and making one takes longer than a small call.
         ctx = Context(
             backend,
@@ -220,20 +222,25 @@ def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[st
     }
 
 
-@contextmanager
-def _full_disk_said(store: Store) -> Iterator[None]:
+class _FullDiskSaid:
     """Turn what a library says of a full disk into the error of dxb, while the files that filled it are still there."""
-    try:
-        yield
-    except DxbError:
-        raise
-    except Exception as error:
-        full = space.explain(error, store.root, Path(tempfile.gettempdir()))
-        if full is None:
-            raise
-        with suppress(OSError):
-            traceback.print_exc()
-        raise full from None
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def __enter__(self) -> None:
+        """Nothing to do."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Look what is wrong."""
+        if isinstance(error, Exception) and not isinstance(error, DxbError):
+            full = space.explain(error, self._store.root, Path(tempfile.gettempdir()))
+            if full is not None:
+                with suppress(OSError):
+                    traceback.print_exc()
+                raise full from None
 
 
 @lru_cache(maxsize=1)

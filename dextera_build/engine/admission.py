@@ -53,7 +53,8 @@ class Ledger:
         self._free = dict(self._whole)
         self._sizes = [max(_count(gpu.memory_gb), 1) for gpu in capacity.gpus]
         self._left = list(self._sizes)
-        self._asked: dict[Needs, tuple[tuple[str, int], ...]] = {}
+        self._asked: dict[Needs, Grant] = {}
+        """Grants without devices."""
 
     @property
     def is_busy(self) -> bool:
@@ -62,18 +63,24 @@ class Ledger:
 
     def place(self, needs: Needs) -> Grant | None:
         """Where `needs` fit now, or None. More cores or memory than there are become all that there is."""
-        amounts = self._amounts(needs)
-        if any(self._free[name] < amount for name, amount in amounts):
-            return None
+        grant = self._plain(needs)
+        for name, amount in grant.amounts:
+            if self._free[name] < amount:
+                return None
         devices = self._devices(needs)
-        return None if devices is None else Grant(amounts, devices)
+        if not devices:
+            return None if devices is None else grant
+        return Grant(grant.amounts, devices)
 
     def covers(self, grant: Grant, needs: Needs) -> bool:
         """Whether a task with these needs, none of them devices, has enough of what another was given."""
         if needs.gpus or needs.gpu_gb or grant.devices:
             return False
-        amounts, given = self._amounts(needs), dict(grant.amounts)
-        return amounts is grant.amounts or all(given.get(name, 0) >= amount for name, amount in amounts)
+        wanted = self._plain(needs)
+        if wanted is grant:
+            return True
+        given = dict(grant.amounts)
+        return all(given.get(name, 0) >= amount for name, amount in wanted.amounts)
 
     def take(self, grant: Grant) -> None:
         """No longer free."""
@@ -83,13 +90,13 @@ class Ledger:
         """Free again."""
         self._move(grant, 1)
 
-    def _amounts(self, needs: Needs) -> tuple[tuple[str, int], ...]:
+    def _plain(self, needs: Needs) -> Grant:
         known = self._asked.get(needs)
         if known is None:
-            known = self._asked[needs] = self._amounts_of(needs)
+            known = self._asked[needs] = Grant(self._amounts(needs))
         return known
 
-    def _amounts_of(self, needs: Needs) -> tuple[tuple[str, int], ...]:
+    def _amounts(self, needs: Needs) -> tuple[tuple[str, int], ...]:
         wanted = {"cpu": max(needs.cpus, 1) * _UNITS, "memory": _count(needs.memory_gb)}
         if any(wanted[name] > self._whole[name] for name in wanted):
             # Every task takes a core, so with all cores this one is alone.
@@ -146,6 +153,10 @@ class Admission(Generic[T]):
         self._order = itertools.count()
         self._reserved = -1
         self._passers: set[T] = set()
+
+    def __len__(self) -> int:
+        """How many wait."""
+        return sum(len(line.waiting) for line in self._lines.values())
 
     def wait(self, task: T, needs: Needs) -> None:
         """Join the line; `needs` lack nothing of the capacity."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
 from dextera_build.engine.admission import Admission, estimate, lacks
-from dextera_build.engine.capacity import Capacity
+from dextera_build.engine.capacity import Capacity, Needs
 from dextera_build.engine.finish import log_of, result_of
+from dextera_build.engine.graph import RuleFacts
 from dextera_build.engine.reading import Reading
 from dextera_build.engine.seats import LONG_S, Pace, Seat, nap_s
 from dextera_build.engine.sharing import Sharing
@@ -23,6 +24,8 @@ from dextera_build.plain import dataclass
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.store import Store
 
+_FEW = 2000
+"""So many nodes that wait may hold their key documents."""
 _PATIENCE_S = 0.02
 """How often a key is looked at that another process builds [s]."""
 _REST_S = 0.1
@@ -56,7 +59,15 @@ class Dispatch:
         self._seats: dict[Node, Seat] = {}
         """By the node that runs."""
         self._pace = Pace()
+        self._needs: dict[int, tuple[RuleFacts, Needs, Mapping[str, tuple[float, float]]]] = {}
+        """By identity, since rules cannot be hashed; an entry keeps its rule alive."""
+        self._store_name = str(self.store.root)
         self._queues = self.executor if isinstance(self.executor, Queues) else None
+
+    @property
+    def is_long(self) -> bool:
+        """Whether so many nodes wait that each shall take little room."""
+        return len(self._admission) + len(self.states.queue) > _FEW
 
     def start(self, *, stopping: bool) -> None:
         """Start queued nodes as long as there is room for one of them, and have short ones stand behind.
@@ -122,17 +133,26 @@ class Dispatch:
     def _line_up(self) -> None:
         """Let queued nodes stand in line for what they need; those that rest before another try do so later."""
         queue, now = self.states.queue, time.monotonic()
-        queue.extend(node for node in self._resting if node.rests_until <= now)
-        self._resting = [node for node in self._resting if node.rests_until > now]
+        if self._resting:
+            queue.extend(node for node in self._resting if node.rests_until <= now)
+            self._resting = [node for node in self._resting if node.rests_until > now]
         while queue:
             node = queue.popleft()
-            needs = node.rule.needs
+            needs, lacking = self._needs_of(node.rule)
             if node.rests_until > now:
                 self._resting.append(node)
-            elif lacking := needs.lacks(self._admission.capacity):
+            elif lacking:
                 self.broke(node, lacks(lacking))
             else:
                 self._admission.wait(node, estimate(needs, self.peak_gb(node.address)))
+
+    def _needs_of(self, rule: RuleFacts) -> tuple[Needs, Mapping[str, tuple[float, float]]]:
+        """What calls of a rule need, and what of that is nowhere here."""
+        known = self._needs.get(id(rule))
+        if known is None:
+            needs = rule.needs
+            known = self._needs[id(rule)] = (rule, needs, needs.lacks(self._admission.capacity))
+        return known[1:]
 
     def wait(self, idle: bool) -> bool:
         """Take what the executor reports, waiting for it where `idle`; False: nothing runs here or elsewhere."""
@@ -197,10 +217,11 @@ class Dispatch:
         assert key is not None
         if not self.store.locks.take(key):
             self.said(node, "log", {"text": self._who_builds(key)})
+            node.document = b""
             self.states.set(node, State.LOCKED)
             return False
         forced = self.forced(node)
-        hit = None if forced else self.reading.whole(node)
+        hit = None if forced or self.reading.is_missing(node) else self.reading.whole(node)
         if hit is None and node.key == key:
             if forced:
                 self.store.keep.drop(key)
@@ -213,20 +234,23 @@ class Dispatch:
 
     def _task(self, node: Node, devices: tuple[str, ...]) -> Task:
         rule = node.rule
+        # Which key it has, and which of two results of a forced node stays, is judged here.
+        judged = bool(rule.discovers) or self.forced(node)
+        document = b"" if judged else node.document or self.reading.document(node)
+        node.document = b""
         return Task(
             ticket=node.ticket,
             rule=rule.path,
             backend=rule.backend,
             options=node.call.options,
             inputs=node.inputs,
-            store=str(self.store.root),
+            store=self._store_name,
             project=self.project,
             profile=self.profile,
-            needs=rule.needs,
+            needs=self._needs_of(rule)[0],
             devices=devices,
             key=node.key or "",
-            # Which key it has, and which of two results of a forced node stays, is judged here.
-            document=b"" if rule.discovers or self.forced(node) else self.reading.document(node),
+            document=document,
             # And so is whether a file changed meanwhile.
             held=bool(node.leaves),
         )

@@ -45,10 +45,12 @@ class Writer:
 
     def document(self, call: Call, inputs: Mapping[str, str]) -> bytes:
         """Canonical bytes of the key document."""
-        own = _call_part(call) | {"inputs": _input_part(inputs)}
-        parts = self._around(call.rule)
-        spelled = [part + digests.canonical(own[name]) for part, name in zip(parts, _OWN, strict=False)]
-        return b"".join([*spelled, parts[-1]])
+        quoted, around = digests.quoted, self._around(call.rule)
+        pairs = ",".join([f"[{quoted(slot)},{quoted(inputs[slot])}]" for slot in sorted(inputs)])
+        options = digests.canonical(call.options if type(call.options) is dict else dict(call.options))
+        # In the order of `_OWN`.
+        own = (f"[{pairs}]".encode(), options, quoted(call.salt).encode())
+        return b"%b%b%b%b%b%b%b" % (around[0], own[0], around[1], own[1], around[2], own[2], around[3])
 
     def _around(self, rule: RuleFacts) -> list[bytes]:
         # By identity: the mappings in the facts cannot be hashed, and the entry keeps them alive.

@@ -40,7 +40,7 @@ def publish(
         DxbError: The result cannot be stored.
     """
     # Entries of recorded calls come before that of the result, and are the scheduler's then.
-    if (held and reply.get("calls")) or store.actions.outline(key) is not None:
+    if (held and reply.get("calls")) or (store.actions.has(key) and store.actions.outline(key) is not None):
         return None
     result, sizes = result_from(store, reply, seconds, log, document)
     more: dict[str, Any] = {}
@@ -80,9 +80,10 @@ def spelled(reply: Mapping[str, Any], seconds: float, log: str | None, document:
     Raises:
         RuleError: A metric is not finite.
     """
-    metrics = {name: (float(value), str(unit)) for name, (value, unit) in dict(reply.get("metrics") or {}).items()}
-    for name, (value, _) in metrics.items():
-        if not math.isfinite(value):
+    metrics = {}
+    for name, (value, unit) in (reply.get("metrics") or {}).items():
+        metrics[name] = (float(value), str(unit))
+        if not math.isfinite(metrics[name][0]):
             raise RuleError(f"metric `{name}` is {value}, not a finite number", code="DXB-B305")
     return ActionResult(
         output=reply["output"],

@@ -43,6 +43,10 @@ class Reading:
         self._take(node, found.steps, found.document)
         return found.held
 
+    def is_missing(self, node: Node) -> bool:
+        """Whether the store has nothing of a node; the quick answer for most that are about to run."""
+        return not node.rule.discovers and not self._store.actions.has(node.key or "")
+
     def whole(self, node: Node) -> ActionResult | None:
         """The result of a node with all its bytes, or None."""
         found = self.find(node)

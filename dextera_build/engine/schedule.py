@@ -177,7 +177,8 @@ class Scheduler:
         try:
             self._find(node)
         finally:
-            node.document = b""  # many nodes may wait; it is spelled again for those that run
+            if node.state is not State.QUEUED or self.dispatch.is_long:
+                node.document = b""  # it is spelled again when the node runs
             if self.policy.dry:
                 node.rest()
 

@@ -167,7 +167,7 @@ class Node(Unit):
     inputs = Rare[dict[str, str]](_NOTHING)
     """Slot -> digest; until it is done."""
     document = Rare[bytes](b"")
-    """The key document, while it is looked up."""
+    """The key document, while it is looked up, and until it runs where few nodes wait."""
     ticket = Rare[int](-1)
     """Names its run at the executor."""
     result = Rare[ActionResult | None](None)

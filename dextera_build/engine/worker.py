@@ -26,12 +26,14 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from dextera_build import digest as digests
 from dextera_build.engine.retries import names_of
 from dextera_build.engine.tasks import PACKET, escaped, printed
 from dextera_build.engine.usage import Meter
 from dextera_build.errors import DxbError, MachineError
 
-_SPELL = json.JSONEncoder(separators=(",", ":"), default=str).encode
+_SPELL = digests.speller(ensure_ascii=True, default=str)
+_READ = json.JSONDecoder().decode
 _PR_SET_PDEATHSIG = 1
 _PROGRESS_S = 0.05
 """Progress is passed on at most this often [s]."""
@@ -65,7 +67,7 @@ class Worker:
             if packet.startswith(b"@"):
                 packet = os.pread(self._large, int(packet[1:]), 0)
             line, _, document = packet.partition(b"\n")
-            self._answer(int(ticket), json.loads(line), document)
+            self._answer(int(ticket), _READ(line.decode()), document)
 
     def _answer(self, ticket: int, task: Mapping[str, Any], document: bytes) -> None:
         if os.fstat(1).st_size:

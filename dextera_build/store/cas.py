@@ -72,9 +72,10 @@ class Blobs:
             StoreError: The disk is full, or the store cannot be written.
         """
         digest = hashlib.sha256(data).hexdigest()
-        path = self._file(digest)
+        path = f"{self._base}{digest[:2]}/{digest[2:]}"
+        # Most are new: that is asked first, for no exception has to be made of the answer.
         # A short file is what a power cut leaves; it is replaced.
-        if not self._is_held(path, digest, len(data), lambda: files.read(path) == data):
+        if not os.access(path, os.F_OK) or not self._is_held(path, digest, len(data), lambda: files.read(path) == data):
             files.write(path, data, workshop=self._workshop)
         return digest
 

@@ -21,19 +21,13 @@ from dextera_build.store import failpoints, sharing, space
 _FICLONE = 0x40049409
 _CHUNK = 1 << 20
 _PIECE = 1 << 14
-_TOKEN = os.urandom(4).hex()  # two machines may write to one folder with equal process ids
+_NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
 _COUNTER = itertools.count()
+# Bytes at random, since two machines may write to one folder with equal process ids.
+_TOKEN = f"{os.urandom(4).hex()}-{os.getpid()}-"
 TEMPORARY = ".tmp"
 """How the names of unfinished files, and of folders for them, begin."""
 _UNFINISHED = re.compile(rf"{re.escape(TEMPORARY)}-[0-9a-f]{{8}}-\d+-\d+")
-
-
-def _renew() -> None:
-    global _TOKEN
-    _TOKEN = os.urandom(4).hex()
-
-
-os.register_at_fork(after_in_child=_renew)  # a process id comes again, and what a dead process left is there still
 
 
 def store_error(error: OSError, path: str) -> StoreError:
@@ -86,7 +80,16 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
 
 def unique() -> str:
     """A name that no other process, here or on another machine, and no other call of this one takes."""
-    return f"{_TOKEN}-{os.getpid()}-{next(_COUNTER)}"
+    return f"{_TOKEN}{next(_COUNTER)}"
+
+
+def _be_another() -> None:
+    """This process was forked: process ids come again, and what a dead process left is there still."""
+    global _TOKEN
+    _TOKEN = f"{os.urandom(4).hex()}-{os.getpid()}-"
+
+
+os.register_at_fork(after_in_child=_be_another)
 
 
 def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None) -> None:
@@ -206,12 +209,11 @@ def _all(descriptor: int, size: int) -> bytes:
 
 
 def _create(folder: str, temporary: str, mode: int) -> int:
-    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
     try:
-        descriptor = os.open(temporary, flags, mode)
+        descriptor = os.open(temporary, _NEW, mode)
     except FileNotFoundError:
         sharing.make_folder(folder)
-        descriptor = os.open(temporary, flags, mode)
+        descriptor = os.open(temporary, _NEW, mode)
     sharing.share_file(descriptor, folder, mode)
     return descriptor
 

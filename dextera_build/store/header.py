@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import TracebackType
 from typing import Any
 
 from dextera_build import digest as digests
@@ -17,12 +18,16 @@ Read = Callable[[str], bytes]
 _PARTS: dict[str, list[type]] = {"$bytes": [str, int], "$array": [str, list, str]}
 """Tag -> what stands behind it."""
 
+_FILE = re.compile(
+    rb'\{"artifact":"File","fields":\{"data":\{"\$bytes":\["([0-9a-f]{64})",(?:0|[1-9][0-9]{0,17})\]\}\}\}'
+)
+"""The header of a `File` as `file_header` spells it: of most, all that need be looked at."""
+
 ESCAPES = "DXB-S219"
 """Code of the error for a label that leads out of its folder."""
 
 
-@contextmanager
-def reading(what: str) -> Iterator[None]:
+class reading:  # noqa: N801 - stands behind `with`; a generator takes longer than a small artifact
     """For the block that decodes an artifact: a bundle or another machine may have brought any header.
 
     Args:
@@ -31,13 +36,22 @@ def reading(what: str) -> Iterator[None]:
     Raises:
         ArtifactError: What is stored is not what its type says.
     """
-    try:
-        yield
-    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
-        why = f"{type(error).__name__}: {error}"
-        raise ArtifactError(
-            f"what is stored of {what} is not of its type", code="DXB-A111", facts={"why": why}
-        ) from None
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+
+    def __enter__(self) -> None:
+        """Nothing to do."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Say of what is wrong with a header that it is the artifact's."""
+        if isinstance(error, ValueError | LookupError | TypeError | AttributeError | ArithmeticError | RecursionError):
+            why = f"{type(error).__name__}: {error}"
+            raise ArtifactError(
+                f"what is stored of {self._what} is not of its type", code="DXB-A111", facts={"why": why}
+            ) from None
 
 
 def closure(header: bytes) -> tuple[list[str], list[str]]:
@@ -47,6 +61,9 @@ def closure(header: bytes) -> tuple[list[str], list[str]]:
         StoreError: A label would lead out of the folder that the artifact is written to.
         ValueError: It is no header.
     """
+    file = _FILE.fullmatch(header)
+    if file is not None:
+        return [], [file[1].decode()]
     refs: list[str] = []
     blobs: list[str] = []
     stack: list[Any] = [*reversed(_fields(digests.plain(header)).values())]
@@ -135,7 +152,8 @@ def items(read: Read, digest: str) -> dict[str, str]:
 
 def file_header(blob: str, size: int) -> bytes:
     """The header of the `File` with this content."""
-    return digests.canonical({"artifact": "File", "fields": {"data": {"$bytes": [blob, size]}}})
+    # As `digest.canonical` spells it; there is one for each file that a build reads.
+    return f'{{"artifact":"File","fields":{{"data":{{"$bytes":[{digests.quoted(blob)},{size:d}]}}}}}}'.encode()
 
 
 def folder_header(tree: Mapping[str, tuple[str, int]]) -> bytes:
@@ -146,8 +164,10 @@ def folder_header(tree: Mapping[str, tuple[str, int]]) -> bytes:
 
 def collection_header(parts: Mapping[str, str]) -> bytes:
     """The header of the `Collection` of these artifacts: label -> digest."""
-    content = {label: {"$ref": digest} for label, digest in parts.items()}
-    return digests.canonical({"artifact": "Collection", "fields": {"items": {"$map": content}}})
+    # As `digest.canonical` spells it; there is one for each list of inputs in a recipe.
+    quoted = digests.quoted
+    content = ",".join([f'{quoted(label)}:{{"$ref":{quoted(parts[label])}}}' for label in sorted(parts)])
+    return f'{{"artifact":"Collection","fields":{{"items":{{"$map":{{{content}}}}}}}}}'.encode()
 
 
 def _refuse_escapes(labels: Iterable[str]) -> None:

@@ -43,7 +43,7 @@ class Locks:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._pid = os.getpid()
+        self._name = str(path)
 
     def take(self, key: str) -> bool:
         """Take the lock of `key`, or return False where another holds it.
@@ -126,17 +126,18 @@ class Locks:
 
     def _descriptor(self) -> int:
         """The open lock file, -1 where there can be none; of use as long as the caller has the guard."""
-        name = str(self._path)
-        if name not in _open:
-            _close_idle()
-            try:
-                sharing.make_folder(str(self._path.parent))
-                _open[name] = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-                failpoints.reach("lock.made")
-                sharing.share_file(_open[name], str(self._path.parent), 0o644)
-            except OSError:
-                return -1
-        return _open[name]
+        known = _open.get(self._name)
+        if known is not None:
+            return known
+        _close_idle()
+        try:
+            sharing.make_folder(str(self._path.parent))
+            _open[self._name] = os.open(self._name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            failpoints.reach("lock.made")
+            sharing.share_file(_open[self._name], str(self._path.parent), 0o644)
+        except OSError:
+            return -1
+        return _open[self._name]
 
 
 def _close_idle() -> None:

@@ -53,7 +53,7 @@ class Presence:
         self._held += 1
         for file in needs:
             digest = file.digest
-            self._rows[f"cas/{digest[:2]}"] += bytes.fromhex(digest) + file.size.to_bytes(8, "big")
+            self._rows[f"cas/{digest[:2]}"] += bytes.fromhex(f"{digest}{file.size:016x}")
             self._held += 1
         if self._held > _MOST_HELD:
             self._lay_aside()

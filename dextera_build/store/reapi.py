@@ -8,8 +8,8 @@ Digest       { string hash = 1; int64 size_bytes = 2; }
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
-from dextera_build.plain import dataclass
 from dextera_build.store.cas import is_digest
 from dextera_build.store.wire import field, fields, varint
 
@@ -17,8 +17,7 @@ _ONE_BYTE = 1 << 7
 """Lengths below it take one byte."""
 
 
-@dataclass(frozen=True, slots=True)
-class OutputFile:
+class OutputFile(NamedTuple):
     """One blob that an entry needs."""
 
     path: str

@@ -10,7 +10,7 @@ import pytest
 from dextera_build import digest
 from dextera_build.artifacts import content
 from dextera_build.artifacts.base import Artifact, File, Folder
-from dextera_build.errors import StoreError
+from dextera_build.errors import ArtifactError, StoreError
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.store import Store
 
@@ -141,3 +141,37 @@ def test_a_name_that_leads_out_writes_nothing(store: Store, tmp_path: Path, name
             attempt()
         assert caught.value.code == "DXB-S404"
     assert not list(tmp_path.rglob("out.txt"))
+
+
+def test_a_file_that_was_read_is_like_one_that_was_made(store: Store) -> None:
+    made = File(data=b"content")
+    key = made.encode(store.writer)
+    read = File.decode(key, store.reader)
+    assert read == made
+    assert repr(read) == repr(made)
+    assert read.model_dump() == made.model_dump()
+    assert read.model_fields_set == made.model_fields_set
+    assert read.model_copy(update={"data": b"other"}) == File(data=b"other")
+    assert (read.encode(store.writer), hash(read)) == (key, hash(made))
+    with pytest.raises(ValueError, match="frozen"):
+        read.data = b"other"
+
+
+def test_a_header_that_is_spelled_in_another_way_is_read_too(store: Store) -> None:
+    blob = store.blobs.put(b"content")
+    key = store.blobs.put(
+        json.dumps({"fields": {"data": {"$bytes": [blob, 7]}}, "artifact": "File"}, indent=1).encode()
+    )
+    assert File.decode(key, store.reader) == File(data=b"content")
+
+
+def test_who_derives_from_it_is_read_as_he_declares(store: Store) -> None:
+    class Named(File):
+        title: str
+
+    key = Named(data=b"content", title="a").encode(store.writer)
+    assert Named.decode(key, store.reader) == Named(data=b"content", title="a")
+    assert Named.decode(key, store.reader).title == "a"
+    plain = File(data=b"content").encode(store.writer)
+    with pytest.raises(ArtifactError, match="a Named is needed here"):
+        Named.decode(plain, store.reader)

@@ -111,6 +111,7 @@ def test_every_node_and_file_is_there_once(seen):
         "dextera_build/artifacts/arrays.py",
         "dextera_build/artifacts/base.py",
         "dextera_build/artifacts/content.py",
+        "dextera_build/artifacts/hints.py",
         "rules/toy/photo.py",
     ]
     assert set(nodes["word[one].loud"]["code"]["files"]) >= {"rules/toy/marks.py", "rules/toy/shout.py"}

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
-from dextera_build.engine import dryrun, known
+from dextera_build.engine import dispatch, dryrun, known
 from dextera_build.engine.execute import RunResult
 from dextera_build.engine.graph import Graph
+from dextera_build.engine.key import Writer
 from dextera_build.store.store import Store
 from tests.engine.tiny import call, graph, leaf, out, run
 
@@ -20,6 +22,23 @@ def chain(length: int, file: Path) -> Graph:
 
 def statuses(result: RunResult) -> set[str]:
     return {node.status for node in result.nodes.values()}
+
+
+@pytest.mark.parametrize(("few", "times"), [(2000, 2), (0, 3)])
+def test_a_key_document_is_kept_as_long_as_few_nodes_wait(
+    store: Store, monkeypatch: pytest.MonkeyPatch, few: int, times: int
+) -> None:
+    spelled: list[str] = []
+    document = Writer.document
+    monkeypatch.setattr(dispatch, "_FEW", few)
+    monkeypatch.setattr(Writer, "document", lambda *words: spelled.append(words[1].name) or document(*words))
+    names = [f"n{number}" for number in range(20)]
+    result, _ = run(graph(*map(call, names), default=tuple(names)), store)
+    assert statuses(result) == {"ran"}
+    # Once to look it up, and once to publish what ran in this process.
+    assert Counter(spelled) == Counter(dict.fromkeys(names, times))
+    assert result.wiring is not None
+    assert not any(node.document for node in result.wiring.nodes.values())
 
 
 @pytest.mark.parametrize("length", [1_200, pytest.param(100_000, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])])

@@ -161,3 +161,14 @@ def test_a_collection_header_is_what_the_type_writes(memory: Memory) -> None:
     digests = {label: part.encode(memory.put) for label, part in reversed(parts.items())}
     assert header.collection_header(digests) == memory[key]
     assert header.items(memory.__getitem__, key) == digests
+
+
+@pytest.mark.parametrize("labels", [(), ("b", "a"), ('quo"te', "back\\slash", "ü", "new\nline", "z", "Z")])
+def test_headers_of_inputs_are_spelled_as_all_headers_are(labels: tuple[str, ...]) -> None:
+    parts = {label: digest.of_bytes(label.encode()) for label in labels}
+    content = {label: {"$ref": part} for label, part in parts.items()}
+    whole = digest.canonical({"artifact": "Collection", "fields": {"items": {"$map": content}}})
+    assert header.collection_header(parts) == whole
+    blob = digest.of_bytes(b"content")
+    file = digest.canonical({"artifact": "File", "fields": {"data": {"$bytes": [blob, 7]}}})
+    assert header.file_header(blob, 7) == file

@@ -17,12 +17,14 @@ import time
 from collections import deque
 from typing import Any
 
+from dextera_build import digest as digests
 from dextera_build.engine.executors.nursery import Nursery
 from dextera_build.engine.tasks import PACKET, Task, printed
 from dextera_build.errors import RuleError
 from dextera_build.store.files import write_all
 
-_SPELL = json.JSONEncoder(separators=(",", ":")).encode
+_SPELL = digests.speller(ensure_ascii=True)
+_READ = json.JSONDecoder().decode
 _TAIL_LINES = 12
 _NAME = 32
 """No ticket takes more [bytes]."""
@@ -143,7 +145,9 @@ class Process:
     def _packet(self, task: Task) -> bytes | None:
         """What stands for a task in the socket; None for a large one whose turn has not come."""
         name = b"%d\n" % task.ticket
-        data = _SPELL(task.message() | {"held": task.held}).encode() + b"\n" + task.document
+        message = task.message()
+        message["held"] = task.held
+        data = b"%b\n%b" % (_SPELL(message).encode(), task.document)
         if len(name) + len(data) <= PACKET:
             return name + data
         if self._sent:
@@ -174,7 +178,7 @@ class Process:
                 ended = ended or not part
                 break
         *lines, self._buffer = self._buffer.split(b"\n")
-        return [json.loads(line) for line in lines], ended
+        return [_READ(line.decode()) for line in lines], ended
 
     def is_running(self) -> bool:
         """Whether the process lives, or is being made."""
