@@ -1,15 +1,14 @@
 """The members of a graph as plain data in bytes, one behind the other, each read when it is asked for.
 
 As objects a call takes 1.5 KB, in bytes 0.15. A plan is made of such bytes, and a build that goes on from the last one
-need not plan anew: it finds them in a file. They are written by `marshal`, which reads them in half the time that JSON
-takes: a build reads each call some three times. The file is one that only this version of Python reads.
+need not plan anew: it finds them in a file. They are JSON, since a file may have been written by somebody else.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
-import marshal
+import json
 import zlib
 from array import array
 from bisect import bisect_left
@@ -19,9 +18,11 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from dextera_build.digest import speller
 from dextera_build.engine.graph import Call, Fixed, Gather, Graph, Group, Input, Item, Leaf, Output, Pack, RuleFacts
 from dextera_build.errors import Place
 
+_spell = speller(ensure_ascii=True)
 _RECENT = 1024
 """So many calls are held as objects at least, and twice as many at most: what is asked for is asked for again soon."""
 
@@ -135,8 +136,7 @@ class Members(Mapping[str, Call | Group]):
 
     def __iter__(self) -> Iterator[str]:
         yield from self.groups
-        for number in range(len(self.texts)):
-            yield self._plain(number)[1]
+        yield from self.names_of_texts()
 
     def __len__(self) -> int:
         return len(self.groups) + len(self.texts)
@@ -149,6 +149,10 @@ class Members(Mapping[str, Call | Group]):
         """All members, one after another."""
         return chain(self.groups.values(), map(self._member, range(len(self.texts))))
 
+    def names_of_texts(self) -> Iterator[str]:
+        """The names of members that have texts, in the order of these."""
+        return (self._plain(number)[1] for number in range(len(self.texts)))
+
     def _held(self, member: Call | Group) -> Call | Group:
         if isinstance(member, Group):
             self._groups[member.name] = member
@@ -159,7 +163,7 @@ class Members(Mapping[str, Call | Group]):
         return member
 
     def _plain(self, number: int) -> Any:
-        return marshal.loads(self.texts[number])
+        return json.loads(self.texts[number].decode("ascii"))
 
     def _member(self, number: int) -> Call | Group:
         return self._read(self._plain(number))
@@ -228,7 +232,7 @@ class Writer:
 
     def add(self, member: Call | Group) -> None:
         """Take one more member."""
-        self.copy(member.name, marshal.dumps(self._member(member)))
+        self.copy(member.name, _spell(self._member(member)).encode())
 
     def copy(self, name: str, text: bytes) -> None:
         """Take one more member, which has a text already."""
@@ -273,9 +277,8 @@ def members_of(graph: Graph) -> Members:
     for member in known.groups.values() if known else members.values():
         writer.add(member)
     if known:
-        for number in range(len(known.texts)):
-            text = known.texts[number]
-            writer.copy(marshal.loads(text)[1], text)
+        for number, name in enumerate(known.names_of_texts()):
+            writer.copy(name, known.texts[number])
     return writer.members()
 
 
