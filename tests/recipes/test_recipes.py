@@ -94,6 +94,7 @@ def test_it_builds_with_stubs(address, tmp_path):
     assert "is up to date" in again.err
 
 
+@pytest.mark.slow
 def test_one_option_of_one_mesh_rebuilds_its_chain(tmp_path):
     """On the real recipe: exactly the mug's chain and what depends on its bytes."""
     space = Space(tmp_path)
@@ -124,6 +125,7 @@ def test_a_camera_move_leaves_states_and_policies_on_states_alone(tmp_path):
     assert {"view", "film", "act_image"} <= moved.nodes("ran") <= SEEN
 
 
+@pytest.mark.slow
 def test_a_checkpoint_goes_back_to_the_photograph_and_its_staleness_to_the_cause(tmp_path):
     space = Space(tmp_path)
     assert space.build("task/close_laptop", "--profile", "stub").code == 0
