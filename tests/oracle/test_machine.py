@@ -273,8 +273,9 @@ class Histories(RuleBasedStateMachine):
         actions = Store(self.root).actions
         for name, key in found.calls.items():
             outline = actions.outline(key)
-            if outline is not None:
-                assert outline[0] == found.cache[name]
+            # A flipped bit may have made another digest of an entry that no build has looked at since.
+            assert outline is None or outline[0] == found.cache.get(name) or self.is_damaged
+            if outline is not None and outline[0] == found.cache.get(name):
                 self.cache[name], self.keys[name] = outline[0], key
             else:
                 assert name not in self.cache or self.is_damaged
