@@ -79,6 +79,7 @@ def project(root: Path) -> Space:
     space.write("recipes/say.yaml", RECIPE)
     for name, text in {"note.txt": "one two", "other.txt": "other", "shake.txt": "1"}.items():
         space.write(name, text)
+    time.sleep(0.05)  # or no snapshot is made
     return space
 
 
@@ -102,14 +103,12 @@ def _built(space: Space) -> None:
 
 
 def _built_long_ago(space: Space) -> None:
-    time.sleep(0.05)
     _built(space)
     # Without the note that answers the same command line before the snapshot is looked at.
     shutil.rmtree(space.root / ".cache", ignore_errors=True)
 
 
 def _edited(space: Space) -> None:
-    time.sleep(0.05)  # until what was written is at rest, or no snapshot is made
     _built(space)
     space.write("other.txt", "another")
     time.sleep(0.05)
