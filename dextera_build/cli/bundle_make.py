@@ -76,7 +76,7 @@ def _make(args: argparse.Namespace, targets: Sequence[str]) -> Made:
         created,
         {"python": platform.python_version(), "system": sys.platform},
     )
-    statement = provenance.statement(made.manifest.digest, contents, store.blobs.get, known)
+    statement = provenance.statement(made.manifest.digest, contents, made.get, known)
     kind = {oci.PREDICATE: provenance.PREDICATE}
     if args.sign:
         envelope, key = signing.seal(statement, Path(args.sign))

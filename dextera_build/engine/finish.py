@@ -72,7 +72,7 @@ def _judged(store: Store, node: Node, report: Ended, reading: Reading) -> Action
     if report.published is not None:
         result = _spelled(report, report.published)
     else:
-        result, sizes = result_from(store, reply, report.seconds, report.log, reading.document(node))
+        result, sizes = result_from(store, reply, report.seconds, report.log, node.key)
     known = store.actions.outline(node.key)
     first = None
     replaced = any(call["how"] == "replaced" for call in reply.get("calls") or ())
@@ -82,9 +82,11 @@ def _judged(store: Store, node: Node, report: Ended, reading: Reading) -> Action
         first = store.actions.get(node.key)
     result = first or result
     if node.rule.discovers:
+        # A blob: entries that lead to others name the key documents of these.
+        store.blobs.put(reading.document(node))
         tree.publish(store, node.key, result)
     elif first is None:
-        store.actions.put(node.key, result, sizes=sizes)
+        store.actions.put(node.key, result, sizes=sizes, document=reading.document(node))
     store.keep.drop(kept)
     return result
 

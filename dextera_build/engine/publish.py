@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dextera_build.errors import RuleError
+from dextera_build.store import inside
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.store import Store
 
@@ -33,8 +34,8 @@ def publish(
         held: Store all but the entry, and return that.
 
     Returns:
-        Plain data: the digests `result`, `log` and `key_document`, `needs`: (digest, size) of all that it names, and
-        the `entry`, one character for a byte, where it is not stored.
+        Plain data: the digests `result`, `log` and `key_document`, `needs`: (digest, size) of its blobs, and the
+        `entry`, one character for a byte, where it is not stored.
 
     Raises:
         DxbError: The result cannot be stored.
@@ -42,13 +43,14 @@ def publish(
     # Entries of recorded calls come before that of the result, and are the scheduler's then.
     if (held and reply.get("calls")) or (store.actions.has(key) and store.actions.outline(key) is not None):
         return None
-    result, sizes = result_from(store, reply, seconds, log, document)
+    result, sizes = result_from(store, reply, seconds, log, key)
     more: dict[str, Any] = {}
     if held:
-        entry, needs = store.actions.spell(result, sizes=sizes)
+        entry, named = store.actions.spell(result, sizes=sizes, document=document)
+        needs = inside.blobs(named)
         more["entry"] = entry.decode("latin-1")
     else:
-        needs = store.actions.write(key, result, sizes=sizes)
+        needs = store.actions.write(key, result, sizes=sizes, document=document)
     return more | {
         "result": result.digest,
         "log": result.log,
@@ -58,9 +60,16 @@ def publish(
 
 
 def result_from(
-    store: Store, reply: Mapping[str, Any], seconds: float, log: bytes, document: bytes
+    store: Store, reply: Mapping[str, Any], seconds: float, log: bytes, document: str
 ) -> tuple[ActionResult, dict[str, int]]:
-    """What a reply comes to, and the sizes of blobs that were stored for it; its log and its key document are stored.
+    """What a reply comes to, and the sizes of blobs that were stored for it; its log is stored.
+
+    Args:
+        store: Takes the log.
+        reply: What the runner returned.
+        seconds: How long that took [s].
+        log: What was printed.
+        document: Digest of the key document.
 
     Raises:
         DxbError: A metric is not finite, or the store cannot be written.
@@ -69,9 +78,7 @@ def result_from(
     kept = store.blobs.put(log) if log else None
     if kept is not None:
         sizes[kept] = len(log)
-    name = store.blobs.put(document)
-    sizes[name] = len(document)
-    return spelled(reply, seconds, kept, name), sizes
+    return spelled(reply, seconds, kept, document), sizes
 
 
 def spelled(reply: Mapping[str, Any], seconds: float, log: str | None, document: str) -> ActionResult:

@@ -2,7 +2,8 @@
 
 An entry is an `ActionResult` message of the Remote Execution API (build.bazel.remote.execution.v2), so that existing
 cache servers hold and check it. Its `output_files` name every blob that the entry needs to be of use: the output's
-header and all that it refers to, previews, log, key document, and `result.json` with the rest (also inline).
+header and all that it refers to, previews, log, key document, and `result.json` with the rest. `inside.py` says which
+of them the entry holds itself.
 
 A *bare* entry is one whose bytes are absent by design: it names only what is there (headers, key document,
 `result.json`) and, so that nobody takes it for whole, a blob that nobody can have.
@@ -20,14 +21,13 @@ from typing import Any
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.plain import dataclass
-from dextera_build.store import failpoints, files
+from dextera_build.store import failpoints, files, inside
 from dextera_build.store.cas import Blobs, MissingBlob, entries
 from dextera_build.store.presence import Presence
 from dextera_build.store.reapi import OutputFile, decode, encode
 from dextera_build.store.references import UNREADABLE, References
 from dextera_build.store.streams import Recent
 
-_RESULT = "result.json"
 _NONE: Mapping[str, int] = {}
 ABSENT = OutputFile("absent", "0" * 64, 1)
 """Stands in a bare entry for all bytes that are not there."""
@@ -155,11 +155,12 @@ class Actions:
         if stamped is None:
             return None
         outputs, stamp = stamped
-        there = [file for file in outputs if self._is_there(file)]
+        needs = inside.blobs(outputs)
+        there = [file for file in needs if self._is_there(file)]
         result = self._result(outputs)
         if result is None or not self._stays(key, stamp):
             return None
-        is_whole = len(there) == len(outputs)
+        is_whole = len(there) == len(needs)
         if not is_whole and ABSENT in outputs and self._completes(key, result):
             return Found(result, True)
         if not is_whole and self.references.headers(result.output) is None:
@@ -167,7 +168,14 @@ class Actions:
         self.rely(key, there)
         return Found(result, is_whole)
 
-    def put(self, key: str, result: ActionResult, beside: Iterable[str] = (), sizes: Mapping[str, int] = _NONE) -> str:
+    def put(
+        self,
+        key: str,
+        result: ActionResult,
+        beside: Iterable[str] = (),
+        sizes: Mapping[str, int] = _NONE,
+        document: bytes = b"",
+    ) -> str:
         """Store the result of `key` after all that it needs, and return the digest of its `result.json`.
 
         Args:
@@ -175,23 +183,30 @@ class Actions:
             result: The result.
             beside: Further blobs that stay as long as the result does.
             sizes: Blobs that were stored a moment ago -> size [bytes]; the others are looked for.
+            document: The key document, which the entry holds from now on, and a blob where it is long; b"": where it
+                is already.
 
         Raises:
             MissingBlob: The result refers to something that is not in the store.
             StoreError: The disk is full, or the store cannot be written.
             ValueError: A number is not finite.
         """
-        self.rely(key, self.write(key, result, beside, sizes))
+        self.rely(key, self.write(key, result, beside, sizes, document))
         return result.digest
 
     def write(
-        self, key: str, result: ActionResult, beside: Iterable[str] = (), sizes: Mapping[str, int] = _NONE
+        self,
+        key: str,
+        result: ActionResult,
+        beside: Iterable[str] = (),
+        sizes: Mapping[str, int] = _NONE,
+        document: bytes = b"",
     ) -> list[OutputFile]:
-        """Store the result of `key` as `put` does, and return all that its entry names; for who relies on nothing."""
+        """Store the result of `key` as `put` does, and return the blobs that it needs; for who relies on nothing."""
         self._keep_calls(result)
-        message, outputs = self.spell(result, beside, sizes)
+        message, outputs = self.spell(result, beside, sizes, document)
         self.enter(key, message)
-        return outputs
+        return inside.blobs(outputs)
 
     def enter(self, key: str, message: bytes) -> None:
         """Store the entry of `key` as `spell` gave it.
@@ -209,22 +224,36 @@ class Actions:
             self.presence.note(key, outputs)
 
     def spell(
-        self, result: ActionResult, beside: Iterable[str] = (), sizes: Mapping[str, int] = _NONE
+        self,
+        result: ActionResult,
+        beside: Iterable[str] = (),
+        sizes: Mapping[str, int] = _NONE,
+        document: bytes = b"",
     ) -> tuple[bytes, list[OutputFile]]:
-        """The entry of a result, and what it names; the result itself is stored, the entry is not. See `put`.
+        """The entry of a result, and what it names; all that it needs is stored, the entry is not. See `put`.
 
         Raises:
             MissingBlob: The result refers to something that is not in the store.
         """
-        document = result.document
-        digest = self._blobs.put(document)
-        result.know(digest)
-        outputs = [
-            *self._needs(result, sizes),
-            *self._beside(beside),
-            OutputFile(_RESULT, digest, len(document), document),
-        ]
+        asked = self._asked(result.key_document, document, sizes)
+        outputs = [*self._needs(result, asked, sizes), *self._beside(beside), self._last(result, asked)]
         return encode(outputs), outputs
+
+    def _asked(self, digest: str, document: bytes, sizes: Mapping[str, int] = _NONE) -> OutputFile:
+        """The key document, in the entry or as a blob."""
+        if len(document) > inside.MOST:
+            return OutputFile(inside.KEY, self._blobs.put(document), len(document))
+        # An entry that is written anew gives on what it held.
+        document = document or self.document(digest) or b""
+        if document:
+            return OutputFile(inside.KEY, digest, len(document), document)
+        return self._sized(inside.KEY, digest, sizes)
+
+    def _last(self, result: ActionResult, asked: OutputFile) -> OutputFile:
+        """The `result.json`; a blob, too, where the key document is one."""
+        document = result.document
+        result.know(digests.of_bytes(document) if asked.contents else self._blobs.put(document))
+        return OutputFile(inside.RESULT, result.digest, len(document), document)
 
     def _beside(self, digests_: Iterable[str]) -> list[OutputFile]:
         return [self._sized(f"answers/{digest}", digest) for digest in digests_]
@@ -239,14 +268,14 @@ class Actions:
         headers = self.references.headers(result.output)
         if headers is None:
             raise MissingBlob(result.output)
-        document = result.document
-        named = [self._sized("output", result.output), self._sized("key.json", result.key_document)]
+        asked = self._asked(result.key_document, b"")
+        named = [self._sized("output", result.output), asked]
         named += [self._sized(f"closure/{digest}", digest) for digest in headers[1:]]
         named += self._beside(beside)
         # What happens to be there is not given up: a collection would take what no entry names.
-        held = [file for file in self._entry(key) or () if self._is_there(file) and file.path != _RESULT]
-        named += [file for file in held if file not in named]
-        data = encode([*named, ABSENT, OutputFile(_RESULT, self._blobs.put(document), len(document), document)])
+        held = [file for file in inside.blobs(self._entry(key) or ()) if self._is_there(file)]
+        named += [file for file in held if file not in named and file.path not in (inside.KEY, inside.RESULT)]
+        data = encode([*named, ABSENT, self._last(result, asked)])
         with suppress(OSError):
             if files.read(self._file(key)) == data:
                 return
@@ -257,7 +286,7 @@ class Actions:
         outputs = self._entry(key)
         if outputs is None:
             return False
-        whole = [self._blobs.verify(file.digest) for file in outputs]
+        whole = [self._blobs.verify(file.digest) for file in inside.blobs(outputs)]
         return all(whole)
 
     def files(self, key: str) -> list[Path]:
@@ -265,7 +294,7 @@ class Actions:
         outputs = self._entry(key)
         if outputs is None:
             return []
-        return [Path(self._file(key)), *(self._blobs.path(file.digest) for file in outputs)]
+        return [Path(self._file(key)), *(self._blobs.path(file.digest) for file in inside.blobs(outputs))]
 
     def keys(self) -> Iterator[str]:
         """Every key that has an entry."""
@@ -274,7 +303,15 @@ class Actions:
     def message(self, key: str) -> tuple[bytes, list[OutputFile]] | None:
         """The entry of `key` as it would travel, and what it names, or None."""
         outputs = self._entry(key)
-        return (encode(outputs), outputs) if outputs is not None else None
+        if outputs is None:
+            return None
+        outputs = inside.travelling(outputs)
+        return encode(outputs), outputs
+
+    def document(self, key: str) -> bytes | None:
+        """The key document that the entry of `key` holds, None where it is a blob or there is no entry."""
+        document = inside.key_document(self._entry(key) or ())
+        return document if document and digests.of_bytes(document) == key else None
 
     def calls(self, key: str) -> bool:
         """Whether the result of `key` came of recorded calls."""
@@ -327,7 +364,7 @@ class Actions:
             return None
         try:
             outputs = decode(data)
-            if (outputs[0].path, outputs[-1].path) != ("output", _RESULT):
+            if (outputs[0].path, outputs[-1].path) != ("output", inside.RESULT):
                 raise ValueError("a part of it is missing")
             return outputs, stamp
         except (ValueError, IndexError, KeyError):
@@ -339,10 +376,7 @@ class Actions:
     def _result(self, outputs: list[OutputFile]) -> ActionResult | None:
         last = outputs[-1]
         try:
-            data = last.contents or self._blobs.get(last.digest)
-            if last.path != _RESULT or digests.of_bytes(data) != last.digest:
-                return None
-            return ActionResult.from_document(data)
+            return ActionResult.from_document(last.contents or self._blobs.get(last.digest))
         except (MissingBlob, ValueError, KeyError, TypeError):
             return None
 
@@ -355,7 +389,7 @@ class Actions:
                     raise ValueError("a call does not have the digest that is its key")
                 self.put(key, called)
 
-    def _needs(self, result: ActionResult, sizes: Mapping[str, int]) -> Iterator[OutputFile]:
+    def _needs(self, result: ActionResult, asked: OutputFile, sizes: Mapping[str, int]) -> Iterator[OutputFile]:
         yield self._sized("output", result.output, sizes)
         for digest in self.references.below(result.output):
             yield self._sized(f"closure/{digest}", digest, sizes)
@@ -363,7 +397,7 @@ class Actions:
             yield self._sized(f"previews/{place}.png", digest, sizes)
         if result.log is not None:
             yield self._sized("log", result.log, sizes)
-        yield self._sized("key.json", result.key_document, sizes)
+        yield asked
         for key, digest in result.calls:
             yield self._sized(f"calls/{key}", key)
             called = ActionResult.from_document(self._blobs.get(digest))

@@ -7,7 +7,9 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
+from typing import BinaryIO
 
 from dextera_build.errors import StoreError
 from dextera_build.store import failpoints, files, sharing
@@ -49,21 +51,24 @@ class Blobs:
         self._workshop = f"{root}/{files.TEMPORARY}"
         self._quarantine = root.parent / "local" / "quarantine"
         self.use = Use(Locks(root.parent / "local" / "locks"))
+        self.inside: Callable[[str], bytes | None] = _nowhere
+        """Bytes that lie elsewhere in the store than in a file of their own, by digest; they were compared with it."""
 
     def path(self, digest: str) -> Path:
-        """Where the blob is, or would be."""
+        """Where the file of the blob is, or would be."""
         return Path(self._file(digest))
 
     def has(self, digest: str) -> bool:
         """Whether there is such a blob; its bytes are not read."""
-        return os.path.exists(self._file(digest))
+        return self.size(digest) is not None
 
     def size(self, digest: str) -> int | None:
         """Size of the blob [bytes], or None where there is none."""
         try:
             return os.stat(self._file(digest)).st_size
         except OSError:
-            return None
+            data = self.inside(digest)
+            return None if data is None else len(data)
 
     def put(self, data: bytes) -> str:
         """Store `data` and return its digest.
@@ -156,15 +161,32 @@ class Blobs:
         try:
             data = files.read(self._file(digest))
         except OSError as error:
-            reason = "it is not there" if isinstance(error, FileNotFoundError) else str(error.strerror)
-            raise MissingBlob(digest, reason) from None
+            return self._inside(digest, error)
         if hashlib.sha256(data).hexdigest() != digest:
             self.quarantine(digest)
             raise MissingBlob(digest, "its bytes were damaged, it was set aside")
         return data
 
+    def open(self, digest: str) -> BinaryIO:
+        """The bytes of a blob as a file, not checked.
+
+        Raises:
+            MissingBlob: It is not there.
+        """
+        try:
+            return open(self._file(digest), "rb")
+        except OSError as error:
+            return BytesIO(self._inside(digest, error))
+
+    def _inside(self, digest: str, error: OSError) -> bytes:
+        data = self.inside(digest)
+        if data is None:
+            reason = "it is not there" if isinstance(error, FileNotFoundError) else str(error.strerror)
+            raise MissingBlob(digest, reason) from None
+        return data
+
     def verify(self, digest: str) -> bool:
-        """Whether the blob is there and whole; a damaged one is set aside."""
+        """Whether the blob is there as a file of its own and whole; a damaged one is set aside."""
         try:
             with open(self._file(digest), "rb") as file:
                 whole = hashlib.file_digest(file, "sha256").hexdigest() == digest
@@ -225,6 +247,10 @@ class Blobs:
             state.update(chunk)
             files.write_all(target, chunk)
         return state.hexdigest()
+
+
+def _nowhere(digest: str) -> None:
+    """There are no bytes elsewhere."""
 
 
 def is_digest(text: str) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
-from dextera_build.store import files
+from dextera_build.store import files, inside
 from dextera_build.store.actions import ABSENT
 from dextera_build.store.cas import is_digest
 from dextera_build.store.reapi import decode
@@ -93,7 +93,7 @@ def path_of(store: Store, key: str) -> str:
 
 def _named(store: Store, message: bytes) -> Iterator[tuple[str, int]]:
     # A bare result names all that it needs beside the mark.
-    yield from ((file.digest, file.size) for file in decode(message) if file != ABSENT)
+    yield from ((file.digest, file.size) for file in inside.blobs(decode(message)) if file != ABSENT)
 
 
 def _named_by_others(store: Store, message: bytes) -> Iterator[tuple[str, int]]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from dextera_build import digest as digests
 from dextera_build.store.cas import is_digest
 from dextera_build.store.wire import field, fields, varint
 
@@ -24,6 +25,7 @@ class OutputFile(NamedTuple):
     digest: str
     size: int
     contents: bytes = b""
+    """Its bytes, where the entry holds them itself."""
 
 
 def encode(outputs: Iterable[OutputFile]) -> bytes:
@@ -48,7 +50,8 @@ def decode(data: bytes) -> list[OutputFile]:
     """The output files of an `ActionResult` message; fields that we do not write are passed over.
 
     Raises:
-        ValueError: The bytes are not such a message, an output file lacks its path or digest, or the action failed.
+        ValueError: The bytes are not such a message, an output file lacks its path or digest, holds other bytes than
+            its digest says, or the action failed.
     """
     outputs = []
     for number, value in fields(data):
@@ -68,7 +71,10 @@ def _output_file(file: dict[int, int | bytes]) -> OutputFile:
         raise ValueError("not a size")
     if not is_digest(name):
         raise ValueError("not a SHA-256 digest")
-    return OutputFile(_bytes(file, 1).decode(), name, size, _bytes(file, 5) if 5 in file else b"")
+    contents = _bytes(file, 5) if 5 in file else b""
+    if contents and (len(contents), digests.of_bytes(contents)) != (size, name):
+        raise ValueError("other bytes than the digest says")
+    return OutputFile(_bytes(file, 1).decode(), name, size, contents)
 
 
 def _bytes(message: dict[int, int | bytes], number: int) -> bytes:

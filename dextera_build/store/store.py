@@ -49,6 +49,7 @@ class Store:
         self.blobs = Blobs(self.root / "cas")
         self.recent = Recent(self.blobs)
         self.actions = Actions(self.root / "ac", self.blobs, self.recent)
+        self.blobs.inside = self.actions.document
         self.foreign = self.root / "foreign"
         self.leaves = StatCache(self.blobs, self.local / "leaves.json")
         self.locks = Locks(self.local / "locks")

@@ -10,10 +10,11 @@ import threading
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from io import BytesIO
 from typing import Any, BinaryIO
 
 from dextera_build.errors import StoreError
-from dextera_build.store import failpoints, header, space
+from dextera_build.store import failpoints, header, inside, space
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.reapi import OutputFile
@@ -78,6 +79,8 @@ class Transfer:
         if entry is None:
             return None
         try:
+            if entry.asked:
+                self._store.blobs.put(entry.asked)
             octets = self._whole(remote, entry) if whole else self._headers(remote, entry)
             if octets is None:
                 return None
@@ -116,7 +119,7 @@ class Transfer:
         known = {blob.hash: blob for blob in entry.blobs}
         front = [entry.roles["output"]]
         seen = set(front)
-        octets = self._bring(remote, [known[entry.roles["key.json"]], *_document(entry)])
+        octets = self._bring(remote, [known[entry.roles[inside.KEY]], *_document(entry)])
         while front and octets is not None:
             came = self._bring(remote, [known[digest] for digest in front])
             if came is None:
@@ -216,26 +219,26 @@ class Transfer:
 
     def _deliver(self, remote: Remote, message: bytes, named: list[OutputFile]) -> Sent:
         blobs = list(dict.fromkeys(Digest(file.digest, file.size) for file in named))
-        document = next(blob for blob, file in zip(blobs, named, strict=False) if file.path == "key.json")
+        document = next(blob for blob, file in zip(blobs, named, strict=False) if file.path == inside.KEY)
         with self._guard:
             damaged = self._damaged[remote.address].intersection(blobs)
             asked = [blob for blob in blobs if blob not in self._held[remote.address] and blob not in damaged]
         wanted = [*damaged, *(remote.missing(asked) if asked else ())]
         if wanted:
-            remote.send(sorted(wanted), self._open)
+            held = {file.digest: file.contents for file in named if file.contents}
+            remote.send(sorted(wanted), lambda digest: self._open(digest, held))
         with self._guard:
             self._held[remote.address].update(blobs)
             self._damaged[remote.address].difference_update(wanted)
         remote.put_action(document, message)
         return Sent(len(wanted), sum(blob.size for blob in wanted))
 
-    def _open(self, digest: Digest) -> BinaryIO:
+    def _open(self, digest: Digest, held: Mapping[str, bytes]) -> BinaryIO:
+        if digest.hash in held:
+            return BytesIO(held[digest.hash])
         if not self._store.blobs.verify(digest.hash):
-            raise MissingBlob(digest.hash)
-        try:
-            return open(self._store.blobs.path(digest.hash), "rb")
-        except OSError:
-            raise MissingBlob(digest.hash) from None
+            return BytesIO(self._store.blobs.get(digest.hash))  # in an entry, or not at all
+        return self._store.blobs.open(digest.hash)
 
 
 def _document(entry: Entry) -> list[Digest]:

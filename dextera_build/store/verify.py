@@ -14,7 +14,7 @@ from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import failpoints, files, inventory, sharing, use
+from dextera_build.store import failpoints, files, inside, inventory, sharing, use
 from dextera_build.store.actions import ABSENT
 from dextera_build.store.cas import is_digest
 from dextera_build.store.reapi import decode
@@ -145,12 +145,13 @@ class _Verifier:
             outputs = decode(files.read(path))
         except (ValueError, IndexError, KeyError):
             return "unreadable", "not a result"
-        if outputs[-1].path != "result.json":
+        if outputs[-1].path != inside.RESULT:
             return "unreadable", "its end is missing"
-        lacks = [file for file in outputs if file != ABSENT and self._store.blobs.size(file.digest) != file.size]
+        needs = inside.blobs(outputs)
+        lacks = [file for file in needs if file != ABSENT and self._store.blobs.size(file.digest) != file.size]
         if lacks:
-            return "lacking", f"{len(lacks)} of {len(outputs)} blobs are not there"
-        document = next((file.digest for file in outputs if file.path == "key.json"), key)
+            return "lacking", f"{len(lacks)} of {len(needs)} blobs are not there"
+        document = next((file.digest for file in outputs if file.path == inside.KEY), key)
         if document != key:
             return "misfiled", f"it belongs under {document}"
         return "", ""

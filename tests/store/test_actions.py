@@ -144,7 +144,7 @@ def test_the_message_is_byte_for_byte_the_protocol() -> None:
     (found,) = decode(bytes.fromhex("124b" + "0a036c6f67" + "1244" + "0a40" + "61" * 64 + "1005"))
     assert found == OutputFile("log", name, 5)
     assert encode([found]).hex() == "124b" + "0a036c6f67" + "1244" + "0a40" + "61" * 64 + "1005"
-    large = OutputFile("log", name, 300, b"x" * 200)
+    large = OutputFile("log", digest.of_bytes(b"x" * 200), 200, b"x" * 200)
     assert encode([large]).hex()[-2 * 203 :] == "2ac801" + "78" * 200
     assert decode(encode([large, found])) == [large, found]
 

@@ -6,12 +6,14 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from dextera_build.store import files
+from dextera_build import digest as digests
 from dextera_build.store.bundle import closure, oci, packs
 from dextera_build.store.bundle.contents import Contents
 from dextera_build.store.bundle.oci import Descriptor, Manifest
-from dextera_build.store.cas import Blobs, MissingBlob
+from dextera_build.store.cas import MissingBlob
 from dextera_build.store.store import Store
+
+_CHUNK = 1 << 20
 
 
 class Made:
@@ -39,14 +41,16 @@ class Made:
     ) -> None:
         self.name = "the store"
         self.contents = contents
-        self._blobs = store.blobs
+        self._store = store
+        self._keys = {node.result: node.key for _, node in contents.nodes() if node.result is not None}
+        """Digest of a `result.json` -> key of the entry that may hold it."""
         self._documents: dict[str, bytes] = {}
         self._layers: dict[str, packs.Layer] = {}
         config = self._keep(oci.CONFIG, contents.spell())
         texts = [self._keep(oci.RECIPE, recipes[name], f"recipes/{name}.yaml") for name in sorted(recipes)]
-        needed = closure.of(contents, store.blobs.get).blobs
+        needed = closure.of(contents, self.get).blobs
         texts = list({text.digest: text for text in texts}.values())
-        held = [self._layer(layer, n) for n, layer in enumerate(packs.layers(_sizes(store.blobs, needed), large))]
+        held = [self._layer(layer, n) for n, layer in enumerate(packs.layers(self._sizes(needed), large))]
         manifest = Manifest(oci.BUNDLE, config, (*texts, *held), annotations=_annotations(contents, created))
         self.manifest = replace(self._keep(oci.MANIFEST, manifest.spell()), artifact_type=oci.BUNDLE)
         self._manifests = [self.manifest]
@@ -61,6 +65,14 @@ class Made:
             yield self._documents[wanted.digest]
         else:
             yield from self._layers[wanted.digest].chunks(self._read)
+
+    def get(self, digest: str) -> bytes:
+        """The bytes of a small blob, or of a part that an entry holds.
+
+        Raises:
+            MissingBlob: The store lacks it.
+        """
+        return self._inside(digest) or self._store.blobs.get(digest)
 
     def attach(self, media_type: str, document: bytes, **annotations: str) -> None:
         """Say something of the bundle: a document of its own whose subject is the bundle."""
@@ -81,27 +93,35 @@ class Made:
 
     def _read(self, digest: str) -> Iterator[bytes]:
         """A blob in pieces, followed by the check of its digest."""
-        state = hashlib.sha256()
+        data, state = self._inside(digest), hashlib.sha256()
+        if data:
+            yield data
+            return
         try:
-            with open(self._blobs.path(digest), "rb") as file:
-                for chunk in files.chunks(file.fileno()):
+            with self._store.blobs.open(digest) as file:
+                while chunk := file.read(_CHUNK):
                     state.update(chunk)
                     yield chunk
         except OSError:
             raise MissingBlob(digest) from None
         if state.hexdigest() != digest:
-            self._blobs.quarantine(digest)
+            self._store.blobs.quarantine(digest)
             raise MissingBlob(digest, "its bytes were damaged, it was set aside")
 
+    def _inside(self, digest: str) -> bytes:
+        """A `result.json` as its entry holds it, b"" where no entry does."""
+        known = self._store.actions.known(self._keys[digest]) if digest in self._keys else None
+        document = known.document if known is not None else b""
+        return document if digests.of_bytes(document) == digest else b""
 
-def _sizes(blobs: Blobs, needed: set[str]) -> dict[str, int]:
-    found = {}
-    for digest in sorted(needed):
-        size = blobs.size(digest)
-        if size is None:
-            raise MissingBlob(digest)
-        found[digest] = size
-    return found
+    def _sizes(self, needed: set[str]) -> dict[str, int]:
+        found = {}
+        for digest in sorted(needed):
+            size = len(self._inside(digest)) or self._store.blobs.size(digest)
+            if size is None:
+                raise MissingBlob(digest)
+            found[digest] = size
+        return found
 
 
 def _annotations(contents: Contents, created: str) -> dict[str, str]:

@@ -8,13 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from dextera_build import digest as digests
+from dextera_build.store import inside
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import is_digest
 from dextera_build.store.reapi import OutputFile, decode
 from dextera_build.store.remotes.remote import MOST_ENTRY, Digest
 
-RESULT = "result.json"
 _MOST_BYTES = 1 << 48
 _MOST_RESULT = 16 << 20
 _FIELDS = {"output", "line", "previews", "metrics", "seconds", "log", "key_document"}
@@ -30,6 +29,8 @@ class Entry:
     """Its bytes where the message holds them, else b""."""
     blobs: tuple[Digest, ...]
     """All that is named beside it, each once."""
+    asked: bytes
+    """The key document where the message holds it, else b""."""
     roles: Mapping[str, str]
     """Path within the entry -> digest."""
 
@@ -46,17 +47,16 @@ def read(message: bytes, key: Digest) -> Entry | None:
     last, named = files[-1], files[:-1]
     right = (
         len(roles) == len(files)
-        and last.path == RESULT
+        and last.path == inside.RESULT
         and last.size <= _MOST_RESULT
         and all(0 <= file.size < _MOST_BYTES and _has_role(file) for file in named)
         and "output" in roles
-        and any(file.path == "key.json" and (file.digest, file.size) == key for file in named)
-        and (not last.contents or (digests.of_bytes(last.contents), len(last.contents)) == (last.digest, last.size))
+        and any(file.path == inside.KEY and (file.digest, file.size) == key for file in named)
     )
     if not right:
         return None
     blobs = tuple(dict.fromkeys(Digest(file.digest, file.size) for file in named))
-    return Entry(Digest(last.digest, last.size), last.contents, blobs, roles)
+    return Entry(Digest(last.digest, last.size), last.contents, blobs, inside.key_document(files), roles)
 
 
 def result(entry: Entry, document: bytes) -> ActionResult | None:
@@ -68,7 +68,7 @@ def result(entry: Entry, document: bytes) -> ActionResult | None:
     if not isinstance(raw, dict) or raw.keys() - {"calls"} != _FIELDS or not _is_typed(raw):
         return None
     roles = {f"previews/{place}.png": blob for place, (_, blob) in enumerate(raw["previews"])}
-    roles |= {"output": raw["output"], "key.json": raw["key_document"], RESULT: entry.document.hash}
+    roles |= {"output": raw["output"], inside.KEY: raw["key_document"], inside.RESULT: entry.document.hash}
     roles |= {"log": raw["log"]} if raw["log"] is not None else {}
     roles |= {f"calls/{call}": call for call, _ in raw.get("calls", ())}
     if roles != {path: blob for path, blob in entry.roles.items() if not path.startswith(("closure/", "answers/"))}:
@@ -91,7 +91,7 @@ def _has_role(file: OutputFile) -> bool:
         return name == file.digest
     if kind == "previews":
         return name.removesuffix(".png").isdecimal()
-    return file.path in ("output", "log", "key.json")
+    return file.path in ("output", "log", inside.KEY)
 
 
 def _is_typed(raw: Mapping[str, Any]) -> bool:

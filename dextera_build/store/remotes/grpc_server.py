@@ -218,7 +218,7 @@ class _Service:
 
     def _pieces(self, digest: Digest, start: int, left: int) -> Iterator[bytes]:
         known = hashlib.sha256() if left == digest.size else None
-        with open(self._blobs.path(digest.hash), "rb") as file:
+        with self._blobs.open(digest.hash) as file:
             file.seek(start)
             while left and (piece := file.read(min(api.PIECE, left))):
                 left -= len(piece)

@@ -29,8 +29,7 @@ class Offers:
     def get(self, key: str) -> bytes | None:
         """The `ActionResult` message of a key, or None."""
         if self._store.actions.get(key) is not None:
-            own = self._store.actions.message(key)
-            return own[0] if own else None
+            return self._own(key)
         try:
             message, stamp = files.read_stamped(str(self._file(key)))
         except OSError:
@@ -75,6 +74,17 @@ class Offers:
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             return "a header is damaged"
         return ""
+
+    def _own(self, key: str) -> bytes | None:
+        """A result of dxb, with a blob for each file that it names: whoever asks may look for all of them."""
+        own = self._store.actions.message(key)
+        if own is None:
+            return None
+        with suppress(StoreError):  # a store that may only be read serves what it holds
+            for file in own[1]:
+                if file.contents and not self._store.blobs.has(file.digest):
+                    self._store.blobs.put(file.contents)
+        return own[0]
 
     def _file(self, key: str) -> Path:
         return self._store.foreign / key[:2] / key[2:]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import hmac
+import os
 import re
 import socket
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TextIO
 
 from dextera_build.errors import StoreError
-from dextera_build.store import files
+from dextera_build.store.cas import MissingBlob
 from dextera_build.store.remotes.offers import Offers
 from dextera_build.store.remotes.remote import MOST_ENTRY
 from dextera_build.store.store import Store
@@ -123,12 +124,13 @@ class _Request(BaseHTTPRequestHandler):
                 self._answer(HTTPStatus.OK, message, body=body)
             return
         try:
-            file = open(self.server.store.blobs.path(digest), "rb")  # noqa: SIM115 - closed below
-        except OSError:
+            file = self.server.store.blobs.open(digest)
+        except MissingBlob:
             self._answer(HTTPStatus.NOT_FOUND)
             return
         with file:
-            self._head(HTTPStatus.OK, files.size_of(file.fileno()))
+            self._head(HTTPStatus.OK, file.seek(0, os.SEEK_END))
+            file.seek(0)
             if body:
                 self.wfile.flush()
                 self.connection.sendfile(file)
