@@ -2,8 +2,7 @@
 
 An entry is an `ActionResult` message of the Remote Execution API (build.bazel.remote.execution.v2), so that existing
 cache servers hold and check it. Its `output_files` name every blob that the entry needs to be of use: the output's
-header and all that it refers to, previews, log, key document, and `result.json` with the rest. `inside.py` says which
-of them the entry holds itself.
+header and all that it refers to, previews, log, key document, and `result.json`; some it holds itself (`inside.py`).
 
 A *bare* entry is one whose bytes are absent by design: it names only what is there (headers, key document,
 `result.json`) and, so that nobody takes it for whole, a blob that nobody can have.
@@ -183,8 +182,7 @@ class Actions:
             result: The result.
             beside: Further blobs that stay as long as the result does.
             sizes: Blobs that were stored a moment ago -> size [bytes]; the others are looked for.
-            document: The key document, which the entry holds from now on, and a blob where it is long; b"": where it
-                is already.
+            document: The key document, which the entry shall hold unless it is long; b"": the store holds it already.
 
         Raises:
             MissingBlob: The result refers to something that is not in the store.
@@ -236,24 +234,13 @@ class Actions:
             MissingBlob: The result refers to something that is not in the store.
         """
         asked = self._asked(result.key_document, document, sizes)
-        outputs = [*self._needs(result, asked, sizes), *self._beside(beside), self._last(result, asked)]
+        outputs = [*self._needs(result, asked, sizes), *self._beside(beside), inside.last(result, asked, self._blobs)]
         return encode(outputs), outputs
 
     def _asked(self, digest: str, document: bytes, sizes: Mapping[str, int] = _NONE) -> OutputFile:
-        """The key document, in the entry or as a blob."""
-        if len(document) > inside.MOST:
-            return OutputFile(inside.KEY, self._blobs.put(document), len(document))
-        # An entry that is written anew gives on what it held.
-        document = document or self.document(digest) or b""
-        if document:
-            return OutputFile(inside.KEY, digest, len(document), document)
-        return self._sized(inside.KEY, digest, sizes)
-
-    def _last(self, result: ActionResult, asked: OutputFile) -> OutputFile:
-        """The `result.json`; a blob, too, where the key document is one."""
-        document = result.document
-        result.know(digests.of_bytes(document) if asked.contents else self._blobs.put(document))
-        return OutputFile(inside.RESULT, result.digest, len(document), document)
+        """The key document; an entry that is written anew gives on what it held."""
+        found = inside.asked(digest, document or self.document(digest) or b"", self._blobs)
+        return found or self._sized(inside.KEY, digest, sizes)
 
     def _beside(self, digests_: Iterable[str]) -> list[OutputFile]:
         return [self._sized(f"answers/{digest}", digest) for digest in digests_]
@@ -275,7 +262,7 @@ class Actions:
         # What happens to be there is not given up: a collection would take what no entry names.
         held = [file for file in inside.blobs(self._entry(key) or ()) if self._is_there(file)]
         named += [file for file in held if file not in named and file.path not in (inside.KEY, inside.RESULT)]
-        data = encode([*named, ABSENT, self._last(result, asked)])
+        data = encode([*named, ABSENT, inside.last(result, asked, self._blobs)])
         with suppress(OSError):
             if files.read(self._file(key)) == data:
                 return
@@ -303,10 +290,7 @@ class Actions:
     def message(self, key: str) -> tuple[bytes, list[OutputFile]] | None:
         """The entry of `key` as it would travel, and what it names, or None."""
         outputs = self._entry(key)
-        if outputs is None:
-            return None
-        outputs = inside.travelling(outputs)
-        return encode(outputs), outputs
+        return inside.travelling(outputs) if outputs is not None else None
 
     def document(self, key: str) -> bytes | None:
         """The key document that the entry of `key` holds, None where it is a blob or there is no entry."""

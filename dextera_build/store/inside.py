@@ -7,8 +7,14 @@ the key, and so finds the entry. Such an entry needs no blobs for the two; any o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from dextera_build.store.reapi import OutputFile
+from dextera_build import digest as digests
+from dextera_build.store.reapi import OutputFile, encode
+
+if TYPE_CHECKING:
+    from dextera_build.store.actions import ActionResult
+    from dextera_build.store.cas import Blobs
 
 RESULT = "result.json"
 KEY = "key.json"
@@ -27,6 +33,21 @@ def blobs(outputs: Sequence[OutputFile]) -> list[OutputFile]:
     return [file for file in outputs if not file.contents] if key_document(outputs) else list(outputs)
 
 
-def travelling(outputs: Sequence[OutputFile]) -> list[OutputFile]:
-    """The entry for other stores: there the key document is a blob, as cache servers know it."""
-    return [file._replace(contents=b"") if file.path == KEY else file for file in outputs]
+def asked(digest: str, document: bytes, blobs: Blobs) -> OutputFile | None:
+    """The key document for an entry: in it, or a blob where it is long; None where there are no bytes of it."""
+    if len(document) > MOST:
+        return OutputFile(KEY, blobs.put(document), len(document))
+    return OutputFile(KEY, digest, len(document), document) if document else None
+
+
+def last(result: ActionResult, asked: OutputFile, blobs: Blobs) -> OutputFile:
+    """The `result.json` for an entry; a blob, too, where the key document is one."""
+    document = result.document
+    result.know(digests.of_bytes(document) if asked.contents else blobs.put(document))
+    return OutputFile(RESULT, result.digest, len(document), document)
+
+
+def travelling(outputs: Sequence[OutputFile]) -> tuple[bytes, list[OutputFile]]:
+    """The entry for other stores, and what it names: there the key document is a blob, as cache servers know it."""
+    named = [file._replace(contents=b"") if file.path == KEY else file for file in outputs]
+    return encode(named), named

@@ -18,6 +18,7 @@ from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.survey import as_build, survey
 from dextera_build.store.bundle.closure import Closure
 from dextera_build.store.bundle.contents import Contents
+from dextera_build.store.bundle.made import Made
 from dextera_build.store.choose import Limits
 from dextera_build.store.collect import collect
 from dextera_build.store.remotes.breaker import Guarded
@@ -180,12 +181,13 @@ def test_a_bundle_brings_what_leads_to_its_results(project: Path, store: Store, 
     built(project, store)
     found = survey(of(project), [Address(("reader",))], store)
     contents = Contents("full", "1.0", (as_build(found, "tiny/graph", "cpu", "full", str),), {})
-    closure = Closure(store.blobs.get)
+    bundle = Made(store, contents, {})
+    closure = Closure(bundle.get)
     for address, node in contents.nodes():
         closure.add(address, node)
     other = Store(tmp_path / "other")
     for blob in closure.blobs:
-        other.blobs.put(store.blobs.get(blob))
+        other.blobs.put(bundle.get(blob))
     for key, result in closure.results.items():
         publish(other, key, result)
     assert built(project, other)[1] == []
