@@ -175,11 +175,6 @@ def read_stamped(path: str) -> tuple[bytes, float]:
         os.close(descriptor)
 
 
-def size_of(descriptor: int) -> int:
-    """Size of an open file [bytes]."""
-    return os.fstat(descriptor).st_size
-
-
 def clone(source: int, target: int) -> bool:
     """Share the blocks of `source` with `target` where the file system can (btrfs, xfs, bcachefs)."""
     try:
