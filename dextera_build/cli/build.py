@@ -128,7 +128,7 @@ def _run(
     from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
 
-    session = Session(project, recipe)
+    session = Session(project, recipe, makes=not args.check)
     seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
     session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
     whole = whole or args.force or args.check or args.locked or project.asks_again
