@@ -214,6 +214,18 @@ def test_a_remote_that_raises_anything_fails_no_build(store: Store, share: Path,
     assert kind.__name__ in record.of(RemoteGivenUp)[0].reason
 
 
+def test_a_remote_that_takes_long_to_load_is_not_slow(store: Store, other: Store, share: Path) -> None:
+    build(scene(), store, guarded(Directory(share)))
+
+    def load() -> Directory:
+        time.sleep(1.8)
+        return Directory(share)
+
+    _, record = build(scene(), other, Guarded("lab", "share", load, mode="r", timeout_s=0.5))
+    assert record.of(RemoteGivenUp) == []
+    assert len(record.with_status("fetched")) == 6
+
+
 @pytest.mark.parametrize("where", ["get", "fetch", "send"])
 def test_a_remote_that_hangs_is_left_alone(store: Store, other: Store, share: Path, where: str) -> None:
     build(scene(), store, guarded(Directory(share)))
