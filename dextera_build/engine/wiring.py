@@ -59,6 +59,13 @@ class Wiring:
         self.fresh.append(unit)
         return unit
 
+    def standing(self, target: Address) -> str | None:
+        """The node that `target` names, where that is known and nothing has to be done for it."""
+        name = target.call[0]
+        if self.known is None or len(target.call) > 1 or name in self.known.in_question:
+            return None
+        return name
+
     def node(self, path: Path, labels: Labels) -> Node:
         """The copy of a call with these labels."""
         address = node_address(path, labels) if labels else path[0]
