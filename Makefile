@@ -15,8 +15,8 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
-.PHONY: help setup demo test test-all servers check format lint type layers examples package bench bench-engine docs lock \
-	clean clean-all
+.PHONY: help setup demo test test-all servers check check-most format lint type layers examples package bench bench-engine \
+	docs lock clean clean-all
 
 help: ## Print this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | while IFS=$$'\t' read -r name what; do \
@@ -39,7 +39,9 @@ test-all: setup servers $(VENV)/.robots ## Run every test, those in a browser an
 servers: setup $(VENV)/servers/.installed $(VENV)/ray/.installed ## Install the servers and the Ray that slow tests start
 	@.ci/system servers
 
-check: setup lint type layers docs examples package ## Run what CI runs beside `make test`
+check: check-most examples ## Run every check
+
+check-most: setup lint type layers docs package ## Run what CI runs beside `make test`, which runs the examples
 
 format: setup ## Format the code and mend what ruff can mend
 	$(BIN)/ruff format .

@@ -31,12 +31,10 @@ def value(source: Input, reader: Unit, wiring: Wiring, blobs: Blobs) -> str:
         return wiring.leaf(source)
     unit = wiring.source(source, reader)
     start: str | None = None
-    if isinstance(unit, Node):
+    if isinstance(unit, Node | Gathering):
         start = unit.output
     elif isinstance(unit, Opening):
         start = unit.items[reader.labels[len(unit.labels)]]
-    elif isinstance(unit, Gathering):
-        start = unit.output
     assert start is not None, f"{reader.address} is not ready"
     # A gathering has followed the fields already.
     fields = () if isinstance(source, Gather) else source.fields

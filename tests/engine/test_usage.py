@@ -5,11 +5,12 @@ from __future__ import annotations
 import gc
 import json
 import os
+import signal
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from dextera_build.engine.eventlog import EventLog, read
 from dextera_build.engine.execute import RunInfo, build
 from dextera_build.engine.executors.local import LocalExecutor
 from dextera_build.engine.history import History
-from dextera_build.engine.usage import Meter, Sampler, tree_bytes, with_peak
+from dextera_build.engine.usage import Meter, Sampler, Watched, tree_bytes, with_peak
 from dextera_build.store.store import Store
 from tests.engine.tiny import RUNNER, Record, call, graph
 
@@ -59,9 +60,9 @@ def test_bytes_and_time_are_differences() -> None:
 
 
 def test_the_tree_is_seen_from_outside() -> None:
-    inner = f"import time; x = bytearray({150 * MIB}); print('up', flush=True); time.sleep(60)"
+    inner = f"import sys; x = bytearray({150 * MIB}); print('up', flush=True); sys.stdin.read()"
     outer = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {inner!r}])"
-    with subprocess.Popen([sys.executable, "-c", outer], stdout=subprocess.PIPE) as child:
+    with subprocess.Popen([sys.executable, "-c", outer], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
         try:
             assert child.stdout is not None
             child.stdout.readline()
@@ -132,25 +133,42 @@ def test_a_history_of_before_is_read(store: Store, pool: LocalExecutor) -> None:
     assert history.peak_gb("a") is None
 
 
-def test_a_worker_that_died_was_seen(store: Store) -> None:
-    record = Record()
-    plan = graph(call("a", "sleep", 30))
+def test_a_worker_that_died_was_seen(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    look, killed = Sampler.look, []
+
+    def look_and_kill(sampler: Sampler, workers: Iterable[Watched]) -> None:
+        workers = list(workers)
+        look(sampler, workers)
+        for worker in workers:
+            if worker.peak and not killed:
+                os.kill(worker.pid, signal.SIGKILL)
+                killed.append(worker.pid)
+
+    monkeypatch.setattr(Sampler, "look", look_and_kill)
+    plan = graph(call("a", "sleep", 300))
     with LocalExecutor(RUNNER, 1) as pool:
-        began = time.monotonic()
-
-        def listen(event: object) -> None:
-            record(event)  # type: ignore[arg-type]
-
-        threading.Timer(1.5, lambda: subprocess.run(["kill", "-KILL", str(pool.pids()[0])], check=False)).start()
-        result = build(plan, plan.targets["default"], store=store, executor=pool, listen=listen)
-    assert time.monotonic() - began < 20
+        result = build(plan, plan.targets["default"], store=store, executor=pool, listen=Record())
+    assert killed
+    assert result.nodes["a"].status == "failed"
     assert result.nodes["a"].usage["memory_bytes"] > 5 * MIB
+
+
+def files_of_meters() -> set[tuple[str, str]]:
+    """Number and name of the open files of all meters of this process; another thread may open and close files."""
+    found = set()
+    for number in os.listdir("/proc/self/fd"):
+        with suppress(OSError):
+            found.add((number, os.readlink(f"/proc/self/fd/{number}")))
+    names = {f"/proc/{os.getpid()}/{name}" for name in ("clear_refs", "status", "io")}
+    return {(number, name) for number, name in found if name in names}
 
 
 def test_a_meter_that_nobody_needs_any_more_leaves_no_open_file() -> None:
     gc.collect()
-    before = len(os.listdir("/proc/self/fd"))
-    for _ in range(10):
-        Meter()
+    before = files_of_meters()
+    meters = [Meter() for _ in range(10)]
+    opened = files_of_meters() - before
+    assert len(opened) >= 20
+    del meters
     gc.collect()
-    assert len(os.listdir("/proc/self/fd")) == before
+    assert files_of_meters() & opened == set()

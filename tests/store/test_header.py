@@ -7,6 +7,8 @@ from typing import Annotated
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Array, Artifact, Collection, File, Folder, Value
@@ -163,12 +165,33 @@ def test_a_collection_header_is_what_the_type_writes(memory: Memory) -> None:
     assert header.items(memory.__getitem__, key) == digests
 
 
-@pytest.mark.parametrize("labels", [(), ("b", "a"), ('quo"te', "back\\slash", "ü", "new\nline", "z", "Z")])
-def test_headers_of_inputs_are_spelled_as_all_headers_are(labels: tuple[str, ...]) -> None:
-    parts = {label: digest.of_bytes(label.encode()) for label in labels}
+CHARACTERS = st.sampled_from('"\\/\0\n\x1f\x7f\x80\u2028\uffffü\U0001f916') | st.characters(exclude_categories=("Cs",))
+TEXTS = st.text(CHARACTERS)
+DIGESTS = st.binary(min_size=32, max_size=32).map(bytes.hex)
+
+
+@given(st.dictionaries(TEXTS, DIGESTS | TEXTS))
+def test_a_collection_header_is_spelled_as_all_headers_are(parts: dict[str, str]) -> None:
     content = {label: {"$ref": part} for label, part in parts.items()}
     whole = digest.canonical({"artifact": "Collection", "fields": {"items": {"$map": content}}})
     assert header.collection_header(parts) == whole
-    blob = digest.of_bytes(b"content")
-    file = digest.canonical({"artifact": "File", "fields": {"data": {"$bytes": [blob, 7]}}})
-    assert header.file_header(blob, 7) == file
+
+
+@given(DIGESTS | TEXTS, st.integers(min_value=0))
+def test_a_file_header_is_spelled_as_all_headers_are(blob: str, size: int) -> None:
+    whole = digest.canonical({"artifact": "File", "fields": {"data": {"$bytes": [blob, size]}}})
+    assert header.file_header(blob, size) == whole
+    assert header.closure(whole) == ([], [blob])
+
+
+@given(TEXTS, st.characters(categories=("Cs",)), TEXTS)
+def test_half_a_character_is_in_no_header(before: str, half: str, behind: str) -> None:
+    label = before + half + behind
+    for spell in (
+        lambda: digest.canonical({label: 0}),
+        lambda: header.collection_header({label: "ab" * 32}),
+        lambda: header.collection_header({"mug": label}),
+        lambda: header.file_header(label, 1),
+    ):
+        with pytest.raises(UnicodeEncodeError):
+            spell()
