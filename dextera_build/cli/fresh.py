@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -159,9 +159,12 @@ def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near:
     return None
 
 
-def told(lines: Iterable[str]) -> str:
+def told(lines: Sequence[str]) -> str:
     """What a build prints of what it placed: paths below the current folder are relative to it."""
     here = f"{os.getcwd()}/"
+    text = "".join([f"{line}\n" for line in lines])
+    if text.count("\t") == len(lines):  # no path has one
+        return text.replace(f"\t{here}", "\t")
     said = (line.partition("\t") for line in lines)
     return "".join(f"{node}\t{path.removeprefix(here)}\n" for node, _, path in said)
 
