@@ -134,7 +134,7 @@ class Project(settings_of.Project):
             MachineError: A chosen backend is not installed.
         """
         here = self._with(profile, jobs)
-        session, names = here._open(recipe, targets)
+        session, names = here._open(recipe, targets, makes=True)
         plan = session.plan(_request(here.profile, inputs, settings, backends))
         wanted = [address for name in names for address in addresses(plan.graph, name)]
         forced = frozenset(name.partition(":")[2] or name for name in force)
@@ -206,9 +206,10 @@ class Project(settings_of.Project):
         }
         return Project(self.root, flags, declared=self.declared)
 
-    def _open(self, recipe: str, targets: tuple[str, ...]) -> tuple[Session, list[str]]:
+    def _open(self, recipe: str, targets: tuple[str, ...], *, makes: bool = False) -> tuple[Session, list[str]]:
         named = wish(recipe)
-        return Session(self, named.recipe), [*([named.target] if named.target or not targets else []), *targets]
+        session = Session(self, named.recipe, makes=makes)
+        return session, [*([named.target] if named.target or not targets else []), *targets]
 
 
 def _request(

@@ -41,6 +41,7 @@ CONSOLES = ("live", "plain", "jsonl", "none")
 """What a build may show; `auto`, the default, chooses between the first two."""
 _ON, _OFF = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
 """What a setting that is true or false may be spelled as, in a file or in the environment."""
+_BARE = "settings stand here without `tool.dxb`: `[resources]`, not `[tool.dxb.resources]`"
 _COUNT = re.compile(r"[0-9]{1,6}")
 
 
@@ -84,7 +85,7 @@ class Project:
                         code="DXB-R401",
                         where=Place(origin),
                         facts={"settings": listing(_DEFAULTS)},
-                        hint=did_you_mean(name, _DEFAULTS),
+                        hint=_BARE if name == "tool" else did_you_mean(name, _DEFAULTS),
                     )
                 settings_file.check(name, value, origin)
                 found[name] = Setting(self._over(found, name, value, origin), origin)

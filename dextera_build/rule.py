@@ -360,7 +360,7 @@ def rule(  # noqa: PLR0913 - all that a rule may declare
         memory_gb: Peak memory of one call [GiB]; once a node has run here, what it took counts instead.
         gpus: GPUs that one call has to itself. What a backend needs of a GPU's memory stands in its `BACKEND`.
         resources: Named things of which there are only so many, `{"licence:solver": 1}`; a project says how many in
-            `[tool.dxb.resources]`.
+            `[resources]`.
         retries: How often a call is tried again whose worker died, whose machine lacked something (`MachineError`), or
             that raised one of `retry_on`. A refused input and a failed check are never tried again.
         retry_on: Exceptions, or their names (`"httpx.TransportError"`) where the import would be heavy.

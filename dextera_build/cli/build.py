@@ -129,7 +129,7 @@ def _run(
     from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
 
-    session = Session(project, recipe)
+    session = Session(project, recipe, makes=not args.check)
     seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
     session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
     quick = not (args.check or args.locked or project.console == "jsonl")

@@ -48,8 +48,8 @@ def push(args: argparse.Namespace) -> int:
 
 
 def _make(args: argparse.Namespace, targets: Sequence[str]) -> Made:
+    from dextera_build.cli.stores import reading
     from dextera_build.store.bundle import signing
-    from dextera_build.store.store import Store
 
     project = options.project(args)
     wanted: dict[str, list[str]] = {}
@@ -68,7 +68,7 @@ def _make(args: argparse.Namespace, targets: Sequence[str]) -> Made:
         runs += [f"{recipe}@{run}" for _, run in past]
     texts = {name: _digest(data) for name, data in recipes.items()}
     contents = Contents(args.closure, __version__, tuple(builds), texts)
-    store, created = Store(project.cache), _created(times)
+    store, created = reading(project), _created(times)
     made = Made(store, contents, recipes, created)
     known = provenance.Circumstances(
         _request(args),

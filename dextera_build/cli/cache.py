@@ -40,9 +40,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _count(args: argparse.Namespace) -> int:
     """Print one kind a line: name, count, bytes; for `sweep` what was dropped."""
-    from dextera_build.store.store import Store
+    from dextera_build.cli.stores import reading
 
-    store = Store(options.project(args).cache)
+    store = reading(options.project(args))
     counted = store.size() if args.what == "size" else {"keep": store.keep.sweep(store.locks)}
     if args.json:
         print(json.dumps({kind: {"count": count, "bytes": total} for kind, (count, total) in counted.items()}))

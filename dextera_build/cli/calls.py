@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
+from dextera_build.cli.stores import reading
 from dextera_build.errors import UsageError
 from dextera_build.project import Project
 from dextera_build.store.actions import ActionResult
@@ -26,7 +27,7 @@ def is_call(text: str) -> bool:
 
 def rows(project: Project) -> Iterator[dict[str, Any]]:
     """Every recorded call of the store, the newest first."""
-    found = [(key, *known) for key, known in _all(Store(project.cache))]
+    found = [(key, *known) for key, known in _all(reading(project))]
     for key, document, result in sorted(found, key=lambda row: -_amount(row[2], "asked")):
         yield {
             "call": key,
@@ -55,7 +56,7 @@ def show(project: Project, text: str) -> dict[str, Any]:
     """
     from dextera_build.store.calls import recorder
 
-    store = Store(project.cache)
+    store = reading(project)
     keys = [key for key, _ in entries(store.actions.root) if key.startswith(text)]
     found = [(key, known) for key in keys if (known := recorder.of(store, key))]
     if len(found) != 1:

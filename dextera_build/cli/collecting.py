@@ -27,10 +27,10 @@ def run(args: argparse.Namespace) -> int:
     limit = amounts.size(args.max_size) if args.max_size is not None else None
     age_s = amounts.seconds(args.max_age) if args.max_age is not None else None
 
+    from dextera_build.cli.stores import reading
     from dextera_build.engine.collection import collect
-    from dextera_build.store.store import Store
 
-    answer = collect(Store(options.project(args).cache), size=limit, age_s=age_s, dry=not args.yes)
+    answer = collect(reading(options.project(args)), size=limit, age_s=age_s, dry=not args.yes)
     said = answer.said
     if args.json:
         print(json.dumps({**asdict(said), "vanished": answer.vanished, "dry": not args.yes}))

@@ -38,10 +38,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print one difference a line: [node,] kind, name, change; nothing where all is equal."""
     from dextera_build.cli import compare, operands
-    from dextera_build.store.store import Store
+    from dextera_build.cli.stores import reading
 
     project = options.project(args)
-    store = Store(project.cache)
+    store = reading(project)
     old, new = operands.pair(project, store, args.old, args.new)
     if isinstance(old, compare.Side) and isinstance(new, compare.Side):
         rows = compare.rows(store, old, new)
@@ -78,11 +78,13 @@ def _drawn(project: Project, store: Store, out: str | None, sides: tuple[Side, S
     from dataclasses import replace
 
     from dextera_build.cli import pictures
+    from dextera_build.cli.text_file import writing
 
     name = "-".join((side.output or "")[:12] for side in sides)
     folder = Path(out) if out else project.cache / "out" / "diff" / name
     found = []
     for row in rows:
-        file = pictures.draw(row.output, store.blobs.get, folder) if row.output is not None else None
+        with writing(folder, hint=None if out else "`-o DIR` says where to draw"):
+            file = pictures.draw(row.output, store.blobs.get, folder) if row.output is not None else None
         found.append(replace(row, change=f"{row.change}\t{project.shown(file)}") if file else row)
     return found

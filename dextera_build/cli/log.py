@@ -60,9 +60,9 @@ def _printed(project: Project, finished: Mapping[str, Any]) -> str | None:
 
     What a rule prints by itself, and the traceback of one that failed, stands there and in no event.
     """
-    from dextera_build.store.store import Store
+    from dextera_build.cli.stores import reading
 
-    store = Store(project.cache)
+    store = reading(project)
     found = store.actions.known(finished["key"]) if finished["key"] else None
     log = finished.get("log") or (found.log if found else None)
     if not log or not store.blobs.has(log):

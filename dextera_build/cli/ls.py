@@ -91,9 +91,9 @@ def _divergent(project: Project) -> Iterator[Row]:
     """Keys that gave another output when they ran again."""
     import time
 
-    from dextera_build.store.store import Store
+    from dextera_build.cli.stores import reading
 
-    for found in Store(project.cache).divergent.all():
+    for found in reading(project).divergent.all():
         yield {
             "node": found.node,
             "key": found.key[:12],

@@ -84,7 +84,13 @@ def _run(words: list[str], own: bool) -> int:
     verb = next((word for word in words if not word.startswith("-")), "")
     args = parser(verb).parse_args(words)
     args.words, args.own = words, own
-    code: int = importlib.import_module(f"dextera_build.cli.{args.verb}").run(args)
+    try:
+        code: int = importlib.import_module(f"dextera_build.cli.{args.verb}").run(args)
+    finally:
+        if "dextera_build.cli.stores" in sys.modules:
+            from dextera_build.cli import stores
+
+            stores.warn()
     return code
 
 

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     lacking: list[str] = []
     for text in args.targets:
         wanted = options.wish(text)
-        session = Session(project, wanted.recipe)
+        session = Session(project, wanted.recipe, makes=True)
         result = _bring(session, wanted.target, args)
         print(fresh.told(results.place(session, result)), end="", flush=True)
         lacking += [f"{wanted.recipe}:{node}" for node in result.own.errors()]

@@ -21,8 +21,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the file and print its path."""
     from dextera_build.cli import runs
+    from dextera_build.cli.stores import reading
+    from dextera_build.cli.text_file import writing
     from dextera_build.report.build import build
-    from dextera_build.store.store import Store
 
     project = options.project(args)
     _, events = runs.find(project, args.run)
@@ -33,7 +34,8 @@ def run(args: argparse.Namespace) -> int:
         for found in project.library.rules()
         for backend in found.backends.values()
     }
-    path = build(events, Store(project.cache), out, licences=licences)
+    with writing(out, hint=None if args.out else f"dxb report {recipe} -o report.html"):
+        path = build(events, reading(project), out, licences=licences)
     print(project.shown(path))
     if args.open or (os.environ.get("DISPLAY") and os.isatty(1) and args.out is None):
         webbrowser.open(path.absolute().as_uri())

@@ -67,7 +67,7 @@ def _one(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch: W
     except DxbError as error:
         return _refused(None, error, watch)
     try:
-        session = Session(project, recipe)
+        session = Session(project, recipe, makes=True)
         session.store.leaves.watch = watch
         plan = session.plan(options.request(args, project.profile))
         fresh.note(project, watch, plan)

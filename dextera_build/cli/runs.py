@@ -6,9 +6,9 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
+from dextera_build.cli.stores import reading
 from dextera_build.errors import UsageError
 from dextera_build.project import Project
-from dextera_build.store.store import Store
 
 Events = list[dict[str, Any]]
 
@@ -17,7 +17,7 @@ def runs(project: Project) -> Iterator[dict[str, str]]:
     """One row per run, the newest first."""
     from dextera_build.engine import eventlog
 
-    store = Store(project.cache)
+    store = reading(project)
     for run in reversed(eventlog.runs(store)):
         events = eventlog.read(store, run)
         start = next((event for event in events if event["event"] == "run_started"), None)
@@ -40,7 +40,7 @@ def find(project: Project, text: str | None) -> tuple[str, Events]:
     """
     from dextera_build.engine import eventlog
 
-    store = Store(project.cache)
+    store = reading(project)
     known = list(eventlog.runs(store))
     run = text if text in known else eventlog.latest(store, text)
     if run is None:

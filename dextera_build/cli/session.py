@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from dextera_build.cli import stores
 from dextera_build.engine.graph import Address, Graph, parse_address
 from dextera_build.errors import RuleError, UsageError, did_you_mean, listing
 from dextera_build.project import Project
@@ -28,18 +29,20 @@ class Session:
     Args:
         project: Where to work.
         recipe: The recipe's address.
+        makes: Something is to be built, so that the store is made where it is not there.
     """
 
-    def __init__(self, project: Project, recipe: str) -> None:
+    def __init__(self, project: Project, recipe: str, *, makes: bool = False) -> None:
         self.project = project
         self.recipe = recipe
+        self._makes = makes
         self.nursery: Nursery | None = None
         """What makes workers, where it was begun before there was anything to run."""
 
     @cached_property
     def store(self) -> Store:
         """The project's store."""
-        return Store(self.project.cache)
+        return Store(self.project.cache) if self._makes else stores.reading(self.project)
 
     def plan(self, request: Request) -> Plan:
         """The recipe, resolved.

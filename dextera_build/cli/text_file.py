@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from dextera_build.errors import UsageError
@@ -18,9 +20,20 @@ def give(project: Project, text: str, out: str | None) -> int:
         print(text)
         return 0
     path = Path(out)
-    try:
+    with writing(path):
         path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"`{path}` cannot be written: {error.strerror}", code="DXB-U177") from None
     print(project.shown(path.absolute()))
     return 0
+
+
+@contextmanager
+def writing(path: Path, hint: str | None = None) -> Iterator[None]:
+    """Say well what goes wrong while `path` is written.
+
+    Raises:
+        UsageError: The file cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(f"`{path}` cannot be written: {error.strerror}", code="DXB-U177", hint=hint) from None

@@ -19,10 +19,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the trace, or write it and print its path."""
     from dextera_build.cli import runs
+    from dextera_build.cli.stores import reading
     from dextera_build.report import run as past
     from dextera_build.report.trace import trace
-    from dextera_build.store.store import Store
 
     project = options.project(args)
     _, events = runs.find(project, args.run)
-    return give(project, json.dumps(trace(past.read(events, Store(project.cache)))), args.out)
+    return give(project, json.dumps(trace(past.read(events, reading(project)))), args.out)

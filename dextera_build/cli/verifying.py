@@ -23,12 +23,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print one finding a line: kind, name, what is wrong, what was done; exit with 1 where damage stays."""
-    from dextera_build.store.store import Store
+    from dextera_build.cli.stores import reading
     from dextera_build.store.verify import verify
 
     shows = sys.stderr.isatty()
     verdict = verify(
-        Store(options.project(args).cache), fast=args.fast, repair=args.repair, progress=_progress if shows else None
+        reading(options.project(args)), fast=args.fast, repair=args.repair, progress=_progress if shows else None
     )
     if shows:
         print("\r\x1b[K", end="", file=sys.stderr)

@@ -45,6 +45,8 @@ class Capacity:
     memory_gb: float = 1.0
     gpus: tuple[Gpu, ...] = ()
     named: Mapping[str, float] = field(default_factory=dict)
+    is_cluster: bool = False
+    """Many machines together; their devices cannot be had by saying that there are some."""
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,8 @@ def collect(store: Store, *, size: int | None = None, age_s: float | None = None
     Raises:
         StoreError: The store cannot be written.
     """
+    if not store.root.is_dir():
+        return Answer(Collection(), ())
     since = time.time() - age_s if age_s is not None else None
     held = roots.Roots()
 

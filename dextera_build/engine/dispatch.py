@@ -142,7 +142,7 @@ class Dispatch:
             if node.rests_until > now:
                 self._resting.append(node)
             elif lacking:
-                self.broke(node, lacks(lacking))
+                self.broke(node, lacks(lacking, self._admission.capacity))
             else:
                 self._admission.wait(node, estimate(needs, self.peak_gb(node.address)))
 

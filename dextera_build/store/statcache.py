@@ -31,13 +31,13 @@ class StatCache:
 
     Args:
         blobs: Where contents go.
-        table: The file that remembers signatures between runs; written by `save`.
+        table: The file that remembers signatures between runs; written by `save`. None: they are forgotten.
 
     Attributes:
         watch: When set, every file and folder that is looked at is noted there.
     """
 
-    def __init__(self, blobs: Blobs, table: Path) -> None:
+    def __init__(self, blobs: Blobs, table: Path | None) -> None:
         self.watch: signature.Watch | None = None
         self._blobs = blobs
         self._table = table
@@ -67,7 +67,7 @@ class StatCache:
 
     def save(self) -> None:
         """Write the table, all or nothing; a store that cannot be written keeps the old one."""
-        if self._dirty and self._known is not None:
+        if self._dirty and self._known is not None and self._table is not None:
             data = json.dumps({"form": _FORM, "files": self._known}).encode()
             failpoints.reach("leaves.save")
             with suppress(StoreError):
@@ -156,6 +156,8 @@ class StatCache:
     def _load(self) -> dict[str, list[int | str]]:
         if self._known is None:
             self._known = {}
+            if self._table is None:
+                return self._known
             with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
                 stored = digests.plain(files.read(str(self._table)))
                 if stored["form"] == _FORM:

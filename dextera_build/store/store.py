@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 from dextera_build.errors import StoreError
 from dextera_build.store import files
 from dextera_build.store.actions import Actions
+from dextera_build.store.aside import Aside
 from dextera_build.store.cas import Blobs, entries
 from dextera_build.store.divergent import Divergent
 from dextera_build.store.keep import Keep
@@ -37,20 +39,24 @@ class Store:
 
     Args:
         root: The folder; made when it is not there.
+        make: False where it is only read: then none is made, one that is not there is empty, and what a plan puts into
+            one that cannot be written is held in memory.
 
     Raises:
         StoreError: The folder is not there and cannot be made.
     """
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, *, make: bool = True) -> None:
         self.root = root.absolute()
         self.local = self.root / "local"
-        self._prepare()
-        self.blobs = Blobs(self.root / "cas")
+        if make:
+            self._prepare()
+        takes = make or self._may_be_written()
+        self.blobs = Blobs(self.root / "cas") if takes else Aside(self.root / "cas")
         self.recent = Recent(self.blobs)
         self.actions = Actions(self.root / "ac", self.blobs, self.recent)
         self.foreign = self.root / "foreign"
-        self.leaves = StatCache(self.blobs, self.local / "leaves.json")
+        self.leaves = StatCache(self.blobs, self.local / "leaves.json" if takes else None)
         self.locks = Locks(self.local / "locks")
         self.keep = Keep(self.local / "keep")
         self.divergent = Divergent(self.local / "divergent")
@@ -73,6 +79,10 @@ class Store:
             found["foreign"] = entries(self.foreign)
         sizes = {name: [size for _, size in each] for name, each in found.items()}
         return {name: (len(each), sum(each)) for name, each in sizes.items()}
+
+    def _may_be_written(self) -> bool:
+        folder = self.root / "cas"
+        return os.access(folder if folder.is_dir() else self.root, os.W_OK)
 
     def _prepare(self) -> None:
         try:

@@ -39,6 +39,13 @@ def test_the_address_of_a_client_server_is_refused(space: Space) -> None:
     assert "error[DXB-U178]: `ray://head:10001` is not the address of a Ray cluster" in answer.err
 
 
+def test_an_address_without_a_port_is_refused(space: Space) -> None:
+    answer = space.dxb("build", "say/words", "--executor", "ray:head")
+    assert answer.code == 2
+    assert "error[DXB-U178]: `head` is not the address of a Ray cluster" in answer.err
+    assert "hint: --executor ray:head:6379" in answer.err
+
+
 def test_services_are_asked_again_on_one_machine_only(space: Space) -> None:
     answer = space.dxb("build", "say/words", "--executor", "ray", "--calls", "refresh")
     assert answer.code == 2

@@ -61,6 +61,14 @@ def test_what_the_machine_lacks_is_said_at_once(hungry: Space) -> None:
     assert "--resources gpu=1" in answer.err
 
 
+def test_the_table_of_another_file_is_named(hungry: Space) -> None:
+    hungry.write("dxb.toml", "[tool.dxb.resources]\ngpu = 2\n")
+    answer = hungry.dxb("show", "--config")
+    assert answer.code == 2
+    assert "error[DXB-R401]: `tool` is not a setting" in answer.err
+    assert "hint: settings stand here without `tool.dxb`: `[resources]`, not `[tool.dxb.resources]`" in answer.err
+
+
 def test_declared_resources_are_given_out(hungry: Space) -> None:
     hungry.write("dxb.toml", 'cache = "cache"\n[resources]\ngpu = 2\n"licence:solver" = 1\n')
     assert hungry.build("toy/needs", "-k").code == 0

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dextera_build.engine.admission import Admission, estimate
+from dextera_build.engine.admission import Admission, estimate, lacks
 from dextera_build.engine.capacity import Capacity, Gpu, Needs
 
 LICENCE = (("licence:solver", 1.0),)
@@ -201,6 +201,19 @@ def test_devices_are_shared_by_memory_and_taken_whole_by_count() -> None:
 )
 def test_only_devices_and_named_resources_can_lack(needs: Needs, lacking: dict[str, tuple[float, float]]) -> None:
     assert needs.lacks(Capacity(1, 1, (Gpu("0", 1),))) == lacking
+
+
+def test_who_lacks_what_is_said_with_what_helps_there() -> None:
+    here = Capacity(1, 1)
+    cluster = Capacity(1, 1, is_cluster=True)
+    said = {name: [lacks({name: (2, 0)}, where) for where in (here, cluster)] for name in ("gpu", "licence:solver")}
+    assert [error.message.partition(", which ")[2] for error in said["gpu"]] == [
+        "this machine does not have",
+        "the cluster does not have",
+    ]
+    assert ["--resources gpu=2" in (error.hint or "") for error in said["gpu"]] == [True, False]
+    assert ["--num-gpus=2" in (error.hint or "") for error in said["gpu"]] == [False, True]
+    assert all("--resources licence:solver=2" in (error.hint or "") for error in said["licence:solver"])
 
 
 @given(st.floats(0.001, 2000))

@@ -38,7 +38,7 @@ def shape(**amounts: float) -> Shape:
 def test_the_capacity_is_that_of_all_nodes() -> None:
     found = shapes.capacity(NODES, {"gpu_memory": 80.0, "licence:arm": 3.0})
     gpus = (Gpu("big:0", 80.0), Gpu("big:1", 80.0))
-    assert found == Capacity(10, 20.0, gpus, {"licence:solver": 1.0, "licence:arm": 3.0})
+    assert found == Capacity(10, 20.0, gpus, {"licence:solver": 1.0, "licence:arm": 3.0}, is_cluster=True)
     assert shapes.capacity(NODES, {"cpu": 3.0}).cpus == 3
 
 
@@ -74,6 +74,14 @@ def test_what_no_single_node_has_is_said() -> None:
         shapes.shape(Needs(gpus=2, named=(("licence:solver", 1.0),)), NODES.values())
     assert caught.value.code == "DXB-E352"
     assert caught.value.facts == {"most `GPU` of a node": "2", "most `licence:solver` of a node": "1"}
+    assert caught.value.hint is not None
+    assert "--num-gpus=2 --resources='{\"licence:solver\": 1.0}'`" in caught.value.hint
+
+
+def test_a_cluster_without_a_machine_is_said() -> None:
+    with pytest.raises(MachineError, match="no machine of the cluster is left") as caught:
+        shapes.shape(Needs(), [])
+    assert caught.value.code == "DXB-E354"
 
 
 def test_a_place_near_the_inputs_is_chosen_before_an_empty_one() -> None:

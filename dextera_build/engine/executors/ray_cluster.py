@@ -69,7 +69,7 @@ class RayCluster:
 
     Raises:
         MachineError: Ray is not installed, or no cluster answers.
-        UsageError: The address is that of a Ray client server.
+        UsageError: The address has no port, or is that of a Ray client server.
     """
 
     def __init__(self, address: str = "") -> None:
@@ -79,6 +79,13 @@ class RayCluster:
                 code="DXB-U178",
                 facts={"form": "HOST:PORT of the head, from a machine that is part of the cluster"},
                 hint=f"ray start --address={address.partition('://')[2]} --num-cpus=0",
+            )
+        if address and ":" not in address:
+            raise UsageError(
+                f"`{address}` is not the address of a Ray cluster",
+                code="DXB-U178",
+                facts={"form": "HOST:PORT of the head"},
+                hint=f"--executor ray:{address}:6379",
             )
         ray = _imported()
         known = address or os.environ.get("RAY_ADDRESS", "")

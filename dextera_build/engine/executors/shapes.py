@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping
 
@@ -34,7 +35,7 @@ def capacity(nodes: Mapping[str, Mapping[str, float]], said: Mapping[str, float]
     )
     named = {name: amount for name, amount in totals.items() if _is_named(name)}
     named |= {name: amount for name, amount in said.items() if name not in MEASURED}
-    return Capacity(max(cpus, 1), max(totals.get("memory", 0.0) / _GIB, 0.25), gpus, named)
+    return Capacity(max(cpus, 1), max(totals.get("memory", 0.0) / _GIB, 0.25), gpus, named, is_cluster=True)
 
 
 def shape(needs: Needs, nodes: Iterable[Mapping[str, float]], gpu_memory_gb: float = 0.0) -> Shape:
@@ -46,9 +47,15 @@ def shape(needs: Needs, nodes: Iterable[Mapping[str, float]], gpu_memory_gb: flo
         gpu_memory_gb: Memory of one GPU; 0 where it is not known, then who wants a part of one has it whole.
 
     Raises:
-        MachineError: No single node has the GPUs and the named resources.
+        MachineError: No single node has the GPUs and the named resources, or there is no node.
     """
     nodes = list(nodes)
+    if not nodes:
+        raise MachineError(
+            "no machine of the cluster is left",
+            code="DXB-E354",
+            hint="`ray status` shows which are; what was finished is kept, build again",
+        )
     # Resources that only the configuration names are counted by the driver; Ray knows nothing of them.
     counted = {name for node in nodes for name in node}
     fixed = {name: amount for name, amount in needs.named if name in counted}
@@ -84,10 +91,14 @@ def _is_named(resource: str) -> bool:
 
 def _nowhere(fixed: Mapping[str, float], nodes: list[Mapping[str, float]]) -> MachineError:
     wanted = ", ".join(f"{amount:g} of `{name}`" for name, amount in fixed.items())
+    gpus = fixed.get("GPU", 0.0)
+    words = [f"--num-gpus={math.ceil(gpus)}"] if gpus else []
+    if named := {name: amount for name, amount in fixed.items() if name != "GPU"}:
+        words.append(f"--resources='{json.dumps(named)}'")
     most = {name: max((node.get(name, 0.0) for node in nodes), default=0.0) for name in fixed}
     return MachineError(
         f"it needs {wanted} on one node, which no node of the cluster has",
         code="DXB-E352",
         facts={f"most `{name}` of a node": f"{amount:g}" for name, amount in most.items()},
-        hint="choose another backend, or add a node: `ray start --address=HOST:PORT --num-gpus=N`",
+        hint=f"choose another backend, or add a node: `ray start --address=HOST:PORT {' '.join(words)}`",
     )

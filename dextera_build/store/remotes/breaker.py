@@ -166,9 +166,10 @@ class Guarded:
             self._under_way[number] = time.monotonic() + patience_s
         try:
             return work(self._connected(), number)
-        except (RemoteFault, StoreError):
+        except (RemoteFault, StoreError, KeyboardInterrupt, SystemExit, GeneratorExit):
             raise
-        except Exception as error:  # a library that raises what it does not declare must not end a build
+        # A library that raises what it does not declare must not end a build; one in Rust panics beside `Exception`.
+        except BaseException as error:
             reason = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
             raise RemoteFault(self.address, reason) from error
         finally:
@@ -181,8 +182,9 @@ class Guarded:
                 try:
                     self._remote = self._opener()
                 except DxbError as error:
-                    hint = f" ({error.hint})" if error.hint else ""
-                    raise RemoteFault(self.address, f"{error.message}{hint}", refused=True) from None
+                    because = error.facts.get("because") or error.hint
+                    more = f" ({because})" if because else ""
+                    raise RemoteFault(self.address, f"{error.message}{more}", refused=True) from None
             return self._remote
 
     def _count(self, doing: Doing, fault: RemoteFault) -> None:

@@ -6,6 +6,7 @@ serves other tools, too.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
@@ -21,7 +22,28 @@ from dextera_build.store.remotes.remote import MOST_ENTRY, Digest, RemoteFault
 _CHUNK = 1 << 20
 _PART = 8 << 20
 _THREADS = 15
+_METADATA = "169.254.169.254"
+"""Where a machine of the cloud is asked for credentials, when nothing else has any."""
+_REQUEST = re.compile(r"^(Generic \w+ error: )?(Error performing \w+ \S+ in [\d.]+\w+(, after \d+ retries.*?)? +- )?")
+_CAUSE = re.compile(r'(?:message|error): "([^"]+)"')
 _REFUSALS = (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError, exceptions.NotSupportedError)
+_CLIENT = (
+    "allow_http",
+    "allow_invalid_certificates",
+    "connect_timeout",
+    "default_content_type",
+    "http1_only",
+    "http2_only",
+    "http2_keep_alive_interval",
+    "http2_keep_alive_timeout",
+    "http2_keep_alive_while_idle",
+    "pool_idle_timeout",
+    "pool_max_idle_per_host",
+    "proxy_url",
+    "timeout",
+    "user_agent",
+)
+"""What obstore's configuration says of the connection."""
 
 
 class ObjectStore:
@@ -40,12 +62,14 @@ class ObjectStore:
     def __init__(self, url: str, options: Mapping[str, str] | None = None, *, timeout_s: float = 10.0) -> None:
         self.address = url.rstrip("/")
         patience = timedelta(seconds=timeout_s)
-        config: Any = dict(options or {})
+        said = options or {}
+        # Among the settings of the bucket these make the library panic.
+        config: Any = {name: value for name, value in said.items() if name not in _CLIENT}
         # One fault must not wait for ten tries inside the library: a build asks again by itself, or goes on without.
         retry: Any = {"max_retries": 1, "retry_timeout": patience}
-        plain = str(config.get("endpoint", config.get("aws_endpoint", ""))).startswith("http://")
+        plain = any(value.startswith("http://") for name, value in config.items() if "endpoint" in name)
         client: Any = {"timeout": f"{max(timeout_s * 6, 60.0):g}s", "connect_timeout": f"{min(timeout_s, 5.0):g}s"}
-        client["allow_http"] = plain
+        client |= {"allow_http": plain} | {name: value for name, value in said.items() if name in _CLIENT}
         try:
             self._store = from_url(self.address, config=config, client_options=client, retry_config=retry)
         except exceptions.BaseError as error:
@@ -130,6 +154,11 @@ class ObjectStore:
 
 
 def _plain(error: Exception) -> str:
-    """The first line of what the library says, without the address of the request, which may hold a signature."""
-    text = str(error).partition("\n")[0].partition(" (http")[0]
+    """What the library says in one line, without the address of the request, which may hold a signature."""
+    text, _, more = str(error).partition("\n")
+    if _METADATA in text:
+        return "there are no credentials for it: set `AWS_ACCESS_KEY_ID` and `AWS_SECRET_ACCESS_KEY`"
+    text = _REQUEST.sub("", text).partition(" (http")[0]
+    if causes := _CAUSE.findall(more):
+        text += f": {causes[-1]}"
     return text[:200] or type(error).__name__

@@ -14,6 +14,9 @@ from dextera_build.plain import dataclass
 
 MODES = ("r", "rw", "w", "off")
 SCHEMES = ("http", "https", "s3", "gs", "az", "grpc", "grpcs", "file")
+_BUCKETS = ("s3", "gs", "az")
+_SETTINGS = ("address", "mode", "timeout_s")
+"""Of any remote; object stores have more, which their library knows."""
 LOCAL, EVERY = "local", "remote"
 _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 _SECRET = re.compile(r"key|secret|token|password|credential|sas", re.IGNORECASE)
@@ -79,6 +82,14 @@ def from_table(table: Mapping[str, Any], where: str) -> dict[str, Spec]:
         if not isinstance(patience, int | float) or isinstance(patience, bool) or not 0 < patience < _LONGEST_S:
             raise UsageError(f"`timeout_s` of remote `{name}` is not a time", code="DXB-U131", facts={"from": where})
         options = {option: str(setting) for option, setting in body.items()}
+        if options and address.partition("://")[0] not in _BUCKETS:
+            option = next(iter(options))
+            raise UsageError(
+                f"remote `{name}` has no setting `{option}`",
+                code="DXB-U131",
+                facts={"from": where, "settings": listing(_SETTINGS), "more": f"for {listing(_BUCKETS)} alone"},
+                hint=did_you_mean(option, _SETTINGS),
+            )
         found[name] = Spec(name, _checked(address), _mode(str(mode), name), float(patience), options)
     return found
 

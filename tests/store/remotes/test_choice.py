@@ -112,6 +112,11 @@ def test_nothing_secret_is_shown() -> None:
             "DXB-U131",
             "`timeout_s` of remote `lab` is not a time",
         ),
+        (
+            {"remotes": {"lab": {"address": "http://h", "timout_s": 3}}},
+            "DXB-U131",
+            "remote `lab` has no setting `timout_s`",
+        ),
         ({"cache": "local:rw,lab"}, "DXB-U132", "`lab` does not say how to use a store"),
         ({"cache": "local:what"}, "DXB-U132", "`local:what` does not say how to use a store"),
         ({"cache": "http://u:geheim@h/x"}, "DXB-U132", "`http://***@h/x` does not say how to use a store"),
