@@ -251,7 +251,7 @@ class _Run:
             self._tell(node, record_of(node, blockers.get(node.address, ())))
         records = Records(scheduler.wiring.nodes, blockers, self.history.usage, self.store)
         ok = whole and all(wish.state is State.DONE for wish in scheduler.wishes)
-        asked = tuple(dict.fromkeys(scheduler.asked()))
+        asked = tuple(dict.fromkeys(scheduler.wiring.asked()))
         nodes = Kept(records, self.known, self.store) if self.known else records
         peaks = scheduler.policy.peak_gb
         return RunResult(ok, nodes, asked, self.info.run, scheduler.wiring, self.errors, peaks)

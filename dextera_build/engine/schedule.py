@@ -19,7 +19,7 @@ All walks are loops: chains may be long.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 
 from dextera_build import digest as digests
@@ -74,9 +74,6 @@ class Scheduler:
         self.states = States()
         self.wiring = Wiring(graph, store.leaves.digest_leaf, policy.known)
         self.wishes: list[Gathering] = []
-        """Targets that are not known yet."""
-        self._asked: list[Gathering | str] = []
-        """What was asked for: a wish, or a node that is known."""
         self.failed: list[Unit] = []
         self.errors: list[DxbError] = []
         self._writer = Writer()
@@ -109,22 +106,13 @@ class Scheduler:
         """Whether no new node may start."""
         return bool(self.failed) and not self.policy.keep_going
 
-    def asked(self) -> Iterator[str]:
-        """The nodes that targets name, as far as groups are open."""
-        for wish in self._asked:
-            if isinstance(wish, str):
-                yield wish
-            else:
-                yield from (node.address for node in wish.nodes.values())
-
     def run(self, targets: Sequence[Address]) -> None:
         """Bring `targets` up to date, or as far as that goes.
 
         Raises:
             AssertionError: Nodes wait for one another in a circle.
         """
-        self._asked = [self.wiring.standing(target) or self.wiring.wish(target) for target in targets]
-        self.wishes = [wish for wish in self._asked if not isinstance(wish, str)]
+        self.wishes = self.wiring.ask(targets)
         while True:
             more = self._settle()
             self._measure()

@@ -73,7 +73,7 @@ def survey(graph: Graph, wanted: Sequence[Address], store: Store, *, whole: bool
     complete = all(wish.state is State.DONE for wish in scheduler.wishes)
     if not complete and not stale:
         stale = [wish.address for wish in scheduler.wishes if wish.state is not State.DONE]
-    return Survey(tuple(dict.fromkeys(scheduler.asked())), tuple(held), tuple(stale))
+    return Survey(tuple(dict.fromkeys(scheduler.wiring.asked())), tuple(held), tuple(stale))
 
 
 def as_build(found: Survey, recipe: str, profile: str, closure: Closure, shown: Callable[[Path], str]) -> Build:
