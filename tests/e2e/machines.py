@@ -51,5 +51,5 @@ def serving(space: Space, name: str, *words: str) -> Iterator[str]:
         yield server.stdout.readline().strip()
     finally:
         server.send_signal(signal.SIGINT)
-        _, said = server.communicate(timeout=20)
+        _, said = server.communicate(timeout=60)
         assert server.returncode == 0, said

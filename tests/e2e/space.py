@@ -48,7 +48,7 @@ class Space:
     def edit(self, name: str, old: str, new: str) -> None:
         text = (self.root / name).read_text()
         assert old in text, f"{old!r} is not in {name}"
-        (self.root / name).write_text(text.replace(old, new))
+        self.write(name, text.replace(old, new))
 
     def environment(self, **more: str) -> dict[str, str]:
         kept = {name: value for name, value in os.environ.items() if not name.startswith("DXB_")}

@@ -71,7 +71,7 @@ def test_ctrl_c_keeps_what_is_done(space):
     ):
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGINT)
-    _, err = process.communicate(timeout=20)
+    _, err = process.communicate(timeout=40)
     assert process.returncode == 130
     assert "interrupted; what was finished is kept" in err
     assert "Traceback" not in err

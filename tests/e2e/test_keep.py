@@ -103,7 +103,7 @@ def test_a_build_that_was_ended_goes_on(training, how):
     process = training.start("build", "say/train", start_new_session=True)
     wait_for_start(training)
     process.send_signal(how)
-    process.communicate(timeout=20)
+    process.communicate(timeout=40)
     assert process.returncode == (130 if how == signal.SIGINT else -how)
     assert_goes_on(training)
 

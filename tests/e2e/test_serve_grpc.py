@@ -19,7 +19,7 @@ def served_grpc(space: Space) -> Iterator[tuple[str, str]]:
     assert server.stdout is not None
     yield server.stdout.readline().strip(), server.stdout.readline().strip()
     server.send_signal(signal.SIGINT)
-    _, said = server.communicate(timeout=20)
+    _, said = server.communicate(timeout=60)
     assert server.returncode == 0, said
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import queue
 import signal
 import threading
 import time
 
 import pytest
+
+from tests.e2e.space import Space
 
 NOTES = """inputs: {notes: notes}
 nodes:
@@ -75,8 +78,19 @@ class Watching:
         return self.process.wait(60)
 
 
+class Notes(Space):
+    """A project whose files change in one step: a watch may look between any two steps of a test."""
+
+    def write(self, name, text):
+        path = self.root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(super().write("aside", text), path)
+        return path
+
+
 @pytest.fixture
 def notes(space):
+    space = Notes(space.root)
     space.write("rules/toy/read.py", READ.lstrip())
     space.write("recipes/say/notes.yaml", NOTES)
     space.write("notes/a.txt", "one")
@@ -192,13 +206,16 @@ def test_a_change_during_a_build_is_not_missed(notes, watch):
 def test_changes_in_quick_order_are_taken_together(notes, watch):
     watching = watch("say/notes")
     watching.round()
+    path, pauses, before = notes.root / "notes/b.txt", 0, time.monotonic()
     for number in range(20):
-        notes.write("notes/b.txt", f"{number}")
+        path.write_text(f"{number}")
         time.sleep(0.01)
+        pauses += time.monotonic() - before > 0.08  # this test was kept waiting: the order was not that quick
+        before = time.monotonic()
     rounds = [watching.round()]
-    while not watching.is_silent(1.5):
+    while output(notes) != b"one 19" or not watching.is_silent(1.5):
         rounds.append(watching.round())
-    assert len(rounds) <= 2
+    assert len(rounds) <= 2 + pauses
     assert output(notes) == b"one 19"
 
 

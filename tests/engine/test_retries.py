@@ -116,12 +116,12 @@ def test_an_exception_crosses_the_border_with_its_bases(store: Store, pool: Loca
 
 def test_others_go_on_meanwhile_and_a_failure_ends_the_rest(store: Store) -> None:
     plan = graph(
-        call("shaky", rule=facts(retries=Retries(1, ("ConnectionError",), 30))), call("bad", "fail"), call("good"),
+        call("shaky", rule=facts(retries=Retries(1, ("ConnectionError",), 60))), call("bad", "fail"), call("good"),
         default=("shaky", "good", "bad"),
     )  # fmt: skip
     began = time.monotonic()
     result, _ = run(plan, store, InlineExecutor(Flaky(ConnectionResetError("x"), 9)))
-    assert time.monotonic() - began < 5
+    assert time.monotonic() - began < 25  # the rest would be half a minute at least
     assert [result.nodes[name].status for name in ("shaky", "good", "bad")] == ["cancelled", "ran", "failed"]
 
 
@@ -141,7 +141,7 @@ def test_names_are_those_that_a_rule_would_write() -> None:
 
 def test_another_build_may_make_what_rests(store: Store) -> None:
     """The lock of the key is free during the rest: a result that comes from elsewhere meanwhile is taken."""
-    plan = shaky(Retries(1, ("ConnectionError",), 2.0))
+    plan = shaky(Retries(1, ("ConnectionError",), 4.0))
     elsewhere: list[RunResult] = []
 
     def other() -> None:
@@ -149,7 +149,7 @@ def test_another_build_may_make_what_rests(store: Store) -> None:
 
     def listen(event: Event) -> None:
         if isinstance(event, NodeRetried):
-            threading.Timer(0.05, other).start()
+            threading.Thread(target=other).start()
 
     executor = InlineExecutor(Flaky(ConnectionResetError("x"), 9))
     result = build(plan, plan.targets["default"], store=store, executor=executor, listen=listen)

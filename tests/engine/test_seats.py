@@ -177,7 +177,7 @@ def process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Process
 
 def heard(process: Process, count: int) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 60
     while len(found) < count and time.monotonic() < deadline:
         lines, _ = process.hear()
         found += lines
@@ -190,9 +190,10 @@ def test_what_was_not_begun_is_taken_back_and_what_was_is_not(process: Process, 
     assert len(heard(process, 1)) == 1
     process.advance()
     for ticket in (1, 2, 3):
-        process.give(task(ticket, "sleep", 0.5))
+        process.give(task(ticket, "await", str(tmp_path / "go")))
     wait_for(tmp_path / "trace", "t1")
     assert [one.ticket for one in process.take_back()] == [2, 3]
+    (tmp_path / "go").touch()
     process.give(task(4, "fail", 4))
     said = heard(process, 2)
     assert [one.get("error", {}).get("facts") for one in said] == [None, {"value": "4"}]

@@ -54,9 +54,10 @@ def test_bytes_and_time_are_differences() -> None:
     meter = Meter()
     meter.begin()
     used = meter.end()
-    assert used["cpu_seconds"] < 0.05
-    assert used["read_bytes"] < 4096
-    assert used["written_bytes"] < 4096
+    # Far less than this process used so far; a collector of garbage, or a thread of the test runner, may use some.
+    assert used["cpu_seconds"] < time.process_time() / 2
+    assert used["read_bytes"] < MIB
+    assert used["written_bytes"] < MIB
 
 
 def test_the_tree_is_seen_from_outside() -> None:

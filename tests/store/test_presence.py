@@ -75,13 +75,14 @@ def test_what_others_add_is_looked_at_once(made: tuple[Store, Path], monkeypatch
 def test_a_folder_that_just_moved_is_not_trusted(tmp_path: Path) -> None:
     store = Store(tmp_path / "cache")
     store.actions.presence = found = Presence(str(store.root))
-    key = publish(store, 0)
+    blob = store.blobs.path(publish(store, 0))
+    soon = (time.time_ns() + 60_000_000_001,) * 2  # it moved no earlier than the look, however slowly the test goes on
+    os.utime(blob.parent, ns=soon)
     file = tmp_path / "snapshot"
     assert snapshot.save(file, REQUEST, Watch(), [], (str(store.root), found))
-    state = store.blobs.path(key).parent.stat()
-    store.blobs.path(key).unlink()
+    blob.unlink()
     # As if it had been deleted within the same tick of the clock.
-    os.utime(store.blobs.path(key).parent, ns=(state.st_atime_ns, state.st_mtime_ns))
+    os.utime(blob.parent, ns=soon)
     assert not is_fresh(file)
 
 

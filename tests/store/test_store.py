@@ -93,7 +93,7 @@ def test_waiting_ends_when_the_lock_is_given_back(store: Store) -> None:
         thread.start()
         time.sleep(0.05)
         order.append("first")
-    thread.join(5.0)
+    thread.join()
     assert order == ["first", "second"]
 
 

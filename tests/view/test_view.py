@@ -158,6 +158,6 @@ def test_the_real_server_answers_and_exports(
     table, lens = factories.support(), factories.camera()
     assets: dict[str, Asset] = {"box": factories.box_asset(), "lap": factories.laptop_asset(factories.pose(0.2))}
     scene.show_scene(running, assets, factories.background(), table, lens)
-    with urllib.request.urlopen(url, timeout=10) as page:
+    with urllib.request.urlopen(url, timeout=60) as page:
         assert b"<html" in page.read().lower()
     assert server.static_export(running, tmp_path / "out").stat().st_size > empty + 1000

@@ -12,7 +12,7 @@ _NARROW = 40  # columns below which a foot that moves has no room for a name, a 
 
 
 class Console(Protocol):
-    """A listener that may hold the terminal until it is closed; used as a context manager."""
+    """A listener that may hold the terminal until it is closed; used as a context manager, which closes it."""
 
     def __call__(self, event: Event) -> None:
         """Show one event."""
@@ -22,11 +22,13 @@ class Console(Protocol):
 
     def __enter__(self) -> Self:
         """Itself."""
+        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close."""
+        self.close()
 
 
 def console(kind: str, stream: TextIO, *, verbose: bool = False) -> Console:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import threading
-from types import TracebackType
-from typing import Self, TextIO
+from typing import TextIO
 
+from dextera_build.cli.consoles import Console
 from dextera_build.engine.events import Event
 
 
-class JsonlConsole:
+class JsonlConsole(Console):
     """Writes `Event.to_line()`."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -24,12 +24,3 @@ class JsonlConsole:
 
     def close(self) -> None:
         """Nothing is held back."""
-
-    def __enter__(self) -> Self:
-        """Itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Nothing to do."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self, TextIO
+from typing import TextIO
 
 from rich.ansi import AnsiDecoder
 from rich.console import Console as Terminal
@@ -14,7 +13,7 @@ from rich.live import Live
 from rich.style import Style
 from rich.text import Text
 
-from dextera_build.cli.consoles import lines
+from dextera_build.cli.consoles import Console, lines
 from dextera_build.cli.consoles.foot import Running, clock, counted, foot
 from dextera_build.cli.consoles.lines import Columns, Line
 from dextera_build.cli.consoles.record import Record
@@ -52,7 +51,7 @@ _RICH: dict[str, Style] = {
 }
 
 
-class LiveConsole:
+class LiveConsole(Console):
     """Draws from a thread of its own, so that a busy engine does not stop the clocks."""
 
     def __init__(
@@ -110,16 +109,6 @@ class LiveConsole:
                 self._fold()
             self._print()
         self._live.stop()
-
-    def __enter__(self) -> Self:
-        """Itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
-        self.close()
 
     def _take(self, event: Event) -> None:
         if isinstance(event, NodeStarted):

@@ -5,10 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self, TextIO
+from typing import TextIO
 
-from dextera_build.cli.consoles import lines
+from dextera_build.cli.consoles import Console, lines
 from dextera_build.cli.consoles.foot import Running, beat
 from dextera_build.cli.consoles.lines import STYLES, Columns, Line
 from dextera_build.cli.consoles.record import Record
@@ -32,7 +31,7 @@ _ASCII = str.maketrans({"↓": "v", "✗": "x", "·": ".", "…": "...", "–": 
 _BEAT_S = 30.0  # a log that says nothing for longer looks hung
 
 
-class PlainConsole:
+class PlainConsole(Console):
     """Prints whole lines, each in one write.
 
     Lines are held back until something runs: where everything is cached, one line says so.
@@ -97,16 +96,6 @@ class PlainConsole:
                 if now - self._beaten.get(name, node.started.time) >= self._beat_s:
                     self._beaten[name] = now
                     self._write(self._text(beat(node, self._record, len(self._running), now)))
-
-    def __enter__(self) -> Self:
-        """Itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
-        self.close()
 
     def _follow(self, event: Event) -> None:
         if isinstance(event, NodeStarted):

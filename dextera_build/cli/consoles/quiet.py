@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from types import TracebackType
-from typing import Self, TextIO
+from typing import TextIO
 
+from dextera_build.cli.consoles import Console
 from dextera_build.cli.consoles.record import Record
 from dextera_build.cli.errors import wants_colour
 from dextera_build.engine.events import Event, RunFinished
 
 
-class QuietConsole:
+class QuietConsole(Console):
     """Says nothing of a build that succeeds."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -27,12 +27,3 @@ class QuietConsole:
 
     def close(self) -> None:
         """Nothing is held back."""
-
-    def __enter__(self) -> Self:
-        """Itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Nothing to do."""

@@ -25,6 +25,7 @@ _SLOWEST = 16 << 10  # bytes a second; what is slower counts as standing still
 _UNDER_WAY = 4 << 20  # bytes that parallel transfers may hold before the first piece of any is handed on
 _PATIENCE = 3  # an answer may take so many times the time-out, however it drips
 _EACH_S = 0.05  # more for each blob of a long list
+_OPENING_S = 30.0  # more before the first answer: a busy machine is slow to load what speaks to a remote
 
 
 @dataclass(frozen=True)
@@ -163,9 +164,12 @@ class Guarded:
     def _watched(self, work: Callable[[Remote, int], T], patience_s: float) -> T:
         number = next(self._numbers)
         with self._guard:
-            self._under_way[number] = time.monotonic() + patience_s
+            self._under_way[number] = time.monotonic() + patience_s + _OPENING_S
         try:
-            return work(self._connected(), number)
+            remote = self._connected()
+            with self._guard:
+                self._under_way[number] = time.monotonic() + patience_s
+            return work(remote, number)
         except (RemoteFault, StoreError, KeyboardInterrupt, SystemExit, GeneratorExit):
             raise
         # A library that raises what it does not declare must not end a build; one in Rust panics beside `Exception`.

@@ -24,6 +24,7 @@ from dextera_build.errors import MachineError, UsageError
 from dextera_build.store.bundle import layout, oci, provenance, receive, registry, registry_login, signing, trust
 from dextera_build.store.bundle.refusal import BundleRefused
 from tests.store.bundle.conftest import bundle, large
+from tests.store.remotes.servers import deaf_port, free_port
 
 REPO = Path(__file__).parents[3]
 HASH = "$2b$05$CCCCCCCCCCCCCCCCCCCCC.E5YPO9kmyuRGyh0XouQYb4YMJKvyOeW"  # "U*U", from bcrypt's own test vectors
@@ -38,13 +39,6 @@ pytestmark = [
     pytest.mark.skipif(shutil.which("docker-registry") is None, reason="no docker-registry here"),
 ]
 Serve = Callable[..., str]
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 @pytest.fixture
@@ -165,8 +159,8 @@ def test_what_is_not_there_is_said(serve, store, plan):
         with pytest.raises(MachineError, match="has no `nothing`") as error:
             at(text).manifests()
         assert error.value.code == "DXB-E341"
-    with pytest.raises(MachineError, match="cannot be reached") as error:
-        at(f"oci://localhost:{free_port()}/tiny:v1").manifests()
+    with deaf_port() as port, pytest.raises(MachineError, match="cannot be reached") as error:
+        at(f"oci://localhost:{port}/tiny:v1").manifests()
     assert error.value.code == "DXB-E342"
 
 

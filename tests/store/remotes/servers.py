@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import shutil
 import socket
 import subprocess
@@ -10,7 +11,7 @@ import threading
 import time
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -24,9 +25,20 @@ MOTO = Path(os.environ.get("DXB_SERVERS", REPO / ".venv" / "servers")) / "bin" /
 
 
 def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """A port for a server that begins later: none of those that the system gives to others meanwhile."""
+    first = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
+    while True:
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", random.SystemRandom().randrange(10_000, first)))
+            return int(probe.getsockname()[1])
+
+
+@contextmanager
+def deaf_port() -> Iterator[int]:
+    """A port that is taken and refuses every connection."""
+    with socket.socket() as held:
+        held.bind(("127.0.0.1", 0))
+        yield int(held.getsockname()[1])
 
 
 @contextmanager
@@ -49,8 +61,8 @@ def nginx(folder: Path, more: str = "") -> Iterator[str]:
     text = text.replace("dav_methods PUT;", f"dav_methods PUT; {more}")
     (folder / "data" / ".tmp" / "put").mkdir(parents=True)
     config = folder / "nginx.conf"
-    # Workers of a master that root started run as nobody, who cannot look into a test's folder.
-    config.write_text(("user root;\n" if os.geteuid() == 0 else "") + text)
+    # Workers of a master that root started run as the user of the file, who cannot look into a test's folder.
+    config.write_text(text.replace("user www-data;", "user root;") if os.geteuid() == 0 else text)
     words = [program, "-p", str(folder), "-c", str(config), "-e", str(folder / "error.log"), "-g", "daemon off;"]
     with _running(words, f"http://127.0.0.1:{port}", folder):
         yield f"http://127.0.0.1:{port}"

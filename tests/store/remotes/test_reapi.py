@@ -142,11 +142,11 @@ def test_whoever_takes_may_stop_and_may_be_slow(remote: Reapi, store: Store) -> 
 
     remote.fetch([digest_of(data)], take_one)
     assert got == [api.PIECE]
-    with connected(int(remote.address.rpartition(":")[2]), timeout_s=0.3) as hasty:
+    with connected(int(remote.address.rpartition(":")[2]), timeout_s=1.5) as hasty:
 
         def take_slowly(digest: Digest, pieces: Iterator[bytes]) -> None:
             for piece in pieces:
-                time.sleep(0.2)
+                time.sleep(0.4)
                 got.append(len(piece))
 
         hasty.fetch([digest_of(data)], take_slowly)
