@@ -80,20 +80,21 @@ def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: s
     entry = session.history.get(node)
     when = f"run {entry.run} ({_ago(entry.time)})" if entry else ""
     if state is not None and state.status == "cached":
-        builder = when if entry and entry.key == state.key else "an earlier run or another recipe"
+        # The run in which it got this key: there it ran, was fetched, or was in the store already.
+        since = f"since {when}" if entry and entry.key == state.key else "built by an earlier run or another recipe"
         again = session.store.divergent.get(state.key or "")
         outputs = f"; run again it gave another output, {again.again[-1][:12]} for {again.first[:12]}" if again else ""
-        return f"up to date: key {(state.key or '')[:12]}, built by {builder}{outputs}", []
+        return f"up to date: key {(state.key or '')[:12]}, {since}{outputs}", []
     if state is not None and state.bare:
-        maker = f", built by {when}" if entry and entry.key == state.key else ""
+        maker = f", since {when}" if entry and entry.key == state.key else ""
         return f"its result is known: key {(state.key or '')[:12]}{maker}; {NO_BYTES}, a build brings or makes them", []
     causes = Causes(session, graph, states).of(node)
     if entry is None:
         return "never built", causes
     if state is None or not state.key_document:
-        return f"may be stale: that is judged when its inputs are known; it was built by {when}", causes
+        return f"may be stale: that is judged when its inputs are known; it was up to date in {when}", causes
     if state.key == entry.key:
-        return f"built by {when}, but the store no longer holds it", []
+        return f"up to date in {when}, but the store no longer holds it", []
     direct = sum(cause.depth == 0 for cause in causes)
     things = "1 thing it depends on" if direct == 1 else f"{direct} things it depends on"
     return f"stale: {things} changed since {when}", causes

@@ -132,6 +132,9 @@ def test_interrupted_run_is_stopped_and_not_failed() -> None:
         time=2, ok=False, seconds=2, counts={"cached": 2, "cancelled": 1}, saved_seconds=0, interrupted=True
     )
     assert lines.plain(lines.summary("twin/x", last)) == "stopped twin/x   3 nodes: 2 cached, 1 cancelled   2.0 s"
+    assert (
+        lines.plain(lines.summary("twin/x", RunFinished(3.0, False, 2.0, {}, 0.0))) == "failed twin/x   0 nodes   2.0 s"
+    )
 
 
 def test_a_run_that_stops_in_the_middle_still_shows_what_was_held_back() -> None:

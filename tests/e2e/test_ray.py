@@ -171,6 +171,19 @@ def raylets() -> Iterator[Raylets]:
                 cluster.end(name)
 
 
+def test_a_cluster_that_ran_here_once_is_not_waited_for(space: Space) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        gone = f"127.0.0.1:{free.getsockname()[1]}"
+    space.write("ray/ray_current_cluster", gone)
+    began = time.monotonic()
+    answer = space.dxb("build", "say/words", "--executor", "ray", env={"RAY_TMPDIR": str(space.root)})
+    assert answer.code == 4
+    assert "error[DXB-E351]: no Ray cluster answers at `" in answer.err
+    assert gone.rpartition(":")[2] in answer.err
+    assert time.monotonic() < began + 60
+
+
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Raylets]:
     with raylets() as found:

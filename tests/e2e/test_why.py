@@ -56,7 +56,16 @@ def built(space):
 def test_up_to_date(built):
     answer = built.dxb("why", "say/words:word[one].loud")
     assert answer.out.startswith("up to date: key ")
-    assert "built by run 0001" in answer.out
+    assert ", since run 0001 (" in answer.out
+
+
+def test_a_run_that_found_a_result_is_not_said_to_have_built_it(space):
+    space.write("recipes/say/again.yaml", (space.root / "recipes" / "say" / "words.yaml").read_text())
+    assert space.dxb("build", "say/words").code == 0
+    assert space.dxb("build", "say/again").code == 0
+    answer = space.dxb("why", "say/again:all")
+    assert "since run 0002 (" in answer.out
+    assert "built" not in answer.out
 
 
 def test_never_built(space):
@@ -133,7 +142,7 @@ def test_a_node_that_waits_shows_the_way_to_the_changed_function(built):
     built.edit("rules/toy/marks.py", 'b"!" * times', 'b"?" * times')
     answer = built.dxb("why", "say/words:all")
     head, *rows = answer.out.splitlines()
-    assert head.startswith("may be stale: that is judged when its inputs are known; it was built by run 0001 (")
+    assert head.startswith("may be stale: that is judged when its inputs are known; it was up to date in run 0001 (")
     assert rows == [
         "  waits for\tword[one].louder and 1 more copy\tjudged when its inputs are known\tinput `texts`",
         "    waits for\tword[one].loud\tstale\tinput `text`",

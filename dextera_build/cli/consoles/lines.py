@@ -147,7 +147,8 @@ def summary(recipe: str, event: RunFinished) -> Line:
     if event.interrupted:
         verb, style = "stopped", "waits"
     saved = f" ({duration(event.saved_seconds)} saved)" if event.saved_seconds >= 1 else ""
-    return [(verb, style), (f" {recipe}", "name"), (f"   {nodes}: {states(event.counts)}   {seconds}{saved}", "")]
+    became = f": {states(event.counts)}" if total else ""
+    return [(verb, style), (f" {recipe}", "name"), (f"   {nodes}{became}   {seconds}{saved}", "")]
 
 
 _GIVEN_UP = {

@@ -88,7 +88,7 @@ class RayCluster:
                 hint=f"--executor ray:{address}:6379",
             )
         ray = _imported()
-        known = address or os.environ.get("RAY_ADDRESS", "")
+        known = address or os.environ.get("RAY_ADDRESS") or _last()
         if ":" in known:
             _reach(known)
         # Ray puts its own in place of ours, which lets a build end in order.
@@ -170,6 +170,15 @@ def _imported() -> Any:
             hint="pip install 'dextera-build[ray]'",
         ) from None
     return ray
+
+
+def _last() -> str:
+    """The address of the cluster that was started here last, which may be gone; "" where Ray knows of none."""
+    with suppress(Exception):  # this is Ray's own; without it `ray.init` waits for minutes, and is right in the end
+        from ray._private.services import canonicalize_bootstrap_address
+
+        return canonicalize_bootstrap_address("auto") or ""
+    return ""
 
 
 def _reach(address: str) -> None:

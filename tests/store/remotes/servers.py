@@ -61,8 +61,8 @@ def nginx(folder: Path, more: str = "") -> Iterator[str]:
     text = text.replace("dav_methods PUT;", f"dav_methods PUT; {more}")
     (folder / "data" / ".tmp" / "put").mkdir(parents=True)
     config = folder / "nginx.conf"
-    # Workers of a master that root started run as nobody, who cannot look into a test's folder.
-    config.write_text(("user root;\n" if os.geteuid() == 0 else "") + text)
+    # Workers of a master that root started run as the user of the file, who cannot look into a test's folder.
+    config.write_text(text.replace("user www-data;", "user root;") if os.geteuid() == 0 else text)
     words = [program, "-p", str(folder), "-c", str(config), "-e", str(folder / "error.log"), "-g", "daemon off;"]
     with _running(words, f"http://127.0.0.1:{port}", folder):
         yield f"http://127.0.0.1:{port}"
