@@ -13,12 +13,12 @@ from dextera_build.cli import locking, options
 from dextera_build.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
+    from dextera_build.cli.fresh import Near
     from dextera_build.cli.session import Session
     from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.graph import Address
-    from dextera_build.engine.known import Known
     from dextera_build.engine.records import RunResult
-    from dextera_build.engine.snapshot import Head
+    from dextera_build.engine.snapshot import Head, Stale
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
 
@@ -89,11 +89,11 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
         "whole": args.whole,
         "lock": args.locking.state(recipe),
     }
-    known = None if args.force or project.asks_again else fresh.load(project, fingerprint)
-    if known is not None:
-        args.notes.add(recipe, fresh.place(project, fingerprint), known)
-        return _say_nothing_ran(project, recipe, known, started)
-    return _run(args, project, recipe, targets, fingerprint, started)
+    stale = None if args.force or project.asks_again else fresh.load(project, fingerprint)
+    if stale is not None and stale.is_fresh:
+        args.notes.add(recipe, fresh.place(project, fingerprint), stale.head)
+        return _say_nothing_ran(project, recipe, stale.head, started)
+    return _run(args, project, recipe, targets, fingerprint, started, stale=stale)
 
 
 def _say_nothing_ran(project: Project, recipe: str, head: Head, started: float) -> int:
@@ -120,8 +120,9 @@ def _run(
     fingerprint: dict[str, object],
     started: float,
     *,
-    whole: bool = False,
+    stale: Stale | None = None,
 ) -> int:
+    """Build a recipe; `stale` is what is remembered of the same request, None where all is to be looked at."""
     from dextera_build.cli import fresh, results
     from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.graph import Plan
@@ -131,17 +132,16 @@ def _run(
     session = Session(project, recipe, makes=not args.check)
     seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
     session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
-    whole = whole or args.force or args.check or args.locked or project.asks_again
-    quick = not (whole or project.console == "jsonl")
+    quick = not (args.check or args.locked or project.console == "jsonl")
     place = fresh.place(project, fingerprint)
-    near = fresh.near(project, fingerprint, session.store) if quick else None
+    near = fresh.near(project, fingerprint, stale, session.store) if stale and quick else None
     if near is not None and near.idle:
         head = near.stale.head
         if not near.placed:
             nodes, *lines = head["lines"]
             written = results.restore(session, near.known, [line.partition("\t")[0] for line in lines])
             if written is None:
-                return _run(args, project, recipe, targets, fingerprint, started, whole=True)
+                return _run(args, project, recipe, targets, fingerprint, started)
             head["lines"] = [nodes, *written]
         args.notes.add(recipe, place, fresh.renew(project, fingerprint, seen, near, head["lines"][1:]))
         return _say_nothing_ran(project, recipe, head, started)
@@ -154,13 +154,13 @@ def _run(
     wanted = [address for target in targets for address in addresses(plan.graph, target)]
     args.locking.refuse(session, plan, wanted)
     if args.check:
-        from dextera_build.cli import stale
+        from dextera_build.cli.stale import check
 
-        return stale.check(session, plan.graph, wanted)
+        return check(session, plan.graph, wanted)
     _refuse_unknown_force(args.force, plan)
-    made = _make(args, session, plan, wanted, near.known if near else None)
+    made = _make(args, session, plan, wanted, near)
     if made is None:
-        return _run(args, project, recipe, targets, fingerprint, started, whole=True)
+        return _run(args, project, recipe, targets, fingerprint, started)
     result, lines = made
     print(fresh.told(lines), end="")
     if result.ok:
@@ -196,7 +196,7 @@ def _nursery(args: argparse.Namespace, project: Project, *, soon: bool) -> Nurse
 
 
 def _make(
-    args: argparse.Namespace, session: Session, plan: Plan, wanted: list[Address], known: Known | None
+    args: argparse.Namespace, session: Session, plan: Plan, wanted: list[Address], near: Near | None
 ) -> tuple[RunResult, list[str]] | None:
     """Build, and place what was asked for; None where what was known is not there, and all must be looked at."""
     from dextera_build.cli import execution, results
@@ -204,17 +204,17 @@ def _make(
 
     # Until its results are placed nobody may collect them.
     with session.store.running.announced():
-        result = execution.execute(session, plan, wanted, args, known)
+        result = execution.execute(session, plan, wanted, args, near.known if near else None)
         if result.ok:
             args.locking.refuse(session, plan, wanted)
         try:
-            return result, results.place(session, result)
+            return result, results.place(session, result, near.stale.head if near else None)
         except StoreError as error:
             if error.code != MissingBlob.CODE:
                 if any(failed.code == error.code for failed in result.own.errors().values()):
                     return result, []  # a node failed of the same, and that was said
                 raise
-            if known is not None:
+            if near is not None:
                 return None
             # A blob was damaged on disk. All such are set aside, so building again makes them anew.
             for node in result.targets:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -54,12 +54,12 @@ class Near:
         return snapshot.is_placed(self.stale.head)
 
 
-def load(project: Project, fingerprint: Mapping[str, object]) -> Head | None:
-    """What is remembered of the same request, if nothing that it saw has changed since.
+def load(project: Project, fingerprint: Mapping[str, object]) -> Stale | None:
+    """What is remembered of the same request, if nothing that it saw has changed since but files.
 
-    Its `lines` are the number of nodes and what it printed.
+    The `lines` of its head are the number of nodes and what it printed.
     """
-    return snapshot.load_if_fresh(place(project, fingerprint), dict(fingerprint))
+    return snapshot.load_if_near(place(project, fingerprint), dict(fingerprint))
 
 
 def save(
@@ -115,12 +115,10 @@ def note_packages(watch: Watch) -> None:
         watch.modules(entry or os.getcwd())
 
 
-def near(project: Project, fingerprint: Mapping[str, object], store: Store) -> Near | None:
+def near(project: Project, fingerprint: Mapping[str, object], stale: Stale, store: Store) -> Near | None:
     """What the last build of a request knew, if nothing changed since but files that nodes read, and comments."""
-    path = place(project, fingerprint)
-    stale = snapshot.load_if_near(path, dict(fingerprint))
     try:
-        return _known(project, path, stale, store) if stale else None
+        return _known(project, place(project, fingerprint), stale, store)
     except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError):
         return None  # it was damaged, or another version wrote it
     except DxbError:
@@ -153,7 +151,7 @@ def _known(project: Project, path: Path, stale: Stale, store: Store) -> Near | N
 def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near: Near, lines: list[str]) -> Head | None:
     """Remember a build that went on from another; None where that cannot be."""
     path = place(project, fingerprint)
-    seen.watch.blobs(_placed(lines))
+    seen.watch.blobs(path for path in _placed(lines) if path not in seen.watch.present)
     with suppress(StoreError, OSError, ValueError):
         near.known.write_state(path)
         near.stale.head["request"] = dict(fingerprint)
@@ -161,9 +159,12 @@ def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near:
     return None
 
 
-def told(lines: Iterable[str]) -> str:
+def told(lines: Sequence[str]) -> str:
     """What a build prints of what it placed: paths below the current folder are relative to it."""
     here = f"{os.getcwd()}/"
+    text = "".join([f"{line}\n" for line in lines])
+    if text.count("\t") == len(lines):  # no path has one
+        return text.replace(f"\t{here}", "\t")
     said = (line.partition("\t") for line in lines)
     return "".join(f"{node}\t{path.removeprefix(here)}\n" for node, _, path in said)
 

@@ -116,7 +116,7 @@ def _add(note: dict[str, Rows], recipe: str, path: Path, head: dict[str, Any]) -
 
 
 def _put(note: dict[str, Rows], watched: Mapping[str, Sequence[int] | None]) -> None:
-    note["files"] += [[path, " ".join(map(str, known))] for path, known in watched.items() if known]
+    note["files"] += [[path, "{} {} {} {}".format(*known)] for path, known in watched.items() if known]
     note["absent"] += [[path] for path, known in watched.items() if not known]
 
 

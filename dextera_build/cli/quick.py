@@ -55,11 +55,16 @@ def spell(note: dict[str, list[list[str]]]) -> bytes:
     Raises:
         ValueError: A text holds a character that separates texts.
     """
-    rows = [row for name in SECTIONS for row in note[name]]
-    if any(mark in text for row in rows for text in row for mark in _MARKS):
+    sections = [note[name] for name in SECTIONS]
+    text = _MARKS[0].join(_MARKS[1].join(map(_MARKS[2].join, rows)) for rows in sections)
+    between = (
+        len(sections) - 1,
+        sum(len(rows) - 1 for rows in sections if rows),
+        sum(len(row) - 1 for rows in sections for row in rows),
+    )
+    if tuple(map(text.count, _MARKS)) != between:
         raise ValueError("a text cannot be told from two")
-    parts = (_MARKS[1].join(map(_MARKS[2].join, note[name])) for name in SECTIONS)
-    return _MARKS[0].join(parts).encode(errors="surrogateescape")
+    return text.encode(errors="surrogateescape")
 
 
 def sealed(data: bytes) -> bytes:

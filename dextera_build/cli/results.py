@@ -11,26 +11,52 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.cli.session import Session
-from dextera_build.store import durable, failpoints, files, header, sharing
+from dextera_build.store import durable, failpoints, files, header, sharing, signature
 from dextera_build.store.cas import MissingBlob
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
     from dextera_build.engine.known import Known
+    from dextera_build.engine.snapshot import Head
 
 _STAMP = ".digest"
 _SMALL = 1 << 20
 """Files up to this size [bytes] are written at once; larger ones never lie whole in memory."""
 
 
-def place(session: Session, result: RunResult) -> list[str]:
+def place(session: Session, result: RunResult, before: Head | None = None) -> list[str]:
     """Write every target that was built and return one line each: its address, a tab, the whole path of its main file.
+
+    Args:
+        session: Whose store has the outputs.
+        result: What was built.
+        before: The snapshot that the build went on from.
 
     Raises:
         StoreError: The disk is full, or the folder cannot be written.
     """
-    outputs = {node: result.output(node) for node in result.targets}
-    return _place(session, outputs, result.rule, ran=lambda: "ran" in result.own.statuses())
+    stand = _standing(session, result, before) if before else {}
+    outputs = {node: None if node in stand else result.output(node) for node in result.targets}
+    written = _place(session, outputs, result.rule, ran=lambda: "ran" in result.own.statuses())
+    if not stand:
+        return written
+    stand |= {line.partition("\t")[0]: line for line in written}
+    return [stand[node] for node in result.targets if node in stand]
+
+
+def _standing(session: Session, result: RunResult, before: Head) -> dict[str, str]:
+    """The lines of targets that were known, and whose main files are as dxb wrote them; these are noted."""
+    own, present = result.own, before["present"]
+    stand = {}
+    for line in before["lines"][1:]:
+        node, _, main = line.partition("\t")
+        if node not in own:
+            seen = signature.look(main)
+            if seen is not None and [*seen] == present.get(main):
+                stand[node] = line
+                if session.store.leaves.watch is not None:
+                    session.store.leaves.watch.present[main] = seen
+    return stand
 
 
 def restore(session: Session, known: Known, nodes: Iterable[str]) -> list[str] | None:

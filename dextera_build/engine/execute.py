@@ -251,10 +251,10 @@ class _Run:
             self._tell(node, record_of(node, blockers.get(node.address, ())))
         records = Records(scheduler.wiring.nodes, blockers, self.history.usage, self.store)
         ok = whole and all(wish.state is State.DONE for wish in scheduler.wishes)
-        asked = [node.address for wish in scheduler.wishes for node in wish.nodes.values()]
+        asked = tuple(dict.fromkeys(scheduler.wiring.asked()))
         nodes = Kept(records, self.known, self.store) if self.known else records
         peaks = scheduler.policy.peak_gb
-        return RunResult(ok, nodes, tuple(dict.fromkeys(asked)), self.info.run, scheduler.wiring, self.errors, peaks)
+        return RunResult(ok, nodes, asked, self.info.run, scheduler.wiring, self.errors, peaks)
 
     def _finish(self, result: RunResult, seconds: float, interrupted: bool) -> None:
         if self.known is not None and result.ok:

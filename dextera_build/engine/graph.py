@@ -189,7 +189,9 @@ class Address:
 
     def __str__(self) -> str:
         """`body[mug].mesh`; groups without a label stand bare: `body.mesh`."""
-        labels = (*(self.labels or ()), *[None] * len(self.call))
+        if not self.labels:
+            return ".".join(self.call)
+        labels = (*self.labels, *[None] * len(self.call))
         return ".".join(
             f"{name}[{label}]" if label is not None else name for name, label in zip(self.call, labels, strict=False)
         )

@@ -12,6 +12,7 @@ import json
 from array import array
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -71,6 +72,13 @@ class Known:
     stubs: int = 0
     depth: int = 0
     """How many builds have gone on from the one that looked at everything."""
+
+    @cached_property
+    def in_question(self) -> frozenset[str]:
+        """Nodes that are to be looked at, or whose bytes may be absent."""
+        numbers = self.cone | self.bare
+        addresses = self.addresses() if numbers else []
+        return frozenset(addresses[number] for number in numbers)
 
     @property
     def kept(self) -> int:

@@ -112,7 +112,7 @@ class Scheduler:
         Raises:
             AssertionError: Nodes wait for one another in a circle.
         """
-        self.wishes = [self.wiring.wish(target) for target in targets]
+        self.wishes = self.wiring.ask(targets)
         while True:
             more = self._settle()
             self._measure()

@@ -33,25 +33,22 @@ Head: TypeAlias = dict[str, Any]
 
 @dataclass(frozen=True)
 class Stale:
-    """A snapshot of which only files changed that nodes read."""
+    """A snapshot of which files changed at most."""
 
     head: Head
     changed: tuple[str, ...]
     """Files and folders that are not what they were."""
 
+    @property
+    def is_fresh(self) -> bool:
+        """Whether nothing changed, so that its answer still holds."""
+        return not self.changed and is_placed(self.head)
+
 
 def load_if_fresh(path: Path, request: Mapping[str, object]) -> Head | None:
     """The snapshot at `path`, if it answers `request` and no file that it rests on has changed."""
-    try:
-        head = read_head(path)
-        if head["request"] != json.loads(json.dumps(request)) or not _is_fresh(head):
-            return None
-        _use(path)
-        if not is_present(path, head):
-            return None
-        return head
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
-        return None
+    found = load_if_near(path, request)
+    return found.head if found and found.is_fresh else None
 
 
 def save(
@@ -247,17 +244,3 @@ def _write(path: Path, head: Mapping[str, object]) -> None:
 def is_placed(head: Mapping[str, Mapping[str, object]]) -> bool:
     """Whether what dxb wrote outside the store is as it wrote it."""
     return all(list(signature.look(path) or ()) == known for path, known in head["present"].items())
-
-
-def _is_fresh(head: Mapping[str, Mapping[str, object]]) -> bool:
-    for path, known in head["files"].items():
-        seen = signature.look(path)
-        if (list(seen) if seen is not None else None) != known:
-            return False
-    for path, known in head["folders"].items():
-        if signature.names(path) != known:
-            return False
-    for path, known in head["paths"].items():
-        if signature.modules(path) != known:
-            return False
-    return is_placed(head)

@@ -70,11 +70,10 @@ def survey(graph: Graph, wanted: Sequence[Address], store: Store, *, whole: bool
         rule, reads = node.rule, tuple(dict.fromkeys(other.address for other in producers(node)))
         result, files = results[node.address], _files(node.call)
         held.append(Held(node.address, rule.path, rule.backend, node.key, result, reads, files))
-    asked = [node.address for wish in scheduler.wishes for node in wish.nodes.values()]
     complete = all(wish.state is State.DONE for wish in scheduler.wishes)
     if not complete and not stale:
         stale = [wish.address for wish in scheduler.wishes if wish.state is not State.DONE]
-    return Survey(tuple(dict.fromkeys(asked)), tuple(held), tuple(stale))
+    return Survey(tuple(dict.fromkeys(scheduler.wiring.asked())), tuple(held), tuple(stale))
 
 
 def as_build(found: Survey, recipe: str, profile: str, closure: Closure, shown: Callable[[Path], str]) -> Build:

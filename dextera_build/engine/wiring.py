@@ -51,13 +51,35 @@ class Wiring:
         """Why files and folders could not be looked at."""
         self.readers: list[Node] = []
         """Nodes that read files or folders directly; one that was connected again stands there again."""
+        self._asked: list[Gathering | str] = []
+        """What was asked for: a wish, or a node that is known."""
         self._digest_leaf = digest_leaf
 
-    def wish(self, target: Address) -> Gathering:
+    def ask(self, targets: Iterable[Address]) -> list[Gathering]:
+        """Ask for targets; returns what is to be done for those that are not known."""
+        self._asked = [self._standing(target) or self._wish(target) for target in targets]
+        return [wish for wish in self._asked if not isinstance(wish, str)]
+
+    def asked(self) -> Iterator[str]:
+        """The nodes that targets name, as far as groups are open."""
+        for wish in self._asked:
+            if isinstance(wish, str):
+                yield wish
+            else:
+                yield from (node.address for node in wish.nodes.values())
+
+    def _wish(self, target: Address) -> Gathering:
         """Ask for all copies of a call that `target` names."""
         unit = Gathering(address=str(target), path=target.call, labels=target.labels or (), collect=False)
         self.fresh.append(unit)
         return unit
+
+    def _standing(self, target: Address) -> str | None:
+        """The node that `target` names, where that is known and nothing has to be done for it."""
+        name = target.call[0]
+        if self.known is None or len(target.call) > 1 or name in self.known.in_question:
+            return None
+        return name
 
     def node(self, path: Path, labels: Labels) -> Node:
         """The copy of a call with these labels."""

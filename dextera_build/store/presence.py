@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import time
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
@@ -89,30 +89,33 @@ class Presence:
         parts: list[bytes] = []
         place = 0
         for shard in self._shards():
-            rows = self._noted(shard)
+            rows = b"".join(self._noted(shard))
             found = look(self._root, shard)
-            names = frozenset(_names(f"{self._root}/{shard}"))
-            if found is None or not all(row.hex()[2:64] in names for row in rows):
+            if found is None or not _named(self._root, shard, [rows]):
                 return None
-            shards[shard] = [*found, place, place + len(rows)]
-            place += len(rows)
-            parts.append(b"".join(rows))
+            end = place + len(rows) // _ROW
+            shards[shard] = [*found, place, end]
+            place = end
+            parts.append(rows)
         return shards, parts
 
     def extend(self, shards: Shards, rows: bytes | memoryview) -> tuple[Shards, bytes] | None:
-        """The folders of what `freeze` gave once and of what was noted since, and the rows to add, or None."""
+        """The folders of what `freeze` gave once and of what was noted since, and the rows to add, or None.
+
+        Since this build began with a look whether all of `rows` was whole, their names are enough, as in `freeze`.
+        Folders that moved though nothing was noted of them are among those, or the next build would look at every file.
+        """
         found = dict(shards)
         added = bytearray()
-        for shard in self._shards():
-            known, place = shards.get(shard, [])[2:], len(added) // _ROW
-            added += b"".join(self._noted(shard))
-            fresh = [place, len(added) // _ROW]
+        first = len(rows) // _ROW
+        for shard in sorted({*self._shards(), *moved(self._root, shards)}):
+            known, fresh = shards.get(shard, [])[2:], b"".join(self._noted(shard))
             seen = look(self._root, shard)
-            if seen is None or not (
-                whole(self._root, rows, shard, [0, 0, *known]) and whole(self._root, added, shard, [0, 0, *fresh])
-            ):
+            if seen is None or not _named(self._root, shard, [*_pieces(rows, known), fresh]):
                 return None
-            found[shard] = [*seen, *known, *(len(rows) // _ROW + place for place in fresh)]
+            place = first + len(added) // _ROW
+            added += fresh
+            found[shard] = [*seen, *known, *((place, first + len(added) // _ROW) if fresh else ())]
         return found, bytes(added)
 
 
@@ -153,6 +156,22 @@ def whole(root: str, rows: bytes | bytearray | memoryview, shard: str, row: list
     except OSError:
         return False
     return True
+
+
+def _named(root: str, shard: str, pieces: Iterable[bytes | memoryview]) -> bool:
+    """Whether every file that is relied on in a folder has its name in it."""
+    names = frozenset(_names(f"{root}/{shard}"))
+    for piece in pieces:
+        text = piece.hex()
+        if not names.issuperset([text[place : place + 62] for place in range(2, len(text), 2 * _ROW)]):
+            return False
+    return True
+
+
+def _pieces(rows: bytes | memoryview, places: Sequence[int]) -> Iterator[bytes | memoryview]:
+    """The rows from each first to each end in `places`."""
+    for first, end in zip(places[::2], places[1::2], strict=True):
+        yield rows[first * _ROW : end * _ROW]
 
 
 def digests(rows: memoryview, shards: Shards) -> Iterator[str]:

@@ -189,6 +189,17 @@ def test_a_failure_can_be_mended(built: Space) -> None:
     assert output(built, "c") == "one.txttwo.txt"
 
 
+def test_a_target_above_no_change_is_written_again_where_its_file_is_gone(built: Space) -> None:
+    (built.root / "cache" / "out" / "two" / "d" / "d").unlink()
+    built.write("two.txt", "TWO.TXT")
+    time.sleep(0.05)
+    answer, ended, kept = build(built)
+    assert (ended, kept) == ({"a": "cached", "b": "ran", "c": "ran", "d": "cached"}, True)
+    assert [line.partition("\t")[0] for line in answer.out.splitlines()] == ["c", "d"]
+    assert output(built, "d") == "x"
+    assert output(built, "c") == "one.txtTWO.TXT"
+
+
 def test_what_another_request_placed_is_placed_anew(built: Space) -> None:
     built.write("other.txt", "TWO.TXT")
     time.sleep(0.05)
