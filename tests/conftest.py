@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import os
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 # MuJoCo reads it once, when it is imported; a test may do that before `dextera_build.sim` does.
 os.environ.setdefault("MUJOCO_GL", "egl")
 
 # How fast the machine is, and what else it has to do, says nothing of the code.
-settings.register_profile("dxb", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("dxb")
+settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("same", settings.get_profile("search"), derandomize=True)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """What CI runs says the same of the same code; every other run searches for cases that nobody tried."""
+    settings.load_profile("same" if config.getoption("markexpr") == "not slow" else "search")

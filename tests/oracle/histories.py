@@ -158,7 +158,10 @@ class Histories(RuleBasedStateMachine):
             return False
 
         result, record = self.go(targets, Shuffled(jobs, chance.random(), disturb), keep_going=True)
-        self.check(found, result, record, found.ran)
+        if self.is_damaged:
+            self.learn(found)  # files whose bytes were lost are read again, some of them after the edit
+        else:
+            self.check(found, result, record, found.ran)
         codes = {node.error.code for name, node in result.nodes.items() if node.error and name not in found.failed}
         assert codes <= {"DXB-B304"}
 
