@@ -82,9 +82,10 @@ def _in_run(project: Project, run: str, node: str) -> Side:
 
 
 def _by_digest(store: Store, text: str) -> Side:
-    folder = store.blobs.root / text[:2]
-    names = [entry.name for entry in folder.iterdir()] if folder.is_dir() else []
-    found = [text[:2] + name for name in names if name.startswith(text[2:])]
+    # Most key documents lie in the entries of their keys.
+    folders = [root / text[:2] for root in (store.blobs.root, store.actions.root)]
+    names = {entry.name for folder in folders if folder.is_dir() for entry in folder.iterdir()}
+    found = sorted(text[:2] + name for name in names if name.startswith(text[2:]))
     if len(found) != 1:
         raise UsageError(
             f"the store has {f'{len(found)} blobs' if found else 'nothing'} whose digest begins with `{text}`",

@@ -173,7 +173,7 @@ def test_what_was_never_built_says_how(space):
 
 def test_what_the_store_lacks_says_what_to_do(seen):
     keys = {name: node["key"] for name, node in by_name(lineage(seen, "say/seen:said")).items() if "key" in node}
-    (seen.root / "cache" / "cas" / keys["words"][:2] / keys["words"][2:]).unlink()
+    (seen.root / "cache" / "ac" / keys["words"][:2] / keys["words"][2:]).unlink()
     lines = seen.dxb("show", "--lineage", "say/seen:said").out
     again = "`dxb build 'say/seen:words'` makes it again"
     assert f"missing\tits key document is not in the store; {again}" in lines
