@@ -151,7 +151,7 @@ def _known(project: Project, path: Path, stale: Stale, store: Store) -> Near | N
 def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near: Near, lines: list[str]) -> Head | None:
     """Remember a build that went on from another; None where that cannot be."""
     path = place(project, fingerprint)
-    seen.watch.blobs(path for path in _placed(lines) if path not in seen.watch.present)
+    seen.watch.blobs(file for file in _placed(lines) if file not in seen.watch.present)
     with suppress(StoreError, OSError, ValueError):
         near.known.write_state(path)
         near.stale.head["request"] = dict(fingerprint)

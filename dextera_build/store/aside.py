@@ -23,13 +23,10 @@ class Aside(Blobs):
         self._held: dict[str, bytes] = {}
         self._sizes: dict[str, int] = {}
 
-    def has(self, digest: str) -> bool:
-        """Whether there is such a blob, or its digest was found here."""
-        return digest in self._sizes or super().has(digest)
-
     def size(self, digest: str) -> int | None:
         """Size of the blob [bytes], or None where there is none."""
-        return self._sizes.get(digest, super().size(digest))
+        known = self._sizes.get(digest)
+        return known if known is not None else super().size(digest)
 
     def holds(self, digest: str, size: int, check: Callable[[], bool] | None = None) -> bool:
         """Whether the blob is there with this size; see `Blobs.holds`."""
