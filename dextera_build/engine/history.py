@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import field, replace
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
@@ -22,6 +22,11 @@ from dextera_build.store.store import Store
 _FORM = 1
 _NUMBERS = {int, float}
 _CHUNK = 1 << 16
+_MOST_HELD = 10_000
+"""Rows in memory: 2 MB."""
+_LENGTH = 20
+"""Bits of the length of a row."""
+_LONGEST = (1 << _LENGTH) - 1
 _OPEN, _CLOSE = b'"nodes": {\n', b"}}"
 """Between them stands a row a line."""
 _WRITING = re.compile(rb'{"writing": "([0-9a-f]+)"')
@@ -157,16 +162,22 @@ class History:
 
 
 class _Packed(MutableMapping[str, Entry]):
-    """Entries by address in 150 bytes each; as objects they take 600."""
+    """Entries by address: those of late in 150 bytes each, where as objects they take 600; the others lie in a file."""
 
     def __init__(self) -> None:
-        self._rows: dict[str, bytes] = {}
+        self._rows: dict[str, bytes | int] = {}
+        """Address -> row, or where it lies among those laid aside: place, then length in the lowest bits."""
+        self._loose: list[str] = []
+        """Addresses of rows that were not laid aside."""
+        self._aside: BinaryIO | None = None
         self._words: list[Any] = []
         """Runs, and names of what was used, which many entries share."""
         self._places: dict[object, int] = {}
 
     def __getitem__(self, address: str) -> Entry:
-        key, document, run, seconds, time, names, *values = marshal.loads(self._rows[address])
+        kept = self._rows[address]
+        row = os.pread(self._file().fileno(), kept & _LONGEST, kept >> _LENGTH) if isinstance(kept, int) else kept
+        key, document, run, seconds, time, names, *values = marshal.loads(row)
         key, words = _long(key), self._words
         usage = dict(zip(words[names], values, strict=True))
         return Entry(key, key if document is None else _long(document), words[run], seconds, time, usage)
@@ -176,6 +187,29 @@ class _Packed(MutableMapping[str, Entry]):
         run, names = self._place(entry.run), self._place(tuple(entry.usage))
         row = (_short(entry.key), document, run, entry.seconds, entry.time, names, *entry.usage.values())
         self._rows[address] = marshal.dumps(row)
+        self._loose.append(address)
+        if len(self._loose) > _MOST_HELD:
+            self._lay_aside()
+
+    def _lay_aside(self) -> None:
+        """Let rows lie in a file without a name: those of a hundred thousand nodes take 14 MB."""
+        rows = {address: row for address in self._loose if isinstance(row := self._rows.get(address), bytes)}
+        self._loose = []
+        with suppress(OSError):  # where there is no room for it they stay in memory
+            file = self._file()
+            place = file.seek(0, os.SEEK_END)
+            files.write_all(file.fileno(), b"".join(rows.values()))
+            for address, row in rows.items():
+                if len(row) <= _LONGEST:
+                    self._rows[address] = place << _LENGTH | len(row)
+                place += len(row)
+
+    def _file(self) -> BinaryIO:
+        if self._aside is None:
+            from tempfile import TemporaryFile
+
+            self._aside = TemporaryFile(buffering=0)  # noqa: SIM115 - as long as the build
+        return self._aside
 
     def entry(self, address: str) -> Entry | None:
         """The entry of an address; quicker than `get` where there is none."""

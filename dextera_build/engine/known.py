@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from array import array
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
 from pathlib import Path
@@ -152,11 +152,11 @@ class Known:
         self.leaves |= {str(path.absolute()): digest for path, digest in wiring.leaves.items()}
         for node in wiring.nodes.values():
             number = self.names.find(node.address)
-            if number is not None and node.key_bytes and node.output_bytes and not is_stub(node):
+            if number is not None and node.key and node.output and not is_stub(node):
                 self.reread.learn(number, node.reads)
                 (self.bare.add if node.bare else self.bare.discard)(number)
-                self.keys[number * 32 : number * 32 + 32] = node.key_bytes
-                self.outputs[number * 32 : number * 32 + 32] = node.output_bytes
+                self.keys[number * 32 : number * 32 + 32] = node.facts[:32]
+                self.outputs[number * 32 : number * 32 + 32] = node.facts[32:64]
                 self.seconds[number] = node.made_s
                 self.peaks[number] = node.usage.get("memory_bytes", 0.0) / 2**30 or self.peaks[number]
         for unit in wiring.gatherings():
@@ -169,7 +169,7 @@ class Known:
         Raises:
             StoreError: The store cannot take it.
         """
-        head = {
+        state = {
             "items": self.items,
             "collections": self.collections,
             "leaves": self.leaves,
@@ -178,18 +178,15 @@ class Known:
             "depth": self.depth,
             "bare": sorted(self.bare),
         }
-        frames.write(
-            f"{path}.known", head, [bytes(self.keys), bytes(self.outputs), self.seconds.tobytes(), self.peaks.tobytes()]
-        )
+        _write_state(path, state, [self.keys, self.outputs, self.seconds, self.peaks])
 
     def _settle_node(self, unit: Node) -> bool:
         number = self.names.find(unit.address)
         if number is None or number in self.cone:
             return False
         place = slice(number * 32, number * 32 + 32)
-        unit.key_bytes, unit.output_bytes = bytes(self.keys[place]), bytes(self.outputs[place])
+        unit.know(self.keys[place], self.outputs[place], self.seconds[number])
         unit.status, unit.state, unit.bare = _KEPT, State.DONE, number in self.bare
-        unit.made_s = self.seconds[number]
         self.stubs += 1
         return True
 
@@ -212,8 +209,35 @@ def write(
     """
     nodes = list(wiring.nodes.values())
     others: list[Unit] = [*wiring.openings.values(), *wiring.gatherings()]
+    if any(unit.state is not State.DONE for unit in [*nodes, *others]):
+        return False
+    # One file after the other: what the first is made of is gone when the second is made.
+    if not _write_plan(path, graph, nodes, others, {id(node) for node in wiring.readers}):
+        return False
+    keys, outputs = bytearray(), bytearray()
+    for node in nodes:
+        keys += node.facts[:32]
+        outputs += node.facts[32:64]
+    state = {
+        "items": {unit.address: unit.items for unit in wiring.openings.values()},
+        "collections": {_name(unit): unit.output or "" for unit in wiring.gatherings()},
+        "leaves": {str(path.absolute()): digest for path, digest in wiring.leaves.items()},
+        "reads": Reread.of(nodes).plain(),
+        "run": run,
+        "depth": 0,
+        "bare": [number for number, node in enumerate(nodes) if node.bare],
+    }
+    seconds = array("d", (node.made_s for node in nodes))
+    peaks = array("d", (peak_gb(node.address) or 0.0 for node in nodes))
+    _write_state(path, state, [keys, outputs, seconds, peaks])
+    return True
+
+
+def _write_plan(
+    path: Path, graph: Graph, nodes: Sequence[Node], others: Sequence[Unit], readers: Container[int]
+) -> bool:
     names = Names.of(node.address for node in nodes)
-    if not names.are_distinct or any(unit.state is not State.DONE for unit in [*nodes, *others]):
+    if not names.are_distinct:
         return False
     starts, read_by = _readers([*nodes, *others])
     members = compact.members_of(graph)
@@ -224,34 +248,18 @@ def write(
         "calls": sum(not node.labels for node in nodes) + len({node.path for node in nodes if node.labels}),
         "groups": len({node.path[:depth] for node in nodes for depth in range(1, len(node.path))}),
         "others": [["opening", u.address] if isinstance(u, Opening) else ["gathering", _name(u)] for u in others],
-        "leaves": _leaves(nodes, {id(node) for node in wiring.readers}),
+        "leaves": _leaves(nodes, readers),
     }
     found, texts = members.names, members.texts
-    parts = [names.hashes, names.numbers, starts, read_by, found.hashes, found.numbers, texts.ends]
-    lines = "\n".join(node.address for node in nodes)
-    framed = [*(part.tobytes() for part in parts), lines.encode()]
+    columns: list[array[int]] = [names.hashes, names.numbers, starts, read_by, found.hashes, found.numbers, texts.ends]
+    lines = "\n".join(node.address for node in nodes).encode()
+    framed: list[frames.Part] = [*map(frames.part, columns), lines]
     frames.write(f"{path}.plan", head, [*framed, texts.heap], len(framed))
-    known = Known(
-        head=head,
-        graph=graph,
-        rules=[],
-        names=names,
-        readers=starts,
-        read_by=read_by,
-        keys=bytearray(b"".join(node.key_bytes or b"" for node in nodes)),
-        outputs=bytearray(b"".join(node.output_bytes or b"" for node in nodes)),
-        seconds=array("d", (node.made_s for node in nodes)),
-        peaks=array("d", (peak_gb(node.address) or 0.0 for node in nodes)),
-        items={unit.address: unit.items for unit in wiring.openings.values()},
-        collections={_name(unit): unit.output or "" for unit in wiring.gatherings()},
-        leaves={str(path.absolute()): digest for path, digest in wiring.leaves.items()},
-        text=lambda: lines,
-        reread=Reread.of(nodes),
-        run=run,
-        bare={number for number, node in enumerate(nodes) if node.bare},
-    )
-    known.write_state(path)
     return True
+
+
+def _write_state(path: Path, state: Mapping[str, Any], columns: Iterable[bytearray | array[Any]]) -> None:
+    frames.write(f"{path}.known", state, [*map(frames.part, columns)])
 
 
 def read(path: Path) -> Known:

@@ -45,6 +45,23 @@ class Stale:
         return not self.changed and is_placed(self.head)
 
 
+class _UnsettledError(Exception):
+    """What the build read or made is another thing by now."""
+
+
+class _Rows:
+    """Writes rows, and says how much and what that was."""
+
+    def __init__(self, target: int) -> None:
+        self._target = target
+        self.size = self.check = 0
+
+    def take(self, rows: bytes) -> None:
+        """Write some more."""
+        files.write_all(self._target, rows)
+        self.size, self.check = self.size + len(rows), zlib.crc32(rows, self.check)
+
+
 def load_if_fresh(path: Path, request: Mapping[str, object]) -> Head | None:
     """The snapshot at `path`, if it answers `request` and no file that it rests on has changed."""
     found = load_if_near(path, request)
@@ -74,12 +91,15 @@ def save(
         is none.
     """
     forget(path)
-    frozen = store[1].freeze() if store else ({}, [])
-    if frozen is None or not watch.settled():
+    try:
+        with files.new_file(f"{path}.rows", 0o644) as target:
+            rows = _Rows(target)
+            shards = store[1].freeze(rows.take) if store else {}
+            if shards is None or not watch.settled():
+                raise _UnsettledError
+    except (StoreError, _UnsettledError):
         return None
-    size, check = 0, 0
-    for part in frozen[1]:
-        size, check = size + len(part), zlib.crc32(part, check)
+    failpoints.reach("snapshot.rows")
     head = {
         **(more or {}),
         "form": _FORM,
@@ -91,14 +111,10 @@ def save(
         "present": watch.present,
         "store": store[0] if store else "",
         "boot": presence.boot(),
-        "shards": frozen[0],
-        "rows": [size, check],
+        "shards": shards,
+        "rows": [rows.size, rows.check],
     }
     try:
-        with files.new_file(f"{path}.rows", 0o644) as target:
-            for part in frozen[1]:
-                files.write_all(target, part)
-        failpoints.reach("snapshot.rows")
         _write(path, head)
     except StoreError:
         return None

@@ -6,9 +6,9 @@ for the rest only while there is something in it.
 
 from __future__ import annotations
 
+import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequence
-from operator import attrgetter
 from typing import Any, Generic, TypeVar
 
 from dextera_build.engine.graph import Call, Graph, Group, Leaf, RuleFacts
@@ -27,6 +27,10 @@ Labels = tuple[str, ...]
 _NOBODY: list[Any] = []
 _NOTHING: dict[str, Any] = {}
 """Stand for every empty list and mapping of units; never filled."""
+_UNKNOWN = bytes(32)
+"""Stands for a digest that is not known; no content has it."""
+_SECONDS = struct.Struct("d")
+_NO_FACTS = 2 * _UNKNOWN + _SECONDS.pack(0.0)
 _TOLD = frozenset({"lost", "reads", "calls", "remote"})
 """What is kept of a node that is done."""
 
@@ -55,18 +59,22 @@ class Rare(Generic[T]):
 
 
 class Digest:
-    """A digest that is kept as bytes, which take 80 bytes rather than the 128 of its text."""
+    """A digest that is one of the facts of a node.
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._slot = f"{name}_bytes"
-        self._kept = attrgetter(self._slot)
+    Args:
+        place: Where it begins.
+    """
 
-    def __get__(self, unit: Unit, owner: type) -> str | None:
-        kept: bytes | None = self._kept(unit)
-        return kept.hex() if kept is not None else None
+    def __init__(self, place: int) -> None:
+        self._part = slice(place, place + 32)
 
-    def __set__(self, unit: Unit, value: str | None) -> None:
-        setattr(unit, self._slot, bytes.fromhex(value) if value is not None else None)
+    def __get__(self, node: Node, owner: type) -> str | None:
+        kept = node.facts[self._part]
+        return kept.hex() if kept != _UNKNOWN else None
+
+    def __set__(self, node: Node, value: str | None) -> None:
+        facts, part = node.facts, self._part
+        node.facts = facts[: part.start] + (bytes.fromhex(value) if value else _UNKNOWN) + facts[part.stop :]
 
 
 class Unit:
@@ -150,17 +158,15 @@ class Node(Unit):
     Attributes:
         status: What it came to; one of `events.Status`, "kept" where that is known from the last build, "" as long as
             that is open.
-        made_s: How long the run took that made its result [s].
+        facts: Key, output and `made_s`, 32 + 32 + 8 bytes: as one they take 112, each by itself 192.
         asked: Somebody reads its bytes or wants them; else it is enough to know its result.
         bare: Its result is known, and bytes of it may be absent.
     """
 
-    __slots__ = ("_rule", "asked", "bare", "graph", "key_bytes", "made_s", "output_bytes", "status")
+    __slots__ = ("_rule", "asked", "bare", "facts", "graph", "status")
 
-    key_bytes: bytes | None
-    output_bytes: bytes | None
-    key = Digest()
-    output = Digest()
+    key = Digest(0)
+    output = Digest(32)
     """What it returned, the last time that it was done."""
     leaves = Rare[list[tuple[Leaf, str]]](_NOBODY)
     """Files and folders that it reads directly, with the digests that entered its key; until it is done."""
@@ -198,15 +204,24 @@ class Node(Unit):
         super().__init__(address=address, path=path, labels=labels)
         self.graph = graph
         self._rule: RuleFacts | None = None
-        self.key_bytes = self.output_bytes = None
+        self.facts = _NO_FACTS
         self.status = ""
-        self.made_s = 0.0
         self.asked = self.bare = False
 
     @property
     def call(self) -> Call:
         """What it is a copy of; made anew where the graph holds texts, for as objects calls would outweigh all else."""
         return copy_of(self.graph, self.path, self.labels)
+
+    @property
+    def made_s(self) -> float:
+        """How long the run took that made its result [s]."""
+        seconds: float = _SECONDS.unpack_from(self.facts, 64)[0]
+        return seconds
+
+    @made_s.setter
+    def made_s(self, seconds: float) -> None:
+        self.facts = self.facts[:64] + _SECONDS.pack(seconds)
 
     @property
     def rule(self) -> RuleFacts:
@@ -218,6 +233,10 @@ class Node(Unit):
     @rule.setter
     def rule(self, rule: RuleFacts) -> None:
         self._rule = rule
+
+    def know(self, key: bytearray, output: bytearray, made_s: float) -> None:
+        """What is known of it from before."""
+        self.facts = bytes(key + output) + _SECONDS.pack(made_s)
 
     def rest(self, *also: str) -> None:
         """It is done and was told of: of the `Rare` attributes keep what a record of it cannot find elsewhere."""

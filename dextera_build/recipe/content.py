@@ -19,14 +19,15 @@ def content(file: Path) -> str | None:
     state = hashlib.sha256()
     said: list[tuple[object, ...]] = []
     try:
-        parser: Any = PARSER(file.read_text(encoding="utf-8"))
-        event = parser.get_event()
-        while type(event) is not yaml.StreamEndEvent:
-            said.append(_plain(event))
-            if len(said) == _CHUNK:
-                state.update(repr(said).encode(errors="surrogatepass"))
-                said.clear()
+        with file.open(encoding="utf-8") as text:  # which the parser reads piece by piece
+            parser: Any = PARSER(text)
             event = parser.get_event()
+            while type(event) is not yaml.StreamEndEvent:
+                said.append(_plain(event))
+                if len(said) == _CHUNK:
+                    state.update(repr(said).encode(errors="surrogatepass"))
+                    said.clear()
+                event = parser.get_event()
     except (OSError, UnicodeDecodeError, yaml.YAMLError):
         return None
     state.update(repr(said).encode(errors="surrogatepass"))

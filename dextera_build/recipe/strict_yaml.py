@@ -33,6 +33,8 @@ _PLAIN = {
 }
 _CORE = "tag:yaml.org,2002:"
 _DEEPEST = 100
+_NAMES_DEPTH = 2
+"""Names of inputs and nodes are keys of mappings so deep."""
 _MOST_ALIASED = 100_000
 """How many values aliases may stand for in one file: a few lines of them can say a billion."""
 _MOST_LOOSE = 1_000
@@ -191,7 +193,8 @@ class _Builder:
                 where=place_of(self._file, mark),
                 facts={"first": first},
             )
-        self._key[-1] = sys.intern(key)
+        # Keys within a call stand in many. Names of calls do not, and the table of interned texts never shrinks.
+        self._key[-1] = sys.intern(key) if len(self._open) > _NAMES_DEPTH else key
         marks.append(mark)
 
     def _add(self, node: Node, height: int) -> None:

@@ -61,6 +61,11 @@ def read(path: str) -> tuple[dict[str, Any], list[memoryview], memoryview]:
     return head, parts, data[place:]
 
 
+def part(column: bytearray | array[Any]) -> memoryview:
+    """Numbers or bytes as a part, where they lie."""
+    return memoryview(column).cast("B")
+
+
 def numbers(kind: str, part: memoryview) -> array[Any]:
     """A part as numbers."""
     found = array(kind)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import time
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
@@ -83,21 +83,24 @@ class Presence:
             rows += os.pread(self._aside.fileno(), size, place)
         return sorted({rows[place : place + _ROW] for place in range(0, len(rows), _ROW)})
 
-    def freeze(self) -> tuple[Shards, list[bytes]] | None:
-        """The folders as they are now and the files in them, or None where a file is gone already; then it is empty."""
+    def freeze(self, take: Callable[[bytes], None]) -> Shards | None:
+        """The folders as they are now, or None where a file of theirs is gone already; then it is empty.
+
+        Args:
+            take: Gets the rows of one folder after the other: together they take as much memory as a plan.
+        """
         shards: Shards = {}
-        parts: list[bytes] = []
         place = 0
         for shard in self._shards():
             rows = b"".join(self._noted(shard))
             found = look(self._root, shard)
             if found is None or not _named(self._root, shard, [rows]):
                 return None
+            take(rows)
             end = place + len(rows) // _ROW
             shards[shard] = [*found, place, end]
             place = end
-            parts.append(rows)
-        return shards, parts
+        return shards
 
     def extend(self, shards: Shards, rows: bytes | memoryview) -> tuple[Shards, bytes] | None:
         """The folders of what `freeze` gave once and of what was noted since, and the rows to add, or None.

@@ -50,9 +50,9 @@ def test_it_is_what_the_scheduler_would_store(tmp_path: Path) -> None:
 
 def test_a_build_notes_what_its_workers_stored(tmp_path: Path) -> None:
     results, presence, store = made(tmp_path, pool=True)
-    frozen = presence.freeze()
-    assert frozen is not None
-    noted = b"".join(frozen[1])
+    parts: list[bytes] = []
+    assert presence.freeze(parts.append) is not None
+    noted = b"".join(parts)
     rows = {noted[place : place + 32].hex() for place in range(0, len(noted), 40)}
     for result in results.values():
         assert result is not None

@@ -118,11 +118,13 @@ def test_rows_that_were_laid_aside_count(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(presence, "_MOST_HELD", 10**9)
     for key in keys:
         every.note(key, (store.actions.message(key) or (b"", []))[1])
-    found, wanted = few.freeze(), every.freeze()
+    rows: list[bytes] = []
+    wanted: list[bytes] = []
+    found, shards = few.freeze(rows.append), every.freeze(wanted.append)
     assert found is not None
-    assert wanted is not None
-    assert found[1] == wanted[1]
-    assert [row[1:] for row in found[0].values()] == [row[1:] for row in wanted[0].values()]
+    assert shards is not None
+    assert rows == wanted
+    assert [row[1:] for row in found.values()] == [row[1:] for row in shards.values()]
 
 
 def test_what_is_gone_already_is_not_written_down(made: tuple[Store, Path]) -> None:
