@@ -23,6 +23,9 @@ from dextera_build.engine.graph import Call, Fixed, Gather, Graph, Group, Input,
 from dextera_build.errors import Place
 
 _spell = speller(ensure_ascii=True)
+_AT_ONCE = 20_000
+"""So many hashes are sorted in one go at most."""
+_PARTS = 16
 _RECENT = 1024
 """So many calls are held as objects at least, and twice as many at most: what is asked for is asked for again soon."""
 
@@ -58,7 +61,9 @@ class Names:
     @classmethod
     def of_hashes(cls, found: array[int]) -> Names:
         """The numbers of names that have these hashes."""
-        numbers = array("I", sorted(range(len(found)), key=found.__getitem__))
+        numbers = array("I")
+        for some in _parts(found):
+            numbers.extend(sorted(some, key=found.__getitem__))
         return cls(array(found.typecode, (found[number] for number in numbers)), numbers)
 
     @property
@@ -78,6 +83,18 @@ class Names:
         while end < len(hashes) and hashes[end] == wanted:
             end += 1
         return self.numbers[first:end]
+
+
+def _parts(found: array[int]) -> Iterator[Iterable[int]]:
+    """The places of all numbers, those of small ones first: to sort all at once takes 80 bytes for each."""
+    if len(found) < _AT_ONCE:
+        yield range(len(found))
+        return
+    low = min(found)
+    size = max(found) - low + 1
+    parts = bytes((one - low) * _PARTS // size for one in found)
+    for part in range(_PARTS):
+        yield (place for place, one in enumerate(parts) if one == part)
 
 
 class Texts:
@@ -151,7 +168,8 @@ class Members(Mapping[str, Call | Group]):
 
     def names_of_texts(self) -> Iterator[str]:
         """The names of members that have texts, in the order of these."""
-        return (self._plain(number)[1] for number in range(len(self.texts)))
+        plain = map(self._plain, range(len(self.texts)))
+        return (one["group"] if isinstance(one, dict) else one[0] for one in plain)
 
     def _held(self, member: Call | Group) -> Call | Group:
         if isinstance(member, Group):
@@ -169,9 +187,9 @@ class Members(Mapping[str, Call | Group]):
         return self._read(self._plain(number))
 
     def _read(self, plain: Any) -> Call | Group:
-        if plain[0] == "call":
-            return self._call(plain[1:])
-        _, name, over, members, overrides, where = plain
+        if isinstance(plain, list):
+            return self._call(plain)
+        name, over, members, overrides, where = plain.values()
         source = Fixed(tuple(over[1])) if over[0] == "fixed" else _input_of(over)
         assert isinstance(source, Output | Item | Fixed)
         inner = [self._read(member) for member in members]
@@ -179,7 +197,7 @@ class Members(Mapping[str, Call | Group]):
         return Group(name, source, {member.name: member for member in inner}, replaced, Place(*where))
 
     def _call(self, plain: Any) -> Call:
-        name, rule, options, inputs, where, places, salt = plain
+        name, rule, options, inputs, where, places, *salt = plain
         return Call(
             name,
             self.rules[rule],
@@ -187,7 +205,7 @@ class Members(Mapping[str, Call | Group]):
             {slot: _input_of(source) for slot, source in inputs.items()},
             Place(*where),
             _Places(where[0], places),
-            salt,
+            *salt,
         )
 
 
@@ -245,14 +263,20 @@ class Writer:
         rules = [rule for _, rule in self._rules.values()]
         return Members(Names.of_hashes(self._hashes), Texts(self._heap, self._ends), rules, groups)
 
-    def _member(self, member: Call | Group) -> list[Any]:
+    def _member(self, member: Call | Group) -> list[Any] | dict[str, Any]:
         if isinstance(member, Call):
-            return ["call", *self._call(member)]
+            return self._call(member)
         overrides = {
             label: {name: self._call(call) for name, call in calls.items()} for label, calls in member.overrides.items()
         }
         inner = [self._member(one) for one in member.members.values()]
-        return ["group", member.name, _over_to_plain(member.over), inner, overrides, _place_to_plain(member.where)]
+        return {
+            "group": member.name,
+            "over": _over_to_plain(member.over),
+            "members": inner,
+            "overrides": overrides,
+            "where": _place_to_plain(member.where),
+        }
 
     def _call(self, call: Call) -> list[Any]:
         number, _ = self._rules.setdefault(id(call.rule), (len(self._rules), call.rule))
@@ -263,7 +287,7 @@ class Writer:
             {slot: _input_to_plain(source) for slot, source in call.inputs.items()},
             _place_to_plain(call.where),
             {name: _place_to_plain(place, call.where.file) for name, place in call.option_places.items()},
-            call.salt,
+            *([call.salt] if call.salt else ()),
         ]
 
 
@@ -307,11 +331,11 @@ def _place_to_plain(place: Place, near: str | None = None) -> list[Any]:
     return [place.line, place.column] if place.file == near else [place.file, place.line, place.column]
 
 
-def _over_to_plain(source: Output | Item | Fixed) -> list[Any] | str:
+def _over_to_plain(source: Output | Item | Fixed) -> list[Any] | dict[str, Any] | str:
     return ["fixed", source.labels] if isinstance(source, Fixed) else _input_to_plain(source)
 
 
-def _input_to_plain(source: Input) -> list[Any] | str:
+def _input_to_plain(source: Input) -> list[Any] | dict[str, Any] | str:
     if isinstance(source, Leaf):
         return ["leaf", str(source.path), _place_to_plain(source.where)]
     if isinstance(source, Output):
@@ -321,12 +345,12 @@ def _input_to_plain(source: Input) -> list[Any] | str:
         return ["item", source.group, source.fields]
     if isinstance(source, Gather):
         return ["gather", source.call, source.fields]
-    return ["pack", {label: _input_to_plain(part) for label, part in source.parts.items()}]
+    return {label: _input_to_plain(part) for label, part in source.parts.items()}
 
 
 def _input_of(plain: Any) -> Input:
-    if type(plain) is not str and plain[0] == "pack":
-        return Pack({label: _part_of(part) for label, part in plain[1].items()})
+    if type(plain) is dict:
+        return Pack({label: _part_of(part) for label, part in plain.items()})
     return _part_of(plain)
 
 

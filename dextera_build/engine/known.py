@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import json
 from array import array
+from bisect import bisect_left
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -149,7 +151,7 @@ class Known:
     def learn(self, wiring: Wiring, run: str) -> None:
         """Take over what a build found."""
         self.run, self.depth = run, self.depth + 1
-        self.leaves |= {str(path.absolute()): digest for path, digest in wiring.leaves.items()}
+        self.leaves |= _absolute(wiring.leaves)
         for node in wiring.nodes.values():
             number = self.names.find(node.address)
             if number is not None and node.key and node.output and not is_stub(node):
@@ -221,7 +223,7 @@ def write(
     state = {
         "items": {unit.address: unit.items for unit in wiring.openings.values()},
         "collections": {_name(unit): unit.output or "" for unit in wiring.gatherings()},
-        "leaves": {str(path.absolute()): digest for path, digest in wiring.leaves.items()},
+        "leaves": _absolute(wiring.leaves),
         "reads": Reread.of(nodes).plain(),
         "run": run,
         "depth": 0,
@@ -301,20 +303,30 @@ def read(path: Path) -> Known:
 
 def _readers(units: Sequence[Unit]) -> tuple[array[int], array[int]]:
     """Where the readers of each unit begin, and all readers, by number."""
-    numbers = {unit: number for number, unit in enumerate(units)}
+    numbers = Names.of_hashes(array("Q", map(id, units)))  # a dict would take ten times as much memory
+    places, found = numbers.hashes, numbers.numbers
+    read = array("I")
     starts = array("I", bytes(4 * (len(units) + 1)))
     for unit in units:
         for source in unit.sources:
-            starts[numbers[source] + 1] += 1
+            place = bisect_left(places, id(source))
+            assert places[place] == id(source), f"{unit} reads {source}, which is no unit of the run"
+            number = found[place]
+            read.append(number)
+            starts[number + 1] += 1
     for number in range(len(units)):
         starts[number + 1] += starts[number]
     read_by, ends = array("I", bytes(4 * starts[-1])), starts[:-1]
+    one_by_one = iter(read)
     for number, unit in enumerate(units):
-        for source in unit.sources:
-            place = numbers[source]
-            read_by[ends[place]] = number
-            ends[place] += 1
+        for where in islice(one_by_one, len(unit.sources)):
+            read_by[ends[where]] = number
+            ends[where] += 1
     return starts, read_by
+
+
+def _absolute(leaves: Mapping[str, str]) -> dict[str, str]:
+    return {str(Path(path).absolute()): digest for path, digest in leaves.items()}
 
 
 def _leaves(nodes: Sequence[Node], readers: Container[int]) -> dict[str, list[int]]:

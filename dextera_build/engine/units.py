@@ -27,6 +27,7 @@ Labels = tuple[str, ...]
 _NOBODY: list[Any] = []
 _NOTHING: dict[str, Any] = {}
 """Stand for every empty list and mapping of units; never filled."""
+_FEW = 8
 _UNKNOWN = bytes(32)
 """Stands for a digest that is not known; no content has it."""
 _SECONDS = struct.Struct("d")
@@ -104,7 +105,7 @@ class Unit:
         self.state = State.WAITS
         self.pending = 0
         self.sources: Sequence[Unit] = _NOBODY
-        self.dependents: list[Unit] = _NOBODY
+        self.dependents: Sequence[Unit] = _NOBODY
         self.more: MutableMapping[str, Any] = _NOTHING
 
     def __repr__(self) -> str:
@@ -128,12 +129,18 @@ class Unit:
         for source in more:
             if source.state is not State.DONE:
                 self.pending += 1
-                if source.dependents:
-                    source.dependents.append(self)
-                else:
-                    source.dependents = [self]
+                source._let_wait(self)
 
-    def release(self) -> list[Unit]:
+    def _let_wait(self, reader: Unit) -> None:
+        waiting = self.dependents
+        if len(waiting) < _FEW:
+            self.dependents = (*waiting, reader)  # half of what a list of three takes
+        elif isinstance(waiting, list):
+            waiting.append(reader)
+        else:
+            self.dependents = [*waiting, reader]
+
+    def release(self) -> Sequence[Unit]:
         """It is known: what waited for it."""
         waiting, self.dependents = self.dependents, _NOBODY
         return waiting

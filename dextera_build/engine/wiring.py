@@ -45,8 +45,8 @@ class Wiring:
         self.fresh: deque[Unit] = deque()
         """Units that are not connected yet."""
         self._gatherings: dict[tuple[Path, Labels, tuple[str, ...]], Gathering] = {}
-        self.leaves: dict[FilePath, str] = {}
-        """Files and folders that were looked at -> digest."""
+        self.leaves: dict[str, str] = {}
+        """Files and folders that were looked at -> digest; as texts they take a quarter of the memory."""
         self.unread: list[DxbError] = []
         """Why files and folders could not be looked at."""
         self.readers: list[Node] = []
@@ -114,19 +114,20 @@ class Wiring:
         Raises:
             RecipeError: It is missing or cannot be read.
         """
-        if leaf.path not in self.leaves:
+        path = str(leaf.path)
+        if path not in self.leaves:
             try:
-                self.leaves[leaf.path] = self._digest_leaf(leaf.path)
+                self.leaves[path] = self._digest_leaf(leaf.path)
             except DxbError as error:
                 error.where = error.where or leaf.where
                 self.unread.append(error)
                 raise
-        return self.leaves[leaf.path]
+        return self.leaves[path]
 
     def forget_leaves(self, node: Node) -> None:
         """Look anew at the files and folders of `node` when it is connected again."""
         for leaf in leaves_of((node.call,)):
-            self.leaves.pop(leaf.path, None)
+            self.leaves.pop(str(leaf.path), None)
 
     def note_leaves(self, node: Node, call: Call) -> None:
         """Note which files and folders `node`, a copy of `call`, reads, and what they hold now.

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 from dextera_build import digest as digests
 from dextera_build.store import files
 
-_FORM = 2
+_FORM = 3
 _FRAME = struct.Struct("<8sQI")
 _MAGIC = b"dxbplan1"
 Part: TypeAlias = bytes | bytearray | memoryview

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import time
+from array import array
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 
 _ROW = 40
 """32 bytes of digest, 8 of size."""
-_MOST_HELD = 50_000
-"""Rows in memory: 2 MB."""
+_MOST_HELD = 20_000
+"""Rows in memory: 1 MB."""
 _ANY = b"\xff" * 8
 """Stands for any size."""
 Shards: TypeAlias = dict[str, list[int]]
@@ -44,8 +45,8 @@ class Presence:
         self._held = 0
         """How many rows are in memory."""
         self._aside: BinaryIO | None = None
-        self._pieces: dict[str, list[tuple[int, int]]] = defaultdict(list)
-        """Where the rows of a folder lie that were laid aside: place, length."""
+        self._pieces: dict[str, array[int]] = defaultdict(lambda: array("Q"))
+        """Where the rows of a folder lie that were laid aside: place, length, and so on."""
 
     def note(self, key: str, needs: Iterable[OutputFile]) -> None:
         """Rely on the result of a key and on all that it needs."""
@@ -66,11 +67,12 @@ class Presence:
         with suppress(OSError):  # where there is no room for it they stay in memory
             if self._aside is None:
                 self._aside = TemporaryFile(buffering=0)  # noqa: SIM115 - as long as the build
+            place = self._aside.seek(0, os.SEEK_END)
+            files.write_all(self._aside.fileno(), b"".join(self._rows.values()))
             for shard, rows in self._rows.items():
-                place = self._aside.seek(0, os.SEEK_END)
-                files.write_all(self._aside.fileno(), rows)
-                self._pieces[shard].append((place, len(rows)))
-                rows.clear()
+                self._pieces[shard].extend((place, len(rows)))
+                place += len(rows)
+            self._rows.clear()
 
     def _shards(self) -> list[str]:
         return sorted({*self._rows, *self._pieces})
@@ -78,7 +80,8 @@ class Presence:
     def _noted(self, shard: str) -> list[bytes]:
         """The rows of a folder, each once; they are not held any more."""
         rows = bytes(self._rows.pop(shard, b""))
-        for place, size in self._pieces.pop(shard, ()):
+        pieces = self._pieces.pop(shard, array("Q"))
+        for place, size in zip(pieces[::2], pieces[1::2], strict=True):
             assert self._aside is not None
             rows += os.pread(self._aside.fileno(), size, place)
         return sorted({rows[place : place + _ROW] for place in range(0, len(rows), _ROW)})
