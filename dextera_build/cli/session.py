@@ -53,8 +53,7 @@ class Session:
         from dextera_build.engine.memory import give_back
         from dextera_build.recipe.plan import plan
 
-        nodes = self._declared()
-        if nodes is None:
+        if self.project.recipe(self.recipe) is None:
             known = [address for address, _ in self.project.recipes()]
             raise UsageError(
                 f"no recipe is called `{self.recipe}`",
@@ -62,16 +61,10 @@ class Session:
                 facts={"recipes": listing(known, most=30)},
                 hint=did_you_mean(self.recipe, known) or "`dxb ls` shows all of them",
             )
-        give_back(nodes)
         made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
         self.project.forget_recipes()
         give_back(len(made.graph.members))
         return made
-
-    def _declared(self) -> int | None:
-        """How many nodes the recipe declares, None where there is none; what was read is held by the project alone."""
-        found = self.project.recipe(self.recipe)
-        return len(found.nodes) if found is not None else None
 
     @cached_property
     def past_builds(self) -> History:

@@ -186,7 +186,7 @@ class _Packed(MutableMapping[str, Entry]):
         document = None if entry.key_document == entry.key else _short(entry.key_document)
         run, names = self._place(entry.run), self._place(tuple(entry.usage))
         row = (_short(entry.key), document, run, entry.seconds, entry.time, names, *entry.usage.values())
-        self._rows[address] = marshal.dumps(row)
+        self._rows[address] = bytes(memoryview(marshal.dumps(row)))  # see `yaml_node.Node.pack`
         self._loose.append(address)
         if len(self._loose) > _MOST_HELD:
             self._lay_aside()

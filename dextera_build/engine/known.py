@@ -14,7 +14,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -211,7 +211,7 @@ def write(
     """
     nodes = list(wiring.nodes.values())
     others: list[Unit] = [*wiring.openings.values(), *wiring.gatherings()]
-    if any(unit.state is not State.DONE for unit in [*nodes, *others]):
+    if any(unit.state is not State.DONE for unit in chain(nodes, others)):
         return False
     # One file after the other: what the first is made of is gone when the second is made.
     if not _write_plan(path, graph, nodes, others, {id(node) for node in wiring.readers}):

@@ -1,8 +1,9 @@
-"""Memory of this process that nobody uses."""
+"""Memory of this process that nobody uses, and how it comes back to the system."""
 
 from __future__ import annotations
 
 import ctypes
+import gc
 from contextlib import suppress
 
 _MANY = 10_000
@@ -13,15 +14,21 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 """Names of settings in `malloc.h`."""
 
 
-def give_back(nodes: int) -> None:
-    """Hand free memory back to the system during work on so many nodes, where the C library can do that.
+def hold_large_apart() -> None:
+    """From now on let a large block go back when it is freed, where the C library can do that.
 
-    It keeps what lies below a block in use: tables that grow and plans that were read leave holes as large as all that
-    the process needs. So free pages go back now, and from now on a large block goes back when it is freed.
+    It does so by itself until the first is freed; later ones lie among small ones, and tables that grow leave holes
+    there as large as all that a build of many nodes needs.
     """
+    with suppress(OSError, AttributeError):
+        library = ctypes.CDLL(None)
+        library.mallopt(_MMAP_THRESHOLD, _LARGE)
+        library.mallopt(_TRIM_THRESHOLD, _LARGE)
+
+
+def give_back(nodes: int) -> None:
+    """Hand back what work on so many nodes left behind: also what refers to itself, and pages below a block in use."""
     if nodes >= _MANY:
+        gc.collect()
         with suppress(OSError, AttributeError):
-            library = ctypes.CDLL(None)
-            library.mallopt(_MMAP_THRESHOLD, _LARGE)
-            library.mallopt(_TRIM_THRESHOLD, _LARGE)
-            library.malloc_trim(0)
+            ctypes.CDLL(None).malloc_trim(0)

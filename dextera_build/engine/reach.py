@@ -18,13 +18,14 @@ def walk(graph: Graph, targets: Sequence[Address]) -> Iterator[tuple[Path, list[
     """
     for target in targets:
         lookup(graph, target)
-    seen: set[Path] = set()
+    seen: set[Path | str] = set()
     stack = [target.call for target in reversed(targets)]
     while stack:
         path = stack.pop()
-        if path in seen:
+        name = path if len(path) > 1 else path[0]  # most stand at the root, and a tuple around each shows
+        if name in seen:
             continue
-        seen.add(path)
+        seen.add(name)
         groups, call = _descend(graph, path)
         for group in groups:
             stack += _read_by(group.over)

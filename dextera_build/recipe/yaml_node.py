@@ -44,7 +44,8 @@ class Node:
     def pack(self) -> None:
         """Hold a mapping as bytes from now on; what is asked of it is made anew each time."""
         if type(self._held) is not bytes:
-            self._held, self._marks = marshal.dumps(_packed(self, self._mark)), ()
+            # Copied, for `marshal` gives its result from a large block cut short, and those lie where holes remain.
+            self._held, self._marks = bytes(memoryview(marshal.dumps(_packed(self, self._mark)))), ()
 
     def opened(self) -> Node:
         """The same value, at hand: for who asks more than once."""
