@@ -68,7 +68,7 @@ class LiveConsole(Console):
         self._now = now
         self._began = now()
         self._lock = threading.RLock()
-        self._record = Record()
+        self._record = Record(counts=True)
         self._columns = Columns()
         self._running: dict[str, Running] = {}
         self._cached: list[NodeFinished] = []
