@@ -17,7 +17,7 @@ from tests.cli.test_consoles import Tty, until
 
 
 def test_the_number_of_nodes_is_known_when_groups_have_opened() -> None:
-    record = Record()
+    record = Record(counts=True)
     record.follow(RunStarted(0.0, "1", "r", [], "cpu", "0", calls=9, groups=2))
     assert record.total == "9"
     record.follow(RunSized(0.0, nodes=4, unopened=1))
@@ -29,7 +29,7 @@ def test_the_number_of_nodes_is_known_when_groups_have_opened() -> None:
 
 
 def test_only_nodes_that_need_no_more_work_are_done() -> None:
-    record = Record()
+    record = Record(counts=True)
 
     def finish(node: str, status: str, rule: str = "a.b") -> None:
         record.follow(NodeFinished(1.0, node, rule, None, status, None, None, 0.0))  # type: ignore[arg-type]

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from dextera_build import digest
 from dextera_build.engine import compact
 from dextera_build.engine.compact import Members, Names, Writer, members_of
 from dextera_build.engine.graph import Address, Graph, Leaf, Pack
+from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import Place
 from dextera_build.store.store import Store
 from tests.engine.tiny import call, facts, graph, group, item, leaf, out, run
@@ -97,4 +99,30 @@ def test_a_call_takes_few_bytes() -> None:
             writer.add(call(f"n{number}", x=Pack({name: out(f"n{number // 2}") for name in "abc"})))
         return writer.members()
 
-    assert held(write) < 400
+    assert held(write) < 260
+
+
+def test_a_node_takes_few_bytes() -> None:
+    def wire(count: int) -> object:
+        first = [call(f"n{number}", value=number) for number in range(10)]
+        later = (
+            call(f"n{number}", x=Pack({slot: out(f"n{number - back}") for back, slot in enumerate("abc", 1)}))
+            for number in range(10, count)
+        )
+        plain = graph(*first, *later)
+        packed = Graph(plain.name, members_of(plain), plain.targets)
+        del plain, first
+        tracemalloc.reset_peak()
+        before = tracemalloc.get_traced_memory()[0]
+        wiring = Wiring(packed, str)
+        wiring.ask([Address((f"n{count - 1}",))])
+        while wiring.fresh:
+            wiring.connect(wiring.fresh.popleft())
+        for node in wiring.nodes.values():
+            node.key, node.output, node.made_s = digest.of_bytes(b"k"), digest.of_bytes(b"o"), 0.5
+        taken.append(tracemalloc.get_traced_memory()[0] - before)
+        return wiring
+
+    taken: list[int] = []
+    held(wire, 2_000, 6_000)
+    assert (taken[2] - taken[1]) / 4_000 < 500

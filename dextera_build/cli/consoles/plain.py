@@ -52,7 +52,7 @@ class PlainConsole(Console):
         self._unicode = (getattr(stream, "encoding", None) or "utf-8").lower().replace("-", "").startswith("utf")
         self._lock = threading.Lock()
         self._columns = Columns()
-        self._record = Record()
+        self._record = Record(counts=True)
         self._held: list[Line] | None = []
         self._beat_s, self._now = beat_s, now
         self._running: dict[str, Running] = {}
