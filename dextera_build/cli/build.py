@@ -136,6 +136,7 @@ def _run(
     place = fresh.place(project, fingerprint)
     near = fresh.near(project, fingerprint, stale, session.store) if stale and quick else None
     if near is not None and near.idle:
+        _end_nursery(args)
         head = near.stale.head
         if not near.placed:
             nodes, *lines = head["lines"]
@@ -175,7 +176,7 @@ def _run(
 
 
 def _nursery(args: argparse.Namespace, project: Project, *, soon: bool) -> Nursery | None:
-    """A fork of this process, as long as it has opened and begun nothing, to make workers; None where it may not be.
+    """What makes workers: begun already, or a fork of this process as long as it has opened nothing; else None.
 
     Args:
         args: The command line.
@@ -186,13 +187,22 @@ def _nursery(args: argparse.Namespace, project: Project, *, soon: bool) -> Nurse
     from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.nursery import is_alone
 
-    if not args.own or args.check or project.executor != "local" or not is_alone():
+    if args.check or project.executor != "local":
         return None
-    args.own = False  # it may be once
-    made = Nursery(forked=True)
-    if soon:
+    made: Nursery | None = args.nursery
+    if made is None and args.own and is_alone():
+        made = Nursery(forked=True)
+    args.own, args.nursery = False, None  # it may be once
+    if made is not None and soon:
         executors.load(made, project)
     return made
+
+
+def _end_nursery(args: argparse.Namespace) -> None:
+    """Nothing will run."""
+    if args.nursery is not None:
+        args.nursery.end()
+        args.nursery = None
 
 
 def _make(
