@@ -41,7 +41,6 @@ from dextera_build.artifacts.content import SMALL, Content, Get, OnDisk, Put, St
 from dextera_build.artifacts.hints import arguments, first
 from dextera_build.errors import ArtifactError, StoreError
 
-
 plugins.spare()
 
 

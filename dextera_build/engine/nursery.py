@@ -24,7 +24,6 @@ import os
 import select
 import signal
 import socket
-import subprocess
 import sys
 import traceback
 from collections.abc import Mapping, Sequence
@@ -144,6 +143,8 @@ class Nursery:
         return [runner, *map(str, passed), str(self._pid)]
 
     def _spawn(self, runner: str, environment: Mapping[str, str], descriptors: Sequence[int]) -> int:
+        import subprocess  # most have one thread, and fork
+
         *passed, log = descriptors
         words = [sys.executable, "-m", worker.__name__, runner, *map(str, passed), str(self._pid)]
         seen = {**os.environ, **environment, "PYTHONPATH": os.pathsep.join(sys.path)}

@@ -7,7 +7,6 @@ import os
 import select
 import signal
 import socket
-import subprocess
 import sys
 import tempfile
 import time
@@ -71,6 +70,8 @@ class Nursery:
         return pid
 
     def _spawn(self, control: int) -> int:
+        import subprocess  # most are forks
+
         child = subprocess.Popen(
             [sys.executable, "-m", nursery.__name__, str(control), str(os.getpid())],
             stdin=subprocess.DEVNULL,
