@@ -19,14 +19,20 @@ plugins = [type(found).__name__ for found in loader.get_plugins()]
 print(before, importlib.metadata.version("pydantic") > "2", plugins)
 """
 
+_LISTED = """
+class Listed:
+    def new_schema_validator(self, *arguments, **more):
+        return None, None, None
+
+found = Listed()
+"""
+
 
 @pytest.mark.parametrize(
     ("turned_off", "said"), [("__all__", "False True []"), (None, "True True ['Listed']")], ids=["off", "on"]
 )
 def test_plug_ins_are_found_where_they_are_not_turned_off(tmp_path: Path, turned_off: str | None, said: str) -> None:
-    (tmp_path / "listed.py").write_text(
-        "class Listed:\n    def new_schema_validator(self, *a, **k):\n        return None, None, None\nfound = Listed()\n"
-    )
+    (tmp_path / "listed.py").write_text(_LISTED)
     info = tmp_path / "listed-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: listed\nVersion: 1.0\n")
