@@ -123,7 +123,7 @@ def _run(
     stale: Stale | None = None,
 ) -> int:
     """Build a recipe; `stale` is what is remembered of the same request, None where all is to be looked at."""
-    from dextera_build.cli import fresh, results
+    from dextera_build.cli import fresh
     from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.graph import Plan
     from dextera_build.store.presence import Presence
@@ -138,12 +138,8 @@ def _run(
     if near is not None and near.idle:
         _end_nursery(args)
         head = near.stale.head
-        if not near.placed:
-            nodes, *lines = head["lines"]
-            written = results.restore(session, near.known, [line.partition("\t")[0] for line in lines])
-            if written is None:
-                return _run(args, project, recipe, targets, fingerprint, started)
-            head["lines"] = [nodes, *written]
+        if not _is_placed(session, near):
+            return _run(args, project, recipe, targets, fingerprint, started)
         args.notes.add(recipe, place, fresh.renew(project, fingerprint, seen, near, head["lines"][1:]))
         return _say_nothing_ran(project, recipe, head, started)
     session.nursery = _nursery(args, project, soon=near is not None)
@@ -173,6 +169,19 @@ def _run(
             saved = fresh.save(project, fingerprint, seen, plan, result, lines)
         args.notes.add(recipe, place, saved)
     return 0 if result.ok else 1
+
+
+def _is_placed(session: Session, near: Near) -> bool:
+    """Whether all that was written is there, or could be written again."""
+    from dextera_build.cli import results
+
+    if not near.placed:
+        nodes, *lines = near.stale.head["lines"]
+        written = results.restore(session, near.known, [line.partition("\t")[0] for line in lines])
+        if written is None:
+            return False
+        near.stale.head["lines"] = [nodes, *written]
+    return True
 
 
 def _nursery(args: argparse.Namespace, project: Project, *, soon: bool) -> Nursery | None:
