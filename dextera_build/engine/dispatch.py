@@ -43,6 +43,7 @@ class Dispatch:
     project: str
     profile: str
     peak_gb: Callable[[str], float | None]
+    took: Callable[[str], float | None]
     reading: Reading
     forced: Callable[[Node], bool]
     started: Callable[[Node], None]
@@ -58,7 +59,7 @@ class Dispatch:
         self._admission: Admission[Node] = Admission(self.executor.capacity if self.executor else Capacity())
         self._seats: dict[Node, Seat] = {}
         """By the node that runs."""
-        self._pace = Pace()
+        self._pace = Pace(self.took)
         self._needs: dict[int, tuple[RuleFacts, Needs, Mapping[str, tuple[float, float]]]] = {}
         """By identity, since rules cannot be hashed; an entry keeps its rule alive."""
         self._store_name = str(self.store.root)
@@ -81,17 +82,23 @@ class Dispatch:
                 self._take_back(seat)
             return
         self._line_up()
-        while (node := self._admission.next()) is not None:
+        while (node := self._next()) is not None:
             if not self._claim(node):
                 self._admission.end(node)
                 continue
-            expected_s = self._pace.expected_s(node.rule)
+            expected_s = self._pace.expected_s(node)
             self._seats[node] = Seat(deque([(node, expected_s)]), expected_s)
             self._hand_over(node)
             self.started(node)
             self.executor.submit(self._task(node, self._admission.devices(node)))
         if self._queues is not None:
             self._line_up_behind(self._queues)
+
+    def _next(self) -> Node | None:
+        """The node that starts now, None where there is none; what is brief stands behind others first."""
+        if self._queues is not None and self._is_brief(self._queues):
+            self._line_up_behind(self._queues)
+        return self._admission.next()
 
     def _hand_over(self, node: Node) -> None:
         node.ticket, node.tries = next(self._tickets), node.tries + 1
@@ -107,12 +114,21 @@ class Dispatch:
             if node is None:
                 seats.remove(seat)
             elif self._claim(node):
-                seat.add(node, self._pace.expected_s(node.rule))
+                seat.add(node, self._pace.expected_s(node))
                 self._hand_over(node)
                 executor.submit_behind(self._task(node, ()), seat.first.ticket)
 
     def _fits(self, seat: Seat, node: Node) -> bool:
-        return seat.fits(self._pace.expected_s(node.rule))
+        return seat.fits(self._pace.expected_s(node))
+
+    def _is_brief(self, executor: Queues) -> bool:
+        """Whether the workers that run do all that waits before a new one could begin."""
+        if executor.spare or not self._seats:
+            return False
+        rooms = [seat.room for seat in self._seats.values()]
+        if not 0 < len(self._admission) <= sum(count for count, _ in rooms):
+            return False
+        return sum(map(self._pace.expected_s, self._admission.waiting())) <= sum(seconds for _, seconds in rooms)
 
     def _take_back(self, seat: Seat) -> None:
         if self._queues is None or len(seat.nodes) == 1:

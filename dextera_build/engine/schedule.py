@@ -87,6 +87,7 @@ class Scheduler:
             project=policy.project,
             profile=policy.profile,
             peak_gb=policy.peak_gb,
+            took=policy.took,
             reading=self.reading,
             forced=self._is_forced,
             started=self.hooks.started,
