@@ -27,6 +27,7 @@ def run(args: argparse.Namespace) -> int:
     limit = amounts.size(args.max_size) if args.max_size is not None else None
     age_s = amounts.seconds(args.max_age) if args.max_age is not None else None
 
+    from dextera_build.cli.consoles.lines import printable
     from dextera_build.cli.stores import reading
     from dextera_build.engine.collection import collect
 
@@ -37,7 +38,8 @@ def run(args: argparse.Namespace) -> int:
         return 0
     for verb, rows in (("drop", said.gone), ("keep", said.stays)):
         for row in rows:
-            print(f"{verb}\t{row.kind}\t{row.count}\t{row.bytes}\t{row.why}")
+            # It names folders, by files that somebody may have changed.
+            print(f"{verb}\t{row.kind}\t{row.count}\t{row.bytes}\t{printable(row.why)}")
     _explain(answer, limit, dry=not args.yes)
     return 0
 

@@ -28,6 +28,15 @@ def run(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=REPO, capture_output=True, text=True)
 
 
+def test_what_is_measured_has_byte_code_and_no_settings(monkeypatch):
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    monkeypatch.setenv("DXB_JOBS", "1")
+    seen = measure.environment(HOME="/nowhere")
+    assert not {"PYTHONDONTWRITEBYTECODE", "DXB_JOBS"} & set(seen)
+    assert seen["HOME"] == "/nowhere"
+    assert "PATH" in seen
+
+
 def test_dxb_and_make_on_thirty_nodes(tmp_path):
     stem = tmp_path / "results"
     words = ["--tools", "dxb,make", "--shapes", "layered", "--sizes", "30", "--repeats", "1", "--out", str(stem)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import compileall
 import json
 import re
 import shlex
@@ -13,6 +14,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import dextera_build
 from tests.benchmarks.engine import machine, page, table
 from tests.benchmarks.engine.dags import SHAPES
 from tests.benchmarks.engine.extras.all import EXTRAS
@@ -21,6 +23,7 @@ from tests.benchmarks.engine.extras.startup import start_up
 from tests.benchmarks.engine.phases import PHASES, Cell, Limits, course
 from tests.benchmarks.engine.tools.all import TOOLS
 
+PACKAGE = Path(dextera_build.__file__).parent
 SIZES = (100, 1_000, 10_000, 100_000)
 
 
@@ -31,6 +34,7 @@ def main() -> int:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     cells: list[Cell] = []
     rows: list[Row] = []
+    compileall.compile_dir(PACKAGE, quiet=2)  # as `pip install` does
     with tempfile.TemporaryDirectory(prefix="dxb-bench-", dir=args.work, ignore_cleanup_errors=True) as folder:
         work = Path(folder).resolve()
         facts, versions = machine.machine(work), machine.versions(tools)

@@ -47,8 +47,9 @@ class Cost:
 
 
 def environment(**more: str) -> dict[str, str]:
-    """The environment without settings of dxb."""
-    return {**{name: value for name, value in os.environ.items() if not name.startswith("DXB_")}, **more}
+    """The environment without settings of dxb, and without the one that has Python compile anew what it loads."""
+    told = ("DXB_", "PYTHONDONTWRITEBYTECODE")
+    return {**{name: value for name, value in os.environ.items() if not name.startswith(told)}, **more}
 
 
 def cost(command: Sequence[str], folder: Path, limit: float, env: Mapping[str, str] | None = None) -> Cost:

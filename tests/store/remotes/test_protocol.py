@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from dextera_build import digest
 from dextera_build.store import reapi, wire
 from tests.store.remotes import buildgrid_server
 from tests.store.remotes.messages import CLASSES, THEIRS, messages, plain
@@ -20,11 +21,10 @@ pytestmark = pytest.mark.slow
 
 Ask = Callable[[str, bytes], dict[str, Any]]
 FIXTURE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow], deadline=None)
-OUTPUTS = st.builds(
-    reapi.OutputFile,
-    st.text(min_size=1, max_size=9),
-    st.just("a" * 64),
-    st.integers(0, 1 << 50),
+PATHS = st.text(min_size=1, max_size=9)
+OUTPUTS = st.builds(reapi.OutputFile, PATHS, st.just("a" * 64), st.integers(0, 1 << 50), st.just(b"")) | st.builds(
+    lambda path, contents: reapi.OutputFile(path, digest.of_bytes(contents), len(contents), contents),
+    PATHS,
     st.binary(max_size=200),
 )
 # Fields of a result that dxb does not know: exit code, stdout, symlinks, metadata with time stamps, executable files.
