@@ -128,12 +128,11 @@ class Scheduler:
     def _settle(self) -> bool:
         """Bring units forward, a batch at a time so that workers are not kept waiting; True: there are more.
 
-        What is connected and what is settled take turns: so workers run the first nodes of a large graph while the
-        others are being connected.
+        To connect and to settle take turns: so workers run the first nodes of a large graph while others are connected.
         """
         for _ in range(_BATCH):
             while self.wiring.fresh:
-                self._connect_next()
+                self._connect(self.wiring.fresh.popleft())
                 if not self.stopping:  # else nothing is settled, but whoever reads what failed shall be blocked
                     break
             unit = None if self.stopping else self.states.next_ready()
@@ -155,15 +154,6 @@ class Scheduler:
             self._measured = known
             unopened = sum(unit.state is not State.DONE and unit.state not in LOST for unit in openings.values())
             self.hooks.sized(known[0], unopened)
-
-    def _connect_next(self) -> None:
-        """Connect a unit; what it reads is next, so that the first that can run are met soon."""
-        fresh = self.wiring.fresh
-        unit = fresh.popleft()
-        known = len(fresh)
-        self._connect(unit)
-        for _ in range(len(fresh) - known):
-            fresh.appendleft(fresh.pop())
 
     def _connect(self, unit: Unit) -> None:
         try:
