@@ -106,6 +106,13 @@ def added(args: argparse.Namespace) -> tuple[object, ...]:
     return args.input, args.settings, args.backends
 
 
+def again(args: argparse.Namespace) -> list[str]:
+    """The words that add the same to a recipe."""
+    told = (("--input", args.input), ("--set", args.settings), ("--backend", args.backends))
+    words = [word for flag, texts in told for text in texts for word in (flag, text)]
+    return [*words, "--profile", args.profile] if args.profile else words
+
+
 def request(args: argparse.Namespace, profile: str) -> Request:
     """What the arguments add to a recipe."""
     from dextera_build.recipe import plan, settings

@@ -321,8 +321,8 @@ def test_a_seat_is_full_by_number_and_by_time() -> None:
     assert not seat(1e6).fits(0.0)
     assert seat(0.001).fits(0.001)
     assert not seat(0.001).fits(0.01)
-    assert not seat(*[0.0001] * 12).fits(0.0001)
-    assert seat(0.001, 0.001).room == (10, pytest.approx(0.003))
+    assert not seat(*[0.0001] * 24).fits(0.0001)
+    assert seat(0.001, 0.001).room == (22, pytest.approx(0.008))
     late = seat(0.001)
     late.is_late = True
     assert late.room == (0, 0.0)
