@@ -13,6 +13,7 @@ from dextera_build.engine.admission import Admission, estimate, lacks
 from dextera_build.engine.capacity import Capacity, Needs
 from dextera_build.engine.finish import log_of, result_of
 from dextera_build.engine.graph import RuleFacts
+from dextera_build.engine.policy import Policy
 from dextera_build.engine.reading import Reading
 from dextera_build.engine.seats import LONG_S, Pace, Seat, nap_s
 from dextera_build.engine.sharing import Sharing
@@ -40,10 +41,7 @@ class Dispatch:
     executor: Executor | None
     states: States
     sharing: Sharing
-    project: str
-    profile: str
-    peak_gb: Callable[[str], float | None]
-    took: Callable[[str], float | None]
+    policy: Policy
     reading: Reading
     forced: Callable[[Node], bool]
     started: Callable[[Node], None]
@@ -59,7 +57,7 @@ class Dispatch:
         self._admission: Admission[Node] = Admission(self.executor.capacity if self.executor else Capacity())
         self._seats: dict[Node, Seat] = {}
         """By the node that runs."""
-        self._pace = Pace(self.took)
+        self._pace = Pace(self.policy.took)
         self._needs: dict[int, tuple[RuleFacts, Needs, Mapping[str, tuple[float, float]]]] = {}
         """By identity, since rules cannot be hashed; an entry keeps its rule alive."""
         self._store_name = str(self.store.root)
@@ -160,7 +158,7 @@ class Dispatch:
             elif lacking:
                 self.broke(node, lacks(lacking, self._admission.capacity))
             else:
-                self._admission.wait(node, estimate(needs, self.peak_gb(node.address)))
+                self._admission.wait(node, estimate(needs, self.policy.peak_gb(node.address)))
 
     def _needs_of(self, rule: RuleFacts) -> tuple[Needs, Mapping[str, tuple[float, float]]]:
         """What calls of a rule need, and what of that is nowhere here."""
@@ -261,8 +259,8 @@ class Dispatch:
             options=node.call.options,
             inputs=node.inputs,
             store=self._store_name,
-            project=self.project,
-            profile=self.profile,
+            project=self.policy.project,
+            profile=self.policy.profile,
             needs=self._needs_of(rule)[0],
             devices=devices,
             key=node.key or "",
