@@ -49,7 +49,8 @@ def _explain(answer: Answer, limit: int | None, *, dry: bool) -> None:
     for workspace in answer.vanished:
         print(f"`{workspace}` is not there any more: what it built last is not held", file=sys.stderr)
     if said.running:
-        print(f"{said.running} builds run now; all that they may need stays", file=sys.stderr)
+        who = "a build runs now; all that it" if said.running == 1 else f"{said.running} builds run now; all that they"
+        print(f"{who} may need stays", file=sys.stderr)
     before, after = wording.size(said.before), wording.size(said.after)
     if said.gone:
         print(f"the store {'would shrink' if dry else 'shrank'} from {before} to {after}", file=sys.stderr)

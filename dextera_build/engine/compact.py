@@ -23,6 +23,7 @@ from dextera_build.engine.graph import Call, Fixed, Gather, Graph, Group, Input,
 from dextera_build.errors import Place
 
 _spell = speller(ensure_ascii=True)
+_scan = json.JSONDecoder().raw_decode
 _RECENT = 1024
 """So many calls are held as objects at least, and twice as many at most: what is asked for is asked for again soon."""
 
@@ -163,7 +164,7 @@ class Members(Mapping[str, Call | Group]):
         return member
 
     def _plain(self, number: int) -> Any:
-        return json.loads(self.texts[number].decode("ascii"))
+        return _scan(str(self.texts[number], "ascii"))[0]
 
     def _member(self, number: int) -> Call | Group:
         return self._read(self._plain(number))
@@ -325,8 +326,11 @@ def _input_to_plain(source: Input) -> list[Any] | str:
 
 
 def _input_of(plain: Any) -> Input:
-    if type(plain) is not str and plain[0] == "pack":
-        return Pack({label: _part_of(part) for label, part in plain[1].items()})
+    if type(plain) is str:
+        return _output_of(plain)
+    if plain[0] == "pack":
+        parts = plain[1].items()
+        return Pack({label: _output_of(part) if type(part) is str else _part_of(part) for label, part in parts})
     return _part_of(plain)
 
 

@@ -68,6 +68,8 @@ def variants(groups: Sequence[Group], call: Call) -> list[Call]:
 
 def copy_of(graph: Graph, path: Path, labels: tuple[str, ...]) -> Call:
     """The call that stands at `path` in the copy with these labels."""
+    if len(path) == 1 and isinstance(call := graph.members[path[0]], Call):
+        return call
     groups, call = _descend(graph, path)
     return groups[-1].overrides.get(labels[-1], {}).get(call.name, call) if groups and labels else call
 

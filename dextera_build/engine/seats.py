@@ -18,9 +18,9 @@ from dextera_build.plain import dataclass
 
 LONG_S = 0.02
 """A node that takes longer [s] has nobody stand behind it."""
-_MOST = 12
+_MOST = 24
 """So many nodes have a seat or stand behind at most."""
-_MOST_S = 0.005
+_MOST_S = 0.01
 """So long do they take together by what is known of their rules [s], so that no one waits long for his turn."""
 _SEEN = 4
 """After so many runs of a rule it is known how long it takes."""

@@ -137,11 +137,17 @@ class Wiring:
         node.leaves = [(leaf, self.leaf(leaf)) for leaf in leaves_of((call,))]
 
     def connect(self, unit: Unit) -> None:
-        """Find what `unit` reads and wait for what is not known.
+        """Find what `unit` reads and wait for what is not known; what is met for the first time is connected next.
 
         Raises:
             DxbError: A leaf cannot be read, or a label does not exist.
         """
+        known = len(self.fresh)
+        self._connect(unit)
+        for _ in range(len(self.fresh) - known):  # so the first that can run are met soon
+            self.fresh.appendleft(self.fresh.pop())
+
+    def _connect(self, unit: Unit) -> None:
         if isinstance(unit, Node):
             call = unit.call
             unit.rule = call.rule
@@ -220,7 +226,7 @@ class Wiring:
         if self.known is None or not self.known.settle(unit):
             self.fresh.append(unit)
         elif not isinstance(unit, Node):
-            self.connect(unit)  # events say which nodes stand behind it
+            self._connect(unit)  # events say which nodes stand behind it
 
 
 def _chosen(unit: Gathering, opened: Opening) -> list[str]:

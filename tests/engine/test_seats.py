@@ -266,7 +266,7 @@ def test_a_seat_is_full_by_number_and_by_time() -> None:
     assert not seat(1e6).fits(0.0)
     assert seat(0.001).fits(0.001)
     assert not seat(0.001).fits(0.01)
-    assert not seat(*[0.0001] * 12).fits(0.0001)
+    assert not seat(*[0.0001] * 24).fits(0.0001)
     late = seat(0.001)
     late.is_late = True
     assert not late.fits(0.001)
