@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 _NUMBERS = re.compile(r"bool|(u?int|float|complex)[0-9]+|(datetime|timedelta)64\[\w+\]")
-"""Full names, as arrays are stored by; of what else NumPy takes for a dtype some is deprecated, and all is guesswork."""
+"""Full names, by which arrays are stored; NumPy takes more for a dtype, some of which is deprecated."""
 
 
 @dataclass(frozen=True)

@@ -191,7 +191,9 @@ def test_weights_that_are_a_pickle_do_not_run(tmp_path):
     assert not (tmp_path / "ran").exists()
 
 
-@pytest.mark.parametrize("dtype", ["O", "object", "|O8", "O,O", "V", "", "f8,O", "m8[", "x" * 1000, None, 3, "a", "f4", "S5"])
+@pytest.mark.parametrize(
+    "dtype", ["O", "object", "|O8", "O,O", "V", "", "f8,O", "m8[", "x" * 1000, None, 3, "a", "f4", "S5"]
+)
 def test_an_array_of_objects_is_refused(tmp_path, dtype):
     """A header may name any dtype; the bytes behind it are never taken for objects."""
     from dextera_build.artifacts.image import Image
