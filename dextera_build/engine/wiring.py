@@ -21,10 +21,10 @@ from dextera_build.engine.graph import (
     parts_of,
 )
 from dextera_build.engine.known import Known
-from dextera_build.engine.reach import group_at, leaves_of
+from dextera_build.engine.reach import group_at, leaves_of, no_copy
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Labels, Node, Opening, Path, Unit
-from dextera_build.errors import DxbError, UsageError, did_you_mean, listing
+from dextera_build.errors import DxbError
 
 
 class Wiring:
@@ -236,10 +236,5 @@ def _chosen(unit: Gathering, opened: Opening) -> list[str]:
         return list(opened.items)
     wanted = unit.labels[level]
     if wanted not in opened.items:
-        raise UsageError(
-            f"`{unit.address}`: there is no `{wanted}` in `{opened.address}`",
-            code="DXB-U203",
-            facts={"copies": listing(opened.items)},
-            hint=did_you_mean(wanted, opened.items),
-        )
+        raise no_copy(unit.address, opened.address, wanted, opened.items)
     return [wanted]
