@@ -10,10 +10,10 @@ import ast
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build import digest
+from dextera_build.plain import dataclass
 
 _YOUNG_S = 2.5
 _PARSING = threading.Lock()

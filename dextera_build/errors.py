@@ -6,7 +6,8 @@ A `DxbError` is printed without a traceback. Anything else that escapes is a fau
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+
+from dextera_build.plain import dataclass
 
 
 @dataclass(frozen=True, slots=True)

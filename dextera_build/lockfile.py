@@ -89,7 +89,7 @@ def write(path: Path, pins: Pins) -> bool:
     """Write the file, all or nothing, unless it holds this already; returns whether it was written.
 
     Raises:
-        RecipeError: It cannot be written.
+        StoreError: It cannot be written.
     """
     files.clear(str(path.parent))
     text = spell(pins)
@@ -100,8 +100,13 @@ def write(path: Path, pins: Pins) -> bool:
         files.write(str(path), text.encode(), 0o644)
     except StoreError as error:
         facts = {name: fact for name, fact in error.facts.items() if name != "file"}
-        message = "the lock file cannot be written"
-        raise RecipeError(message, code="DXB-R504", where=Place(str(path)), facts=facts) from None
+        raise StoreError(
+            "the lock file cannot be written",
+            code="DXB-S107",
+            where=Place(str(path)),
+            facts=facts,
+            hint="what was built is in the store; make room there or allow writing, and build again",
+        ) from None
     return True
 
 

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dextera_build import digest, lockfile
-from dextera_build.errors import RecipeError
+from dextera_build.errors import RecipeError, StoreError
 from dextera_build.lockfile import Name, Pin
 from dextera_build.project import LOCK, PROFILES
 
@@ -120,9 +120,11 @@ def test_what_cannot_be_read_or_written_is_said(tmp_path):
     with pytest.raises(RecipeError, match="cannot read the lock file"):
         lockfile.read(path)
     (tmp_path / "file").write_text("")
-    with pytest.raises(RecipeError, match="cannot be written") as caught:
+    with pytest.raises(StoreError, match="the lock file cannot be written") as unwritten:
         lockfile.write(tmp_path / "file" / LOCK, {})
-    assert caught.value.code == "DXB-R504"
+    assert unwritten.value.code == "DXB-S107"
+    assert unwritten.value.facts == {"system says": "Not a directory"}
+    assert "build again" in (unwritten.value.hint or "")
 
 
 def test_what_a_killed_process_left_beside_the_lock_file_goes(tmp_path):

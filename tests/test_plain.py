@@ -73,3 +73,27 @@ def test_one_without_fields_is_equal_to_its_like() -> None:
 
     assert Nothing() == Nothing()
     assert len({Nothing(), Nothing()}) == 1
+
+
+@plain.dataclass(slots=True)
+class Counted:
+    """One with all that a field can be."""
+
+    first: int
+    many: list[int] = dataclasses.field(default_factory=list)
+    late: str = dataclasses.field(default="", init=False)
+    last: int = 3
+
+    def __post_init__(self) -> None:
+        self.late = f"{self.first} {self.last}"
+
+
+def test_objects_begin_as_those_of_the_library() -> None:
+    one, other = Counted(1), Counted(2, [4], 5)
+    assert (one.first, one.many, one.late, one.last) == (1, [], "1 3", 3)
+    assert (other.first, other.many, other.late, other.last) == (2, [4], "2 5", 5)
+    assert one.many is not Counted(1).many
+    with pytest.raises(TypeError, match=r"Counted.__init__\(\) got an unexpected keyword argument 'late'"):
+        Counted(1, late="x")
+    with pytest.raises(TypeError, match=r"Counted.__init__\(\) missing 1 required positional argument: 'first'"):
+        Counted()

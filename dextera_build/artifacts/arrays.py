@@ -5,16 +5,20 @@ NumPy is loaded with the first array: that takes long, and many rules take none.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeGuard, get_args, get_origin
 
 from dextera_build.errors import ArtifactError
+from dextera_build.plain import dataclass
 
 if TYPE_CHECKING:
     import numpy as np
+
+_NUMBERS = re.compile(r"bool|(u?int|float|complex)[0-9]+|(datetime|timedelta)64\[\w+\]")
+"""Full names, by which arrays are stored; NumPy takes more for a dtype, some of which is deprecated."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,14 @@ def array_bytes(value: np.ndarray) -> bytes:
 
 
 def array_of(dtype: str, shape: list[int], data: bytes) -> np.ndarray:
-    """The array that was stored as `data`."""
+    """The array that was stored as `data`.
+
+    Raises:
+        ValueError: `dtype` names no numbers, or the bytes are not such an array.
+        TypeError: NumPy has no such dtype.
+    """
+    if not _NUMBERS.fullmatch(dtype):
+        raise ValueError(f"`{dtype}` is no dtype of numbers")
     import numpy as np
 
     return np.frombuffer(data, dtype=np.dtype(dtype)).reshape(shape).copy()

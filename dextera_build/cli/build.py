@@ -123,7 +123,7 @@ def _run(
     stale: Stale | None = None,
 ) -> int:
     """Build a recipe; `stale` is what is remembered of the same request, None where all is to be looked at."""
-    from dextera_build.cli import fresh, results
+    from dextera_build.cli import fresh
     from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.graph import Plan
     from dextera_build.store.presence import Presence
@@ -136,13 +136,10 @@ def _run(
     place = fresh.place(project, fingerprint)
     near = fresh.near(project, fingerprint, stale, session.store) if stale and quick else None
     if near is not None and near.idle:
+        _end_nursery(args)
         head = near.stale.head
-        if not near.placed:
-            nodes, *lines = head["lines"]
-            written = results.restore(session, near.known, [line.partition("\t")[0] for line in lines])
-            if written is None:
-                return _run(args, project, recipe, targets, fingerprint, started)
-            head["lines"] = [nodes, *written]
+        if not _is_placed(session, near):
+            return _run(args, project, recipe, targets, fingerprint, started)
         args.notes.add(recipe, place, fresh.renew(project, fingerprint, seen, near, head["lines"][1:]))
         return _say_nothing_ran(project, recipe, head, started)
     session.nursery = _nursery(args, project, soon=near is not None)
@@ -174,8 +171,21 @@ def _run(
     return 0 if result.ok else 1
 
 
+def _is_placed(session: Session, near: Near) -> bool:
+    """Whether all that was written is there, or could be written again."""
+    from dextera_build.cli import results
+
+    if not near.placed:
+        nodes, *lines = near.stale.head["lines"]
+        written = results.restore(session, near.known, [line.partition("\t")[0] for line in lines])
+        if written is None:
+            return False
+        near.stale.head["lines"] = [nodes, *written]
+    return True
+
+
 def _nursery(args: argparse.Namespace, project: Project, *, soon: bool) -> Nursery | None:
-    """A fork of this process, as long as it has opened and begun nothing, to make workers; None where it may not be.
+    """What makes workers: begun already, or a fork of this process as long as it has opened nothing; else None.
 
     Args:
         args: The command line.
@@ -186,13 +196,22 @@ def _nursery(args: argparse.Namespace, project: Project, *, soon: bool) -> Nurse
     from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.nursery import is_alone
 
-    if not args.own or args.check or project.executor != "local" or not is_alone():
+    if args.check or project.executor != "local":
         return None
-    args.own = False  # it may be once
-    made = Nursery(forked=True)
-    if soon:
+    made: Nursery | None = args.nursery
+    if made is None and args.own and is_alone():
+        made = Nursery(forked=True)
+    args.own, args.nursery = False, None  # it may be once
+    if made is not None and soon:
         executors.load(made, project)
     return made
+
+
+def _end_nursery(args: argparse.Namespace) -> None:
+    """Nothing will run."""
+    if args.nursery is not None:
+        args.nursery.end()
+        args.nursery = None
 
 
 def _make(

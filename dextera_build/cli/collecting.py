@@ -27,6 +27,7 @@ def run(args: argparse.Namespace) -> int:
     limit = amounts.size(args.max_size) if args.max_size is not None else None
     age_s = amounts.seconds(args.max_age) if args.max_age is not None else None
 
+    from dextera_build.cli.consoles.lines import printable
     from dextera_build.cli.stores import reading
     from dextera_build.engine.collection import collect
 
@@ -37,7 +38,8 @@ def run(args: argparse.Namespace) -> int:
         return 0
     for verb, rows in (("drop", said.gone), ("keep", said.stays)):
         for row in rows:
-            print(f"{verb}\t{row.kind}\t{row.count}\t{row.bytes}\t{row.why}")
+            # It names folders, by files that somebody may have changed.
+            print(f"{verb}\t{row.kind}\t{row.count}\t{row.bytes}\t{printable(row.why)}")
     _explain(answer, limit, dry=not args.yes)
     return 0
 
@@ -47,7 +49,8 @@ def _explain(answer: Answer, limit: int | None, *, dry: bool) -> None:
     for workspace in answer.vanished:
         print(f"`{workspace}` is not there any more: what it built last is not held", file=sys.stderr)
     if said.running:
-        print(f"{said.running} builds run now; all that they may need stays", file=sys.stderr)
+        who = "a build runs now; all that it" if said.running == 1 else f"{said.running} builds run now; all that they"
+        print(f"{who} may need stays", file=sys.stderr)
     before, after = wording.size(said.before), wording.size(said.after)
     if said.gone:
         print(f"the store {'would shrink' if dry else 'shrank'} from {before} to {after}", file=sys.stderr)

@@ -49,19 +49,25 @@ def executor(
             yield workers
 
 
-def load(nursery: Nursery, project: Project) -> None:
-    """Have a nursery load what the workers of a project need."""
-    nursery.load(RUNNER, _environment(project), [entry for entry in sys.path if entry])
+def load(nursery: Nursery, project: Project | None = None) -> None:
+    """Have a nursery load what workers need, those of a project or of any."""
+    environment = _environment(project) if project else _everywhere()
+    nursery.load(RUNNER, environment, [entry for entry in sys.path if entry])
 
 
 def _environment(project: Project) -> dict[str, str]:
+    environment = _everywhere()
+    environment["DXB_CALLS"] = project.calls
+    if listed := project.remotes.listed:
+        environment["DXB_REMOTES"] = listed
+    return environment
+
+
+def _everywhere() -> dict[str, str]:
     # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     # No rule needs plug-ins of pydantic, and a look for some goes through all that is installed.
     environment["PYDANTIC_DISABLE_PLUGINS"] = os.environ.get("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    environment["DXB_CALLS"] = project.calls
-    if listed := project.remotes.listed:
-        environment["DXB_REMOTES"] = listed
     return environment
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import NoReturn
 
+    from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.errors import DxbError
 
 _YOUNG = 20_000
@@ -73,25 +74,34 @@ def _completes(words: list[str]) -> bool:
 
 
 def _run(words: list[str], own: bool) -> int:
-    import gc
     import importlib
 
+    nursery = _ahead(words) if own else None
     from dextera_build.cli.grammar import parser
 
-    if own:
-        # What a command makes it keeps. To look for circles in it at every 700 objects takes a tenth of a small build.
-        gc.set_threshold(_YOUNG)
     verb = next((word for word in words if not word.startswith("-")), "")
     args = parser(verb).parse_args(words)
-    args.words, args.own = words, own
+    args.words, args.own, args.nursery = words, own, nursery
     try:
         code: int = importlib.import_module(f"dextera_build.cli.{args.verb}").run(args)
     finally:
+        if args.nursery is not None:
+            args.nursery.end()
         if "dextera_build.cli.stores" in sys.modules:
             from dextera_build.cli import stores
 
             stores.warn()
     return code
+
+
+def _ahead(words: list[str]) -> "Nursery | None":
+    import gc
+
+    from dextera_build.cli import ahead
+
+    # What a command makes it keeps. To look for circles in it at every 700 objects takes a tenth of a small build.
+    gc.set_threshold(_YOUNG)
+    return ahead.begin(words)
 
 
 def _refuse(error: "DxbError") -> int:

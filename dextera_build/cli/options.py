@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dextera_build.errors import UsageError
+from dextera_build.plain import dataclass
 
 if TYPE_CHECKING:
     from dextera_build.project import Project
@@ -104,6 +104,13 @@ def project(args: argparse.Namespace) -> Project:
 def added(args: argparse.Namespace) -> tuple[object, ...]:
     """What the arguments add to a recipe, as it was written."""
     return args.input, args.settings, args.backends
+
+
+def again(args: argparse.Namespace) -> list[str]:
+    """The words that add the same to a recipe."""
+    told = (("--input", args.input), ("--set", args.settings), ("--backend", args.backends))
+    words = [word for flag, texts in told for text in texts for word in (flag, text)]
+    return [*words, "--profile", args.profile] if args.profile else words
 
 
 def request(args: argparse.Namespace, profile: str) -> Request:

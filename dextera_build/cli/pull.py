@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from typing import TYPE_CHECKING
 
@@ -45,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
             f"{count} neither in the store nor in a remote",
             code="DXB-S202",
             facts={"lacking": listing(lacking, most=40)},
-            hint=f"`dxb build {' '.join(args.targets)}` makes what is lacking",
+            hint=f"`{shlex.join(['dxb', 'build', *args.targets, *options.again(args)])}` makes what is lacking",
         )
     return 0
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
+import sys
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -108,10 +109,10 @@ def stem_of(node: str) -> str:
 def _export(
     session: Session, folder: str, node: str, rule: Callable[[str], str], output: str, stamps: dict[str, str]
 ) -> str:
-    with suppress(OSError, UnicodeDecodeError):
-        digest, _, name = files.read(f"{folder}/{_STAMP}").decode().partition("\n")
-        if digest == output and os.path.exists(f"{folder}/{name}"):
-            return _joined(folder, name)
+    digest, name, changed = _standing_in(folder)
+    if digest == output and name and not changed:
+        return _joined(folder, name)
+    aside = _set_aside(folder) if changed else ""
     _clear(folder)
     main = _export_file(session, folder, stem_of(node), output)
     if main is None:
@@ -119,8 +120,54 @@ def _export(
         written = kind.restore(output, session.store.reader, where, stem_of(node))
         main = written[0].relative_to(where).as_posix() if written else "."
     failpoints.reach("export.written")
-    stamps[folder] = f"{output}\n{main}"
+    stamps[folder] = f"{output}\n{main}\n{_written(folder, main)}"
+    if aside:
+        _tell(node, f"{folder}/{main}", f"{aside}/{name}", aside)
     return _joined(folder, main)
+
+
+def _standing_in(folder: str) -> tuple[str, str, bool]:
+    """(digest, name of the main file, whether that was changed since it was written) of what lies in a folder.
+
+    Two empty texts where nothing does that is whole.
+    """
+    try:
+        digest, _, rest = files.read(f"{folder}/{_STAMP}").decode().partition("\n")
+        name, _, written = rest.partition("\n")
+        return digest, name, _written(folder, name) != written != ""
+    except (OSError, UnicodeDecodeError):
+        return "", "", False
+
+
+def _written(folder: str, name: str) -> str:
+    """What changes when a file is written to; a folder's own times say nothing of what was done to its files."""
+    if name == ".":
+        return ""
+    state = os.stat(f"{folder}/{name}")
+    return f"{state.st_size} {state.st_mtime_ns}"
+
+
+def _set_aside(folder: str) -> str:
+    """Keep what somebody else wrote into a folder: nobody else has it."""
+    aside = f"{folder}~"
+    for number in itertools.count(2):
+        if not os.path.exists(aside):
+            break
+        aside = f"{folder}~{number}"
+    os.rename(folder, aside)
+    return aside
+
+
+def _tell(node: str, new: str, old: str, aside: str) -> None:
+    """Say that what was changed lies elsewhere now, where it was changed: a new time alone is no loss."""
+    import filecmp  # seldom needed
+    import shutil
+
+    if filecmp.cmp(new, old, shallow=False):
+        shutil.rmtree(aside, ignore_errors=True)
+    else:
+        kept = aside.removeprefix(f"{os.getcwd()}/")
+        print(f"`{node}` was changed where it lay and is written anew; what it held is in {kept}", file=sys.stderr)
 
 
 def _clear(folder: str) -> None:

@@ -115,7 +115,7 @@ def _node(session: Any, node: str) -> dict[str, Any]:
         "result": _line(session, entry.key),
         "rule": f"{document['rule']} version {document['version']}",
         "backend": document["backend"] or "-",
-        "built": f"run {entry.run}, {when}, {entry.seconds:.1f} s",
+        "known since": f"run {entry.run}, {when}; it took {entry.seconds:.1f} s to make",
         "key": entry.key,
     }
     if entry.usage:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import deque
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import field
 from typing import Generic, TypeVar
 
@@ -157,6 +157,10 @@ class Admission(Generic[T]):
     def __len__(self) -> int:
         """How many wait."""
         return sum(len(line.waiting) for line in self._lines.values())
+
+    def waiting(self) -> Iterator[T]:
+        """All that wait."""
+        return (task for line in self._lines.values() for _, task in line.waiting)
 
     def wait(self, task: T, needs: Needs) -> None:
         """Join the line; `needs` lack nothing of the capacity."""

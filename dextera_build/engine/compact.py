@@ -23,6 +23,7 @@ from dextera_build.engine.graph import Call, Fixed, Gather, Graph, Group, Input,
 from dextera_build.errors import Place
 
 _spell = speller(ensure_ascii=True)
+_scan = json.JSONDecoder().raw_decode
 _AT_ONCE = 20_000
 """So many hashes are sorted in one go at most."""
 _PARTS = 16
@@ -181,7 +182,7 @@ class Members(Mapping[str, Call | Group]):
         return member
 
     def _plain(self, number: int) -> Any:
-        return json.loads(self.texts[number].decode("ascii"))
+        return _scan(str(self.texts[number], "ascii"))[0]
 
     def _member(self, number: int) -> Call | Group:
         return self._read(self._plain(number))
@@ -349,8 +350,11 @@ def _input_to_plain(source: Input) -> list[Any] | dict[str, Any] | str:
 
 
 def _input_of(plain: Any) -> Input:
+    if type(plain) is str:
+        return _output_of(plain)
     if type(plain) is dict:
-        return Pack({label: _part_of(part) for label, part in plain.items()})
+        parts = plain.items()
+        return Pack({label: _output_of(part) if type(part) is str else _part_of(part) for label, part in parts})
     return _part_of(plain)
 
 

@@ -13,6 +13,7 @@ from dextera_build.engine.admission import Admission, estimate, lacks
 from dextera_build.engine.capacity import Capacity, Needs
 from dextera_build.engine.finish import log_of, result_of
 from dextera_build.engine.graph import RuleFacts
+from dextera_build.engine.policy import Policy
 from dextera_build.engine.reading import Reading
 from dextera_build.engine.seats import LONG_S, Pace, Seat, nap_s
 from dextera_build.engine.sharing import Sharing
@@ -40,9 +41,7 @@ class Dispatch:
     executor: Executor | None
     states: States
     sharing: Sharing
-    project: str
-    profile: str
-    peak_gb: Callable[[str], float | None]
+    policy: Policy
     reading: Reading
     forced: Callable[[Node], bool]
     started: Callable[[Node], None]
@@ -58,7 +57,7 @@ class Dispatch:
         self._admission: Admission[Node] = Admission(self.executor.capacity if self.executor else Capacity())
         self._seats: dict[Node, Seat] = {}
         """By the node that runs."""
-        self._pace = Pace()
+        self._pace = Pace(self.policy.took)
         self._needs: dict[int, tuple[RuleFacts, Needs, Mapping[str, tuple[float, float]]]] = {}
         """By identity, since rules cannot be hashed; an entry keeps its rule alive."""
         self._store_name = str(self.store.root)
@@ -81,17 +80,23 @@ class Dispatch:
                 self._take_back(seat)
             return
         self._line_up()
-        while (node := self._admission.next()) is not None:
+        while (node := self._next()) is not None:
             if not self._claim(node):
                 self._admission.end(node)
                 continue
-            expected_s = self._pace.expected_s(node.rule)
+            expected_s = self._pace.expected_s(node)
             self._seats[node] = Seat(deque([(node, expected_s)]), expected_s)
             self._hand_over(node)
             self.started(node)
             self.executor.submit(self._task(node, self._admission.devices(node)))
         if self._queues is not None:
             self._line_up_behind(self._queues)
+
+    def _next(self) -> Node | None:
+        """The node that starts now, None where there is none; what is brief stands behind others first."""
+        if self._queues is not None and self._is_brief(self._queues):
+            self._line_up_behind(self._queues)
+        return self._admission.next()
 
     def _hand_over(self, node: Node) -> None:
         node.ticket, node.tries = next(self._tickets), node.tries + 1
@@ -107,12 +112,21 @@ class Dispatch:
             if node is None:
                 seats.remove(seat)
             elif self._claim(node):
-                seat.add(node, self._pace.expected_s(node.rule))
+                seat.add(node, self._pace.expected_s(node))
                 self._hand_over(node)
                 executor.submit_behind(self._task(node, ()), seat.first.ticket)
 
     def _fits(self, seat: Seat, node: Node) -> bool:
-        return seat.fits(self._pace.expected_s(node.rule))
+        return seat.fits(self._pace.expected_s(node))
+
+    def _is_brief(self, executor: Queues) -> bool:
+        """Whether the workers that run do all that waits before a new one could begin."""
+        if executor.spare or not self._seats:
+            return False
+        rooms = [seat.room for seat in self._seats.values()]
+        if not 0 < len(self._admission) <= sum(count for count, _ in rooms):
+            return False
+        return sum(map(self._pace.expected_s, self._admission.waiting())) <= sum(seconds for _, seconds in rooms)
 
     def _take_back(self, seat: Seat) -> None:
         if self._queues is None or len(seat.nodes) == 1:
@@ -144,7 +158,7 @@ class Dispatch:
             elif lacking:
                 self.broke(node, lacks(lacking, self._admission.capacity))
             else:
-                self._admission.wait(node, estimate(needs, self.peak_gb(node.address)))
+                self._admission.wait(node, estimate(needs, self.policy.peak_gb(node.address)))
 
     def _needs_of(self, rule: RuleFacts) -> tuple[Needs, Mapping[str, tuple[float, float]]]:
         """What calls of a rule need, and what of that is nowhere here."""
@@ -245,8 +259,8 @@ class Dispatch:
             options=node.call.options,
             inputs=node.inputs,
             store=self._store_name,
-            project=self.project,
-            profile=self.profile,
+            project=self.policy.project,
+            profile=self.policy.profile,
             needs=self._needs_of(rule)[0],
             devices=devices,
             key=node.key or "",

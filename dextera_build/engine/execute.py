@@ -105,6 +105,8 @@ class _Run:
         self.known = policy.known
         self.history.lean = self.known is not None
         policy = replace(policy, peak_gb=self.known.peak_gb if self.known else self.history.peak_gb)
+        if self.known is not None:
+            policy = replace(policy, took=self.known.took)
         self.scheduler = Scheduler(graph, store, executor, policy, hooks, uplink.exchange)
         self.errors: dict[str, DxbError] = {}
         self.members: Counter[tuple[str, ...]] = Counter()

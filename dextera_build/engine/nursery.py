@@ -9,7 +9,8 @@ Each message of the socket is JSON. First comes what to load: `{"runner": "modul
 "environment": {...}}`, with the pool's module search path. Then `{"environment": {...}}`, with the descriptors of
 tasks, file, replies and log, asks for a worker, and is answered with `{"pid": ...}` or `{"refused": errno}`, in the
 order of asking. When a worker ends, `{"ended": pid, "code": ...}` says so, and after `{"forget": pid}` its id may be
-another's. The nursery ends when the socket closes and when its parent dies, and its workers with it.
+another's. `{"variables": {...}}` sets these for workers to come. The nursery ends when the socket closes and when its
+parent dies, and its workers with it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,6 @@ import os
 import select
 import signal
 import socket
-import subprocess
 import sys
 import traceback
 from collections.abc import Mapping, Sequence
@@ -92,6 +92,9 @@ class Nursery:
         if "forget" in message:
             os.waitpid(message["forget"], 0)
             return []
+        if "variables" in message:
+            os.environ.update(message["variables"])
+            return []
         pid = self._make(runner, message["environment"], descriptors)
         if not pid:
             return self._become(runner, message["environment"], descriptors)
@@ -140,6 +143,8 @@ class Nursery:
         return [runner, *map(str, passed), str(self._pid)]
 
     def _spawn(self, runner: str, environment: Mapping[str, str], descriptors: Sequence[int]) -> int:
+        import subprocess  # most have one thread, and fork
+
         *passed, log = descriptors
         words = [sys.executable, "-m", worker.__name__, runner, *map(str, passed), str(self._pid)]
         seen = {**os.environ, **environment, "PYTHONPATH": os.pathsep.join(sys.path)}

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from dextera_build.engine.graph import Address, Call, Fixed, Gather, Graph, Group, Item, Leaf, Output, parts_of
+from dextera_build.engine.graph import (
+    Address,
+    Call,
+    Fixed,
+    Gather,
+    Graph,
+    Group,
+    Item,
+    Leaf,
+    Output,
+    node_address,
+    parts_of,
+)
 from dextera_build.errors import UsageError, did_you_mean, listing
 
 Path = tuple[str, ...]
@@ -69,6 +81,8 @@ def variants(groups: Sequence[Group], call: Call) -> list[Call]:
 
 def copy_of(graph: Graph, path: Path, labels: tuple[str, ...]) -> Call:
     """The call that stands at `path` in the copy with these labels."""
+    if len(path) == 1 and isinstance(call := graph.members[path[0]], Call):
+        return call
     groups, call = _descend(graph, path)
     return groups[-1].overrides.get(labels[-1], {}).get(call.name, call) if groups and labels else call
 
@@ -89,10 +103,10 @@ def lookup(graph: Graph, target: Address) -> Call:
     """The call that a target names.
 
     Raises:
-        UsageError: There is none.
+        UsageError: There is none, or a group that lists its copies does not have this one.
     """
     try:
-        return _descend(graph, target.call)[1]
+        groups, call = _descend(graph, target.call)
     except KeyError:
         known = [".".join(path) for path, _ in graph.calls()]
         name = ".".join(target.call)
@@ -102,6 +116,21 @@ def lookup(graph: Graph, target: Address) -> Call:
             facts={"nodes": listing(known)},
             hint=did_you_mean(name, known),
         ) from None
+    labels = target.labels or ()
+    for depth, (group, label) in enumerate(zip(groups, labels, strict=False)):
+        if isinstance(group.over, Fixed) and label not in group.over.labels:
+            raise no_copy(str(target), node_address(target.call[: depth + 1], labels[:depth]), label, group.over.labels)
+    return call
+
+
+def no_copy(target: str, group: str, label: str, known: Iterable[str]) -> UsageError:
+    """What to say where `target` names a copy that `group` does not have."""
+    return UsageError(
+        f"`{target}`: there is no `{label}` in `{group}`",
+        code="DXB-U203",
+        facts={"copies": listing(known)},
+        hint=did_you_mean(label, known),
+    )
 
 
 def _descend(graph: Graph, path: Path) -> tuple[list[Group], Call]:

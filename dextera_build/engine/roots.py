@@ -53,7 +53,8 @@ def find(store: Store) -> Roots:
         elif keys:
             found.keys.setdefault(workspace or NOBODY, set()).update(keys)
     for workspace, held in found.keys.items():
-        with suppress(OSError):
+        # A damaged history may name a folder that no system could have: `ValueError`.
+        with suppress(OSError, ValueError):
             # Whatever form the file has: its digests are written out.
             held.update(match.decode() for match in _KEY.findall(files.read(f"{workspace}/{LOCKFILE}")))
     return found

@@ -84,9 +84,7 @@ class Scheduler:
             executor=executor,
             states=self.states,
             sharing=self.sharing,
-            project=policy.project,
-            profile=policy.profile,
-            peak_gb=policy.peak_gb,
+            policy=policy,
             reading=self.reading,
             forced=self._is_forced,
             started=self.hooks.started,
@@ -126,13 +124,20 @@ class Scheduler:
         self._forbid_circles()
 
     def _settle(self) -> bool:
-        """Bring ready units forward, a batch at a time so that workers are not kept waiting; True: there are more."""
+        """Bring units forward, a batch at a time so that workers are not kept waiting; True: there are more.
+
+        To connect and to settle take turns: so workers run the first nodes of a large graph while others are connected.
+        """
         for _ in range(_BATCH):
             while self.wiring.fresh:
                 self._connect(self.wiring.fresh.popleft())
+                if not self.stopping:  # else nothing is settled, but whoever reads what failed shall be blocked
+                    break
             unit = None if self.stopping else self.states.next_ready()
-            if unit is None:
+            if unit is None and not self.wiring.fresh:
                 return False
+            if unit is None:
+                continue
             try:
                 self._settle_one(unit)
             except DxbError as error:
@@ -140,10 +145,10 @@ class Scheduler:
         return True
 
     def _measure(self) -> None:
-        """Say how many nodes there are, where that changed."""
+        """Say how many nodes there are, where that changed; while they become more by the thousand, now and then."""
         openings = self.wiring.openings
         known = (self.wiring.count(), len(openings))
-        if known != self._measured:
+        if known != self._measured and not (self.wiring.fresh and known[0] < 2 * self._measured[0]):
             self._measured = known
             unopened = sum(unit.state is not State.DONE and unit.state not in LOST for unit in openings.values())
             self.hooks.sized(known[0], unopened)

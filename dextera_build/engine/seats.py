@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import field
 
 from dextera_build.engine.graph import RuleFacts
@@ -18,9 +18,9 @@ from dextera_build.plain import dataclass
 
 LONG_S = 0.02
 """A node that takes longer [s] has nobody stand behind it."""
-_MOST = 12
+_MOST = 24
 """So many nodes have a seat or stand behind at most."""
-_MOST_S = 0.005
+_MOST_S = 0.01
 """So long do they take together by what is known of their rules [s], so that no one waits long for his turn."""
 _SEEN = 4
 """After so many runs of a rule it is known how long it takes."""
@@ -32,21 +32,35 @@ _LEAST_NAP_S = 0.0002
 
 
 class Pace:
-    """How long the calls of each rule take in this run."""
+    """How long the calls of each rule take in this run.
 
-    def __init__(self) -> None:
+    Args:
+        took: How long a node took the last time [s], where that is known; until more is known of its rule the least of
+            these counts, since others may have waited for a worker to load the rule.
+    """
+
+    def __init__(self, took: Callable[[str], float | None] = lambda address: None) -> None:
         self._known: dict[tuple[str, str | None], tuple[int, float]] = {}
+        self._took = took
+        self._least: dict[tuple[str, str | None], float] = {}
 
     def note(self, rule: RuleFacts, seconds: float) -> None:
         """A call took so long [s]."""
-        count, mean = self._known.get((rule.path, rule.backend), (0, 0.0))
+        count, mean = self._known.get((rule.path, rule.backend), (-1, 0.0))
         count += 1
-        self._known[rule.path, rule.backend] = (count, mean + (seconds - mean) / min(count, _MEMORY))
+        if count:  # in the first its worker loads the rule
+            mean += (seconds - mean) / min(count, _MEMORY)
+        self._known[rule.path, rule.backend] = (count, mean)
 
-    def expected_s(self, rule: RuleFacts) -> float:
+    def expected_s(self, node: Node) -> float:
         """How long a call will take [s]; very long where that is not known."""
-        count, mean = self._known.get((rule.path, rule.backend), (0, 0.0))
-        return mean if count >= _SEEN else _UNKNOWN_S
+        rule = (node.rule.path, node.rule.backend)
+        count, mean = self._known.get(rule, (0, 0.0))
+        if count >= _SEEN:
+            return mean
+        took = self._took(node.address)
+        least = self._least[rule] = min(self._least.get(rule, _UNKNOWN_S), _UNKNOWN_S if took is None else took)
+        return least
 
 
 @dataclass(eq=False, slots=True)
@@ -72,6 +86,11 @@ class Seat:
     def fits(self, expected_s: float) -> bool:
         """Whether one that takes so long may stand behind."""
         return not self.is_late and len(self.nodes) < _MOST and self.left_s + expected_s <= _MOST_S
+
+    @property
+    def room(self) -> tuple[int, float]:
+        """How many more nodes may stand behind, and how long these may take together [s]."""
+        return (0, 0.0) if self.is_late else (_MOST - len(self.nodes), _MOST_S - self.left_s)
 
     def add(self, node: Node, expected_s: float) -> None:
         """Have a node stand behind all others."""

@@ -114,6 +114,11 @@ class Executor(Protocol):
 class Queues(Executor, Protocol):
     """An executor whose workers take tasks that stand behind one another without asking in between."""
 
+    @property
+    def spare(self) -> int:
+        """How many workers have nothing to do; with none, a task that is submitted has to wait for a new one."""
+        ...
+
     def submit_behind(self, task: Task, ticket: int) -> None:
         """Have the worker that has the task of this ticket begin `task` when it has ended all that it has."""
         ...

@@ -24,6 +24,8 @@ _SHORT_S = 0.002
 """Tasks of this length [s] hardly change how large a worker is."""
 _LOOK_S = 0.05
 """Between short tasks its peak is read once in this time [s]: that takes as long as some tasks do."""
+_FLASH_S = 0.0005
+"""No program can be started and waited for within a task of this length [s]."""
 
 
 class Meter:
@@ -34,32 +36,45 @@ class Meter:
         self._status = _open("/proc/self/status", os.O_RDONLY)
         self._io = _open("/proc/self/io", os.O_RDONLY)
         weakref.finalize(self, _close, self._reset, self._status, self._io)
-        self._before: tuple[float, float, int, tuple[int, int] | None] = (0.0, 0.0, 0, None)
         self._began = 0.0
+        self._ended = -_LOOK_S
+        self._own = 0.0
+        """Processor time of this process when it was last looked at [s], and the next two likewise."""
+        self._children = (0.0, 0)
+        self._moved: tuple[int, int] | None = None
         self._seen: tuple[float, int] = (-_LOOK_S, 0)
         """When the peak of a short task was read, and what it was."""
 
-    def begin(self) -> None:
-        """A task begins."""
+    def begin(self, *, at_once: bool = False) -> None:
+        """A task begins.
+
+        Args:
+            at_once: The process has done nothing since the last task but what belongs to tasks, so where that was just
+                now this one begins where that ended: to look twice takes a tenth of a short task's time.
+        """
         self._began = time.monotonic()
         # Where a short task would be given what was read last, it need not count from here: so short a time does not
         # fill much memory, whatever comes after it.
         if self._reset >= 0 and self._began - self._seen[0] >= _LOOK_S:
             with suppress(OSError):
                 os.pwrite(self._reset, b"5", 0)  # the peak counts from here
-        self._before = (time.process_time(), *_children(), self._bytes())
+        if not at_once or self._began - self._ended >= _LOOK_S:
+            self._own, self._children, self._moved = time.process_time(), _children(), self._bytes()
 
     def end(self) -> Usage:
         """What the process used since `begin`."""
-        now = time.monotonic()
-        own, children, record, moved = self._before
-        more, peak = _children()
-        used: Usage = {"cpu_seconds": round(time.process_time() - own + more - children, 6)}
-        here = self._bytes()
-        if here is not None and moved is not None:
-            used["read_bytes"], used["written_bytes"] = here[0] - moved[0], here[1] - moved[1]
+        now = self._ended = time.monotonic()
+        lasted_s = now - self._began
+        own, (children, record), moved = self._own, self._children, self._moved
+        self._own, self._moved = time.process_time(), self._bytes()
+        if lasted_s >= _FLASH_S:
+            self._children = _children()
+        more, peak = self._children
+        used: Usage = {"cpu_seconds": round(self._own - own + more - children, 6)}
+        if self._moved is not None and moved is not None:
+            used["read_bytes"], used["written_bytes"] = self._moved[0] - moved[0], self._moved[1] - moved[1]
         # Of children only the largest of all times is known: it is this task's where that record was broken meanwhile.
-        peak = max(self._peak(now, now - self._began < _SHORT_S), peak if peak > record else 0)
+        peak = max(self._peak(now, lasted_s < _SHORT_S), peak if peak > record else 0)
         if peak:
             used["memory_bytes"] = peak
         return used

@@ -21,10 +21,10 @@ from dextera_build.engine.graph import (
     parts_of,
 )
 from dextera_build.engine.known import Known
-from dextera_build.engine.reach import group_at, leaves_of
+from dextera_build.engine.reach import group_at, leaves_of, no_copy
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Labels, Node, Opening, Path, Unit
-from dextera_build.errors import DxbError, UsageError, did_you_mean, listing
+from dextera_build.errors import DxbError
 
 
 class Wiring:
@@ -138,11 +138,17 @@ class Wiring:
         node.leaves = [(leaf, self.leaf(leaf)) for leaf in leaves_of((call,))]
 
     def connect(self, unit: Unit) -> None:
-        """Find what `unit` reads and wait for what is not known.
+        """Find what `unit` reads and wait for what is not known; what is met for the first time is connected next.
 
         Raises:
             DxbError: A leaf cannot be read, or a label does not exist.
         """
+        known = len(self.fresh)
+        self._connect(unit)
+        for _ in range(len(self.fresh) - known):  # so the first that can run are met soon
+            self.fresh.appendleft(self.fresh.pop())
+
+    def _connect(self, unit: Unit) -> None:
         if isinstance(unit, Node):
             call = unit.call
             unit.rule = call.rule
@@ -221,7 +227,7 @@ class Wiring:
         if self.known is None or not self.known.settle(unit):
             self.fresh.append(unit)
         elif not isinstance(unit, Node):
-            self.connect(unit)  # events say which nodes stand behind it
+            self._connect(unit)  # events say which nodes stand behind it
 
 
 def _chosen(unit: Gathering, opened: Opening) -> list[str]:
@@ -231,10 +237,5 @@ def _chosen(unit: Gathering, opened: Opening) -> list[str]:
         return list(opened.items)
     wanted = unit.labels[level]
     if wanted not in opened.items:
-        raise UsageError(
-            f"`{unit.address}`: there is no `{wanted}` in `{opened.address}`",
-            code="DXB-U203",
-            facts={"copies": listing(opened.items)},
-            hint=did_you_mean(wanted, opened.items),
-        )
+        raise no_copy(unit.address, opened.address, wanted, opened.items)
     return [wanted]

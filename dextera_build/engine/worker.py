@@ -74,7 +74,7 @@ class Worker:
             os.ftruncate(1, 0)
             os.lseek(1, 0, os.SEEK_SET)  # else what is printed next stands behind as many zeros
         self._last_progress = 0.0
-        self._meter.begin()
+        self._meter.begin(at_once=True)
         began = time.perf_counter()
         answer: dict[str, object]
         try:
@@ -86,12 +86,13 @@ class Worker:
             with contextlib.suppress(OSError):  # where the log's disk is full the error still goes out
                 traceback.print_exc()
             answer = {"error": escaped(error).to_json(), "raised": names_of(error)}
-        answer |= {"ticket": ticket, "seconds": time.perf_counter() - began, "usage": self._meter.end()}
+        answer |= {"ticket": ticket, "seconds": time.perf_counter() - began}
         self._flush()
         if document and "reply" in answer:
             self._publish(task, document, answer)
         if not answer.get("published") and (log := printed(1)):
             answer["log"] = log.decode("latin-1")  # any bytes; the next task writes over them
+        answer["usage"] = self._meter.end()  # to store a result is a part of making it
         self._write(answer)
 
     def _publish(self, task: Mapping[str, Any], document: bytes, answer: dict[str, Any]) -> None:

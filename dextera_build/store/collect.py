@@ -99,7 +99,7 @@ class _Collector:
         results = self._held.results
         everyone |= {name for key in everyone if key in results for name in results[key].needs if name in results}
         self._choice = choose(self._held, everyone, limits, self._horizon)
-        self._said = Collection(before=self._held.bytes(), after=self._choice.left, running=len(starts))
+        self._said = Collection(before=self._held.bytes(), after=self._choice.left, running=store.running.processes())
 
     def plan(self) -> Collection:
         """Say what would go."""

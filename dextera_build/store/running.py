@@ -76,6 +76,14 @@ class Running:
                     found.append(began)
         return sorted(found)
 
+    def processes(self) -> int:
+        """How many processes have announced themselves, dead ones included; a build does so more than once."""
+        found = set()
+        for path in self._folder.iterdir() if self._folder.is_dir() else ():
+            with suppress(OSError):
+                found.add(path.read_bytes())
+        return len(found)
+
     @contextmanager
     def collecting(self) -> Iterator[bool]:
         """Be the one collection for the block; True: no build runs, and none starts before it ends."""

@@ -78,6 +78,19 @@ def test_what_a_lock_file_names_stays(built: Space) -> None:
     assert results(built) == before
 
 
+@pytest.mark.parametrize("name", ["\ud800", "a\nb", "\x1b[2J"])
+def test_a_damaged_name_of_a_project_stays_in_its_line(built: Space, name: str) -> None:
+    shutil.rmtree(built.root / "cache" / "local" / "snapshots")
+    for path in (built.root / "cache" / "local" / "history").iterdir():
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"project": name}))
+    said = built.dxb("cache", "gc")
+    assert said.code == 0, said.err
+    rows = [line.split("\t") for line in said.out.split("\n")[:-1]]
+    assert {len(row) for row in rows} == {5}
+    assert all(cell.isprintable() for row in rows for cell in row)
+    assert any(cell.startswith("built last by ") for row in rows for cell in row)
+
+
 def test_a_workspace_that_vanished_holds_nothing_and_that_is_said(built: Space, tmp_path: Path) -> None:
     store = tmp_path / "elsewhere"
     shutil.move(built.root / "cache", store)

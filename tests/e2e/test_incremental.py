@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 
 import pytest
 
@@ -95,6 +96,30 @@ def test_a_deleted_output_file_is_written_again(built):
     again = built.build("say/words")
     assert again.nodes("ran") == set()
     assert out.read_bytes() == b"ONE!!! TWO!!!"
+
+
+def test_an_output_file_that_was_changed_is_written_again_and_the_change_is_kept(built):
+    out = built.root / built.dxb("build", "say/words").out.strip().partition("\t")[2]
+    for aside in ("all~", "all~2"):
+        out.write_bytes(b"mine")
+        again = built.dxb("build", "say/words")
+        assert out.read_bytes() == b"ONE!!! TWO!!!"
+        kept = f"cache/out/say/words/{aside}"
+        assert f"`all` was changed where it lay and is written anew; what it held is in {kept}\n" in again.err
+        assert (built.root / kept / "all").read_bytes() == b"mine"
+    out.write_bytes(b"mine, too")
+    built.edit("recipes/say/words.yaml", "one two", "one four")
+    built.dxb("build", "say/words")
+    assert out.read_bytes() == b"FOUR!!! ONE!!!"
+    assert (built.root / "cache/out/say/words/all~3/all").read_bytes() == b"mine, too"
+
+
+def test_a_new_time_alone_is_no_change_of_an_output_file(built):
+    out = built.root / built.dxb("build", "say/words").out.strip().partition("\t")[2]
+    os.utime(out, (1, 1))
+    assert "was changed" not in built.dxb("build", "say/words").err
+    assert out.read_bytes() == b"ONE!!! TWO!!!"
+    assert not out.parent.with_name("all~").exists()
 
 
 def test_force_runs_one_node(built):

@@ -46,8 +46,9 @@ def test_copies_have_addresses_everywhere(built):
     answer = built.build("say/sweep", "--set", "sweep[times=2].louder.times=4")
     assert answer.nodes("ran") == {"sweep[times=2].louder", "all"}
     answer = built.dxb("build", "say/sweep:sweep[times=5].loud")
-    assert answer.code == 1
-    assert "there is no `times=5` in `sweep`" in answer.err
+    assert answer.code == 2  # before anything ran
+    assert "error[DXB-U203]: `sweep[times=5].loud`: there is no `times=5` in `sweep`" in answer.err
+    assert "copies   times=1, times=2" in answer.err
 
 
 def test_a_plan_knows_the_copies_before_anything_ran(space):

@@ -109,6 +109,12 @@ def seen_by(nursery: Nursery, *, workers: int = 1) -> list[dict[str, Any]]:
         nursery.end()
 
 
+def test_variables_may_be_said_after_what_to_load() -> None:
+    nursery = Nursery()
+    nursery.load(HERE, {"NURSERY": "no"}, [entry for entry in sys.path if entry])
+    assert json.loads(seen_by(nursery)[0]["output"])["NURSERY"] == "yes"
+
+
 _SCRIPT = """
 import json, os, sys
 from dextera_build.engine.executors.nursery import Nursery

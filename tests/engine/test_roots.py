@@ -57,6 +57,16 @@ def test_a_history_that_names_no_project_is_held(store: Store) -> None:
     assert roots.find(store).keys == {roots.NOBODY: {key}}
 
 
+@pytest.mark.parametrize("name", ["a\0b", "\ud800", "x" * 5000])
+def test_a_history_whose_project_can_be_no_folder_holds_its_results(store: Store, tmp_path: Path, name: str) -> None:
+    keys = run(store, tmp_path)
+    (file,) = (store.local / "history").iterdir()
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"project": name}))
+    assert roots.find(store).keys == {str(tmp_path): set(), name: keys}
+    collect(store, size=0, dry=False)
+    assert set(store.actions.keys()) == keys
+
+
 @pytest.mark.parametrize(
     "text", [f'[targets]\nscene = "{KEY}"\n', json.dumps({"scene": {"key": KEY}}), f"scene {KEY}\n<<<<<<< torn"]
 )

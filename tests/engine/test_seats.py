@@ -11,18 +11,18 @@ from typing import Any
 
 import pytest
 
-from dextera_build.engine import dispatch, seats
+from dextera_build.engine import dispatch, known, seats
 from dextera_build.engine.events import Event, NodeFinished, NodeStarted
 from dextera_build.engine.execute import RunResult, build
 from dextera_build.engine.executors.local import LocalExecutor
 from dextera_build.engine.executors.nursery import Nursery
 from dextera_build.engine.executors.process import Process
-from dextera_build.engine.graph import Graph
+from dextera_build.engine.graph import Graph, RuleFacts
 from dextera_build.engine.seats import LONG_S, Pace, Seat, nap_s
 from dextera_build.engine.tasks import PACKET, Task
 from dextera_build.engine.units import Node
 from dextera_build.store.store import Store
-from tests.engine.tiny import FACTS, RUNNER, Record, call, facts, graph, inline
+from tests.engine.tiny import FACTS, RUNNER, Record, call, facts, graph, inline, leaf, out
 
 
 @pytest.fixture
@@ -245,16 +245,71 @@ def test_before_a_worker_has_begun_all_is_taken_back(process: Process) -> None:
     assert said["error"]["facts"] == {"value": "y" * PACKET}
 
 
+def node(address: str = "n", rule: RuleFacts = FACTS) -> Node:
+    made = Node(address=address, path=(address,), labels=(), graph=graph(call(address)))
+    made.rule = rule
+    return made
+
+
 def test_a_pace_is_known_after_some_runs_and_follows() -> None:
     pace = Pace()
-    assert pace.expected_s(FACTS) > 1e5
+    assert pace.expected_s(node()) > 1e5
+    pace.note(FACTS, 60.0)  # a worker loads the rule with its first call
     for _ in range(10):
         pace.note(FACTS, 0.001)
-    assert pace.expected_s(FACTS) == pytest.approx(0.001)
-    assert pace.expected_s(facts(backend="other")) > 1e5
+    assert pace.expected_s(node()) == pytest.approx(0.001)
+    assert pace.expected_s(node(rule=facts(backend="other"))) > 1e5
     for _ in range(100):
         pace.note(FACTS, 1.0)
-    assert pace.expected_s(FACTS) == pytest.approx(1.0, rel=0.02)
+    assert pace.expected_s(node()) == pytest.approx(1.0, rel=0.02)
+
+
+def test_until_then_the_least_that_a_node_of_the_rule_took_the_last_time_counts() -> None:
+    pace = Pace({"slow": 3.0, "n": 2.0, "other": 5.0}.get)
+    assert pace.expected_s(node("slow")) == 3.0
+    assert pace.expected_s(node("n")) == 2.0
+    assert pace.expected_s(node("slow")) == pace.expected_s(node("new")) == 2.0
+    assert pace.expected_s(node("other", facts(backend="other"))) == 5.0
+    for _ in range(10):
+        pace.note(FACTS, 0.5)
+    assert pace.expected_s(node("slow")) == pytest.approx(0.5)
+
+
+class Counting(Pool):
+    """Counts the workers."""
+
+    made = 0
+
+    def _start(self, devices: tuple[str, ...]) -> Process:
+        self.made += 1
+        return super()._start(devices)
+
+
+@pytest.mark.usefixtures("unhurried")
+@pytest.mark.parametrize("is_brief", [True, False])
+def test_what_the_worker_does_before_another_is_there_waits_for_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_brief: bool
+) -> None:
+    monkeypatch.setattr(dispatch, "LONG_S", 1e3)
+    file = tmp_path / "leaf"
+    file.write_text("one")
+    names = tuple(f"n{place}" for place in range(1, 7))
+    plan = graph(call("n0", x=leaf(file)), *(call(name, x=out("n0")) for name in names), default=names)
+    first, *_ = run(plan, tmp_path, jobs=3)
+    assert first.wiring is not None
+    assert known.write(tmp_path / "snapshot", plan, first.wiring, "0001")
+    file.write_text("two")
+    found = known.read(tmp_path / "snapshot")
+    assert found.spread([str(file)])
+    if not is_brief:
+        monkeypatch.setattr(known.Known, "took", lambda self, address: 1e9)
+    with Counting(3, tmp_path) as pool:
+        targets = found.graph.targets["default"]
+        store = Store(tmp_path / "store")
+        result = build(found.graph, targets, store=store, executor=pool, listen=Record(), known=found)
+    assert result.ok
+    assert {result.nodes[name].status for name in names} == {"ran"}
+    assert pool.made == (1 if is_brief else 3)
 
 
 def seat(*expected_s: float) -> Seat:
@@ -266,9 +321,11 @@ def test_a_seat_is_full_by_number_and_by_time() -> None:
     assert not seat(1e6).fits(0.0)
     assert seat(0.001).fits(0.001)
     assert not seat(0.001).fits(0.01)
-    assert not seat(*[0.0001] * 12).fits(0.0001)
+    assert not seat(*[0.0001] * 24).fits(0.0001)
+    assert seat(0.001, 0.001).room == (22, pytest.approx(0.008))
     late = seat(0.001)
     late.is_late = True
+    assert late.room == (0, 0.0)
     assert not late.fits(0.001)
     late.add(late.first, 0.001)
     late.advance()

@@ -243,7 +243,7 @@ def test_saved_progress_goes_by_age_unless_the_call_runs(store: Store) -> None:
 def test_what_a_running_build_may_need_stays(store: Store) -> None:
     young, old = publish(store, "young"), publish(store, "old")
     age(entry(store, old), time.time() - DAY)
-    with store.running.announced():
+    with store.running.announced(), store.running.announced():  # a build, and that it places its results
         said = collect(store, nobody, Limits(size=0), dry=False)
         assert keys(store) == {young}
         assert said.running == 1

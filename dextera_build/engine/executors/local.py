@@ -71,6 +71,11 @@ class LocalExecutor:
         """Hand the task to a worker that waits, or to a new one."""
         self._give(self._take_idle(task.devices) or self._start(task.devices), [task])
 
+    @property
+    def spare(self) -> int:
+        """How many workers have nothing to do."""
+        return len(self._idle)
+
     def submit_behind(self, task: Task, ticket: int) -> None:
         """Hand the task to the worker that has the task of this ticket; it begins when that and others have ended."""
         self._give(self._busy[ticket], [task])

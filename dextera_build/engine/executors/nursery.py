@@ -7,7 +7,6 @@ import os
 import select
 import signal
 import socket
-import subprocess
 import sys
 import tempfile
 import time
@@ -43,7 +42,8 @@ class Nursery:
         self.has_news = False
         """Whether `hear` took in something that the pool has not looked at."""
         self._has_answered = False
-        self._is_told = False
+        self._told: dict[str, str] | None = None
+        """Variables that it knows of."""
         # Without a name, so that nothing is left behind however this ends.
         self._log = tempfile.TemporaryFile(mode="w+b", buffering=0)  # noqa: SIM115
         self._control, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -70,6 +70,8 @@ class Nursery:
         return pid
 
     def _spawn(self, control: int) -> int:
+        import subprocess  # most are forks
+
         child = subprocess.Popen(
             [sys.executable, "-m", nursery.__name__, str(control), str(os.getpid())],
             stdin=subprocess.DEVNULL,
@@ -83,17 +85,19 @@ class Nursery:
         return child.pid
 
     def load(self, runner: str, environment: Mapping[str, str], path: Sequence[str]) -> None:
-        """Have it load what workers need, unless it was told to before.
+        """Have it load what workers need; where it was told to before, only the variables are as said now.
 
         Args:
             runner: `module:function` for its workers.
             environment: Variables beside those of this process.
             path: Module search path.
         """
-        if not self._is_told:
-            self._is_told = True
-            seen = {**environment, "PYTHONPATH": _search_path()}
+        seen = {**environment, "PYTHONPATH": _search_path()}
+        if self._told is None:
             self._tell({"runner": runner, "environment": seen, "path": list(path)})
+        elif self._told != seen:
+            self._tell({"variables": seen})
+        self._told = seen
 
     def fileno(self) -> int:
         """What becomes readable when it has made a worker, when one has ended, and when it dies itself."""
