@@ -65,6 +65,7 @@ nodes:
   dice: {rule: toy.dice}
 targets: {default: [all, large, aside, dice]}
 """
+_STAMPED = re.compile(rb" [0-9]+$")
 BUILD = ("build", "say")
 PLAIN = (*BUILD, "--cache", "local:rw")
 
@@ -241,9 +242,10 @@ def bare_results(space: Space) -> set[str]:
 
 
 def exported(space: Space) -> dict[str, bytes]:
-    """What stands where people look for it, stamps included."""
+    """What stands where people look for it, stamps included but for the times that end them."""
     base = space.root / "cache" / "out"
-    return {str(path.relative_to(base)): path.read_bytes() for path in sorted(base.rglob("*")) if path.is_file()}
+    found = {str(path.relative_to(base)): path.read_bytes() for path in sorted(base.rglob("*")) if path.is_file()}
+    return {name: _STAMPED.sub(b"", data) if name.endswith("/.digest") else data for name, data in found.items()}
 
 
 def unfinished(space: Space) -> list[str]:
