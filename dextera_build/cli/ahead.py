@@ -2,7 +2,7 @@
 
 To load what they need takes as long as all that comes before the first node, so both are done at once. That is worth
 it where the same command was given before and something changed since: mostly a node has to run then. Else it has cost
-the time of another core, and ends with the command.
+the time of another core, and ends with the command; so there must be one that has nothing else to do.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def begin(words: list[str]) -> Nursery | None:
     """
     if words[:1] != ["build"] or any(word.startswith(_NO) for word in words) or "DXB_EXECUTOR" in os.environ:
         return None
-    if len(os.sched_getaffinity(0)) < 2 or not quick.is_known(words):
+    if not _has_free_core() or not quick.is_known(words):
         return None
     # What both need comes before the fork, and is loaded once.
     from dextera_build.cli import executors
@@ -42,3 +42,12 @@ def begin(words: list[str]) -> Nursery | None:
         return None  # it is tried again where it is needed
     executors.load(made)
     return made
+
+
+def _has_free_core() -> bool:
+    """Whether this process can have a second core for itself, by what ran in the last minute."""
+    cores = len(os.sched_getaffinity(0))
+    try:
+        return cores >= 2 and os.getloadavg()[0] < cores
+    except OSError:
+        return cores >= 2

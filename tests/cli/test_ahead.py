@@ -32,6 +32,7 @@ def test_what_was_never_built_begins_none(tmp_path: Path, monkeypatch: pytest.Mo
 _SAY = """
 import os
 os.sched_getaffinity = lambda pid: set(range(int(os.environ["CORES"])))
+os.getloadavg = lambda: (float(os.environ["LOAD"]), 0.0, 0.0)
 from dextera_build.cli import ahead, quick
 quick.is_known = lambda words: True
 made = ahead.begin(["build", "x"])
@@ -44,10 +45,16 @@ print(made is not None)
 
 
 @pytest.mark.parametrize(
-    ("cores", "more", "said"), [("2", {}, "True"), ("1", {}, "False"), ("2", {"DXB_EXECUTOR": "ray"}, "False")]
+    ("cores", "load", "more", "said"),
+    [
+        ("2", "1.9", {}, "True"),
+        ("2", "2.0", {}, "False"),
+        ("1", "0.0", {}, "False"),
+        ("2", "0.0", {"DXB_EXECUTOR": "ray"}, "False"),
+    ],
 )
-def test_it_is_begun_where_another_core_can_load_it(cores: str, more: dict[str, str], said: str) -> None:
+def test_it_is_begun_where_another_core_can_load_it(cores: str, load: str, more: dict[str, str], said: str) -> None:
     env = {name: value for name, value in os.environ.items() if not name.startswith("DXB_")}
-    env |= {"CORES": cores, "PYTHONPATH": str(Path(__file__).parents[2]), **more}
+    env |= {"CORES": cores, "LOAD": load, "PYTHONPATH": str(Path(__file__).parents[2]), **more}
     done = subprocess.run([sys.executable, "-c", _SAY], env=env, capture_output=True, text=True)
     assert done.stdout.strip() == said, done.stderr
