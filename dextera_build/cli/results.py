@@ -8,10 +8,12 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.cli.session import Session
+from dextera_build.errors import DxbError
 from dextera_build.store import durable, failpoints, files, header, sharing, signature
 from dextera_build.store.cas import MissingBlob
 
@@ -114,16 +116,25 @@ def _export(
         return _joined(folder, name)
     aside = _set_aside(folder) if changed else ""
     _clear(folder)
+    main = _restored(session, folder, node, rule, output)
+    failpoints.reach("export.written")
+    stamps[folder] = f"{output}\n{main}\n{_written(folder, main)}"
+    if aside and _is_as_written(session, f"{aside}/{name}", node, rule, digest):
+        _remove(aside)
+    elif aside:
+        kept = aside.removeprefix(f"{os.getcwd()}/")
+        print(f"`{node}` was changed where it lay and is written anew; what it held is in {kept}", file=sys.stderr)
+    return _joined(folder, main)
+
+
+def _restored(session: Session, folder: str, node: str, rule: Callable[[str], str], output: str) -> str:
+    """Write the files of an output into a folder; the name of the main one."""
     main = _export_file(session, folder, stem_of(node), output)
     if main is None:
         kind, where = session.project.library.find(rule(node)).rule.returns, Path(folder)
         written = kind.restore(output, session.store.reader, where, stem_of(node))
         main = written[0].relative_to(where).as_posix() if written else "."
-    failpoints.reach("export.written")
-    stamps[folder] = f"{output}\n{main}\n{_written(folder, main)}"
-    if aside:
-        _tell(node, f"{folder}/{main}", f"{aside}/{name}", aside)
-    return _joined(folder, main)
+    return main
 
 
 def _standing_in(folder: str) -> tuple[str, str, bool]:
@@ -158,16 +169,20 @@ def _set_aside(folder: str) -> str:
     return aside
 
 
-def _tell(node: str, new: str, old: str, aside: str) -> None:
-    """Say that what was changed lies elsewhere now, where it was changed: a new time alone is no loss."""
+def _is_as_written(session: Session, file: str, node: str, rule: Callable[[str], str], output: str) -> bool:
+    """Whether a file with a new time holds what was written of `output` all the same: nothing is lost with it."""
     import filecmp  # seldom needed
-    import shutil
+    import tempfile
 
-    if filecmp.cmp(new, old, shallow=False):
-        shutil.rmtree(aside, ignore_errors=True)
-    else:
-        kept = aside.removeprefix(f"{os.getcwd()}/")
-        print(f"`{node}` was changed where it lay and is written anew; what it held is in {kept}", file=sys.stderr)
+    with suppress(DxbError, OSError), header.reading(f"`{node}`"), tempfile.TemporaryDirectory() as scratch:
+        return filecmp.cmp(f"{scratch}/{_restored(session, scratch, node, rule, output)}", file, shallow=False)
+    return False
+
+
+def _remove(folder: str) -> None:
+    import shutil  # slow to import
+
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _clear(folder: str) -> None:
@@ -182,9 +197,7 @@ def _clear(folder: str) -> None:
     if left == [_STAMP]:
         os.unlink(f"{folder}/{_STAMP}")
     else:
-        import shutil  # slow to import
-
-        shutil.rmtree(folder, ignore_errors=True)
+        _remove(folder)
         sharing.make_folder(folder)
     failpoints.reach("export.cleared")
 

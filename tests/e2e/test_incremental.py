@@ -120,6 +120,11 @@ def test_a_new_time_alone_is_no_change_of_an_output_file(built):
     assert "was changed" not in built.dxb("build", "say/words").err
     assert out.read_bytes() == b"ONE!!! TWO!!!"
     assert not out.parent.with_name("all~").exists()
+    os.utime(out, (1, 1))
+    built.edit("recipes/say/words.yaml", "one two", "one four")
+    assert "was changed" not in built.dxb("build", "say/words").err
+    assert out.read_bytes() == b"FOUR!!! ONE!!!"
+    assert not out.parent.with_name("all~").exists()
 
 
 def test_force_runs_one_node(built):
