@@ -324,8 +324,18 @@ class Project:
 
 
 def find(start: Path | None = None, flags: Mapping[str, Any] | None = None) -> Project:
-    """The project that `start` (the current folder) lies in; the folder itself where there is none."""
+    """The project that `start` (the current folder) lies in; the folder itself where there is none.
+
+    Raises:
+        UsageError: The folder's path is not UTF-8, so that no log or record could name what lies there.
+    """
     here = (start or Path.cwd()).absolute()
+    try:
+        os.fspath(here).encode()
+    except UnicodeEncodeError:
+        shown = os.fsencode(here).decode(errors="backslashreplace")
+        hint = "rename the folder whose name shows \\x"
+        raise UsageError(f"the path `{shown}` is not UTF-8", code="DXB-U194", hint=hint) from None
     for folder in (here, *here.parents):
         if _is_project(folder):
             return Project(folder, flags)

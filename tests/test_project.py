@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -30,3 +31,11 @@ def test_what_is_neither_on_nor_off_is_refused(tmp_path: Path, monkeypatch: pyte
         getattr(find(tmp_path), name)
     assert caught.value.code == "DXB-U103"
     assert caught.value.facts["from"] == "environment"
+
+
+def test_a_folder_whose_path_is_not_utf8_is_refused(tmp_path):
+    folder = tmp_path / os.fsdecode(b"caf\xe9")
+    folder.mkdir()
+    with pytest.raises(UsageError, match=r"the path `.*/caf\\xe9` is not UTF-8") as caught:
+        find(folder)
+    assert (caught.value.code, caught.value.hint) == ("DXB-U194", "rename the folder whose name shows \\x")
