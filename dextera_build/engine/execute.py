@@ -104,9 +104,10 @@ class _Run:
         hooks.pause = uplink.pause
         self.known = policy.known
         self.history.lean = self.known is not None
-        policy = replace(policy, peak_gb=self.known.peak_gb if self.known else self.history.peak_gb)
         if self.known is not None:
-            policy = replace(policy, took=self.known.took)
+            policy = replace(policy, peak_gb=self.known.peak_gb, took=self.known.took)
+        else:
+            policy = replace(policy, peak_gb=self.history.peak_gb)
         self.scheduler = Scheduler(graph, store, executor, policy, hooks, uplink.exchange)
         self.errors: dict[str, DxbError] = {}
         self.members: Counter[tuple[str, ...]] = Counter()
