@@ -12,7 +12,8 @@ from typing import Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hint
 
 T = TypeVar("T")
 
-_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
+_VARINT, _BYTES = 0, 2
+_WIDTHS = {1: 8, 5: 4}
 _WORD = 1 << 64
 _MOST_TAG = 1 << 32
 
@@ -46,7 +47,7 @@ def decode(kind: type[T], data: bytes) -> T:
 
 
 def fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
-    """Field number and value of each field of a message; fixed-width values come as bytes.
+    """Field number and value of each varint and each run of bytes; no field here is of fixed width, those are left out.
 
     Raises:
         ValueError: The bytes are not a message, or end too early.
@@ -63,14 +64,15 @@ def fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
             continue
         if wire == _BYTES:
             length, place = _read_varint(data, place)
-        elif wire in (_FIXED64, _FIXED32):
-            length = 8 if wire == _FIXED64 else 4
+        elif wire in _WIDTHS:
+            length = _WIDTHS[wire]
         else:
             raise ValueError("unknown wire type")
         start, place = place, place + length
         if place > end:
             raise ValueError("the message ends too early")
-        yield tag >> 3, data[start:place]
+        if wire == _BYTES:
+            yield tag >> 3, data[start:place]
 
 
 def field(number: int, body: bytes) -> bytes:
@@ -140,10 +142,12 @@ def _read(field: _Field, values: list[Any]) -> object:
         return numbers if field.repeated else numbers[-1]
     if any(isinstance(value, int) for value in values):
         raise ValueError(f"field `{field.name}` is a number")
+    # Each is read, so that one that counts for nothing is not passed over when it is damaged.
+    each = tuple(_one(field.kind, value) for value in values)
     if field.repeated:
-        return tuple(_one(field.kind, value) for value in values)
+        return each
     # The parts of a message that stands there several times belong together; of a value the last one counts.
-    return _one(field.kind, values[-1] if field.kind in (str, bytes) else b"".join(values))
+    return each[-1] if len(each) == 1 or field.kind in (str, bytes) else decode(field.kind, b"".join(values))
 
 
 def _one(kind: type, value: bytes) -> object:

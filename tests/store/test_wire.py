@@ -75,7 +75,21 @@ def test_what_others_may_write_is_read_too() -> None:
     assert wire.decode(Outer, packed + unpacked).numbers == (3, 270, 3, 270)
     assert wire.decode(Outer, wire.encode(Outer(Inner("a", 1))) + wire.encode(Outer(Inner("b")))).inner == Inner("b", 1)
     unknown = bytes.fromhex("2001" + "2900000000000000ff" + "3201aa" + "3d00000000")
-    assert wire.decode(Outer, unknown + wire.encode(Outer(flag=True)) + unknown) == Outer(flag=True)
+    fixed = bytes.fromhex("09") + b"8 bytes." + bytes.fromhex("15") + b"four"
+    assert wire.decode(Outer, unknown + fixed + wire.encode(Outer(flag=True)) + unknown) == Outer(flag=True)
+
+
+@pytest.mark.parametrize(
+    ("kind", "data"),
+    [
+        (Inner, wire.field(1, b"\x80") + wire.field(1, b"good")),
+        (Outer, wire.field(1, wire.field(1, b"\x80")) + wire.field(1, wire.field(1, b"good"))),
+        (Outer, wire.field(1, wire.field(1, b"good")[:3]) + wire.field(1, wire.field(1, b"good")[3:])),
+    ],
+)
+def test_what_a_later_part_overrides_is_read_with_the_rest(kind: type, data: bytes) -> None:
+    with pytest.raises(ValueError, match="decode|too early"):
+        wire.decode(kind, data)
 
 
 @PATIENT
