@@ -47,7 +47,7 @@ def decode(kind: type[T], data: bytes) -> T:
 
 
 def fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
-    """Field number and value of each varint and each run of bytes; no field here is of fixed width, those are left out.
+    """Field number and value of each varint and run of bytes; those of fixed width, which none here is, are left out.
 
     Raises:
         ValueError: The bytes are not a message, or end too early.
