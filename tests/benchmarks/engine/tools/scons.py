@@ -29,7 +29,8 @@ class SCons(PeerTool):
     name = "scons"
     step = "a function in its process"
     cutoff = True
-    note = "`content-timestamp`"
+    clock_s = 1.0
+    note = "`content-timestamp`; sees whole seconds of time stamps"
 
     def write(self, dag: Dag, folder: Path) -> None:
         write_json(dag, folder)
