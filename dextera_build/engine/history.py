@@ -10,13 +10,12 @@ from contextlib import suppress
 from dataclasses import field, replace
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.plain import dataclass
 from dextera_build.store import failpoints, files
-from dextera_build.store.aside import Aside
 from dextera_build.store.cas import is_digest
 from dextera_build.store.store import Store
 
@@ -170,14 +169,14 @@ class _Packed(MutableMapping[str, Entry]):
         """Address -> row, or where it lies among those laid aside: place, then length in the lowest bits."""
         self._loose: list[str] = []
         """Addresses of rows that were not laid aside."""
-        self._aside = Aside()
+        self._aside: BinaryIO | None = None
         self._words: list[Any] = []
         """Runs, and names of what was used, which many entries share."""
         self._places: dict[object, int] = {}
 
     def __getitem__(self, address: str) -> Entry:
         kept = self._rows[address]
-        row = self._aside.read(kept >> _LENGTH, kept & _LONGEST) if isinstance(kept, int) else kept
+        row = os.pread(self._file().fileno(), kept & _LONGEST, kept >> _LENGTH) if isinstance(kept, int) else kept
         key, document, run, seconds, time, names, *values = marshal.loads(row)
         key, words = _long(key), self._words
         usage = dict(zip(words[names], values, strict=True))
@@ -193,15 +192,24 @@ class _Packed(MutableMapping[str, Entry]):
             self._lay_aside()
 
     def _lay_aside(self) -> None:
-        """Let rows lie in a file: those of a hundred thousand nodes take 14 MB."""
+        """Let rows lie in a file without a name: those of a hundred thousand nodes take 14 MB."""
         rows = {address: row for address in self._loose if isinstance(row := self._rows.get(address), bytes)}
         self._loose = []
         with suppress(OSError):  # where there is no room for it they stay in memory
-            place = self._aside.add(rows.values())
+            file = self._file()
+            place = file.seek(0, os.SEEK_END)
+            files.write_all(file.fileno(), b"".join(rows.values()))
             for address, row in rows.items():
                 if len(row) <= _LONGEST:
                     self._rows[address] = place << _LENGTH | len(row)
                 place += len(row)
+
+    def _file(self) -> BinaryIO:
+        if self._aside is None:
+            from tempfile import TemporaryFile
+
+            self._aside = TemporaryFile(buffering=0)  # noqa: SIM115 - as long as the build
+        return self._aside
 
     def entry(self, address: str) -> Entry | None:
         """The entry of an address; quicker than `get` where there is none."""

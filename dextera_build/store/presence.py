@@ -13,10 +13,9 @@ from array import array
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
-from dextera_build.store import signature
-from dextera_build.store.aside import Aside
+from dextera_build.store import files, signature
 
 if TYPE_CHECKING:
     from dextera_build.store.reapi import OutputFile
@@ -45,7 +44,7 @@ class Presence:
         self._rows: dict[str, bytearray] = defaultdict(bytearray)
         self._held = 0
         """How many rows are in memory."""
-        self._aside = Aside()
+        self._aside: BinaryIO | None = None
         self._pieces: dict[str, array[int]] = defaultdict(lambda: array("Q"))
         """Where the rows of a folder lie that were laid aside: place, length, and so on."""
 
@@ -61,10 +60,15 @@ class Presence:
             self._lay_aside()
 
     def _lay_aside(self) -> None:
-        """Let rows lie in a file: those of a hundred thousand nodes take 24 MB."""
+        """Let rows lie in a file without a name: those of a hundred thousand nodes take 24 MB."""
+        from tempfile import TemporaryFile
+
         self._held = 0
         with suppress(OSError):  # where there is no room for it they stay in memory
-            place = self._aside.add(self._rows.values())
+            if self._aside is None:
+                self._aside = TemporaryFile(buffering=0)  # noqa: SIM115 - as long as the build
+            place = self._aside.seek(0, os.SEEK_END)
+            files.write_all(self._aside.fileno(), b"".join(self._rows.values()))
             for shard, rows in self._rows.items():
                 self._pieces[shard].extend((place, len(rows)))
                 place += len(rows)
@@ -78,7 +82,8 @@ class Presence:
         rows = bytes(self._rows.pop(shard, b""))
         pieces = self._pieces.pop(shard, array("Q"))
         for place, size in zip(pieces[::2], pieces[1::2], strict=True):
-            rows += self._aside.read(place, size)
+            assert self._aside is not None
+            rows += os.pread(self._aside.fileno(), size, place)
         return sorted({rows[place : place + _ROW] for place in range(0, len(rows), _ROW)})
 
     def freeze(self, take: Callable[[bytes], None]) -> Shards | None:
