@@ -14,6 +14,7 @@ T = TypeVar("T")
 
 _VARINT, _BYTES = 0, 2
 _WIDTHS = {1: 8, 5: 4}
+"""Wire type of fixed width -> its number of bytes."""
 _WORD = 1 << 64
 _MOST_TAG = 1 << 32
 
