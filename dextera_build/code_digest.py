@@ -10,15 +10,15 @@ import ast
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build import digest
-from dextera_build.plain import dataclass
 
 _YOUNG_S = 2.5
 _PARSING = threading.Lock()
 # What a rule writes against, and what can reach no artifact: the key's schema version stands for them.
-_FRAMEWORK = ("__init__.py", "rule.py", "errors.py", "digest.py", "plain.py", "plugins.py")
+_FRAMEWORK = ("__init__.py", "rule.py", "errors.py", "digest.py")
 
 # What `@rule(...)` and `Backend(...)` say of how a call runs; it changes no result, so it stays out of the key.
 _NEEDS = {"cpus", "memory_gb", "gpus", "resources", "retries", "retry_on", "retry_wait_s"}

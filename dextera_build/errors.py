@@ -6,8 +6,7 @@ A `DxbError` is printed without a traceback. Anything else that escapes is a fau
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-
-from dextera_build.plain import dataclass
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)

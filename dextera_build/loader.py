@@ -13,6 +13,7 @@ import importlib.machinery
 import importlib.util
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
@@ -21,7 +22,6 @@ from typing import TYPE_CHECKING, Any
 from dextera_build import digest
 from dextera_build.code_digest import CodeIndex, is_young, syntax
 from dextera_build.errors import MachineError, Place, RecipeError, did_you_mean, listing
-from dextera_build.plain import dataclass
 
 if TYPE_CHECKING:
     from dextera_build.rule import Backend, Rule

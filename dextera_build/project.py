@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import settings_file
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
-from dextera_build.plain import dataclass
 from dextera_build.store.remotes.choice import Choice
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import inspect
 import types
 import typing
 from collections.abc import Callable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar, get_args, get_origin
@@ -19,7 +19,6 @@ from pydantic import BaseModel, ConfigDict
 
 from dextera_build.artifacts.base import Artifact, File
 from dextera_build.errors import RuleError
-from dextera_build.plain import dataclass
 from dextera_build.response import Response as Response
 
 if TYPE_CHECKING:

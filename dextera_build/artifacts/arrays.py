@@ -8,11 +8,11 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeGuard, get_args, get_origin
 
 from dextera_build.errors import ArtifactError
-from dextera_build.plain import dataclass
 
 if TYPE_CHECKING:
     import numpy as np

@@ -33,14 +33,12 @@ from typing import (
 
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, model_validator
 
-from dextera_build import digest, plugins
+from dextera_build import digest
 from dextera_build.artifacts.arrays import Array as Array
 from dextera_build.artifacts.arrays import array_bytes, array_in, array_of, check_array, is_array, save_arrays
 from dextera_build.artifacts.content import SMALL, Content, Get, OnDisk, Put, Stored
 from dextera_build.artifacts.hints import arguments, first
 from dextera_build.errors import ArtifactError, StoreError
-
-plugins.spare()
 
 
 class Value(BaseModel):

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
-
-from dextera_build.plain import dataclass
 
 Put = Callable[[bytes], str]
 Get = Callable[[str], bytes]

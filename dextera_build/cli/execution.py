@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dextera_build import __version__
@@ -13,7 +14,6 @@ from dextera_build.cli.executors import executor
 from dextera_build.cli.session import Session
 from dextera_build.engine.events import Listener, fan_out
 from dextera_build.engine.graph import Address
-from dextera_build.plain import dataclass
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult

@@ -6,13 +6,13 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build import digest
 from dextera_build.engine import snapshot
 from dextera_build.errors import DxbError, StoreError
-from dextera_build.plain import dataclass
 
 _DEEPEST = 30
 """After so many builds that went on from one another comes one that looks at everything: its log stands alone."""

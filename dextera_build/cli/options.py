@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dextera_build.errors import UsageError
-from dextera_build.plain import dataclass
 
 if TYPE_CHECKING:
     from dextera_build.project import Project

@@ -14,12 +14,11 @@ import itertools
 import math
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from dextera_build.engine.capacity import MEASURED, Capacity, Needs
 from dextera_build.errors import MachineError
-from dextera_build.plain import dataclass
 
 T = TypeVar("T", bound=Hashable)
 

@@ -10,11 +10,10 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from dextera_build.errors import UsageError, did_you_mean
-from dextera_build.plain import dataclass
 
 MEASURED = ("cpu", "memory", "gpu", "gpu_memory")
 """Resources that a machine is asked for; the configuration may say otherwise."""

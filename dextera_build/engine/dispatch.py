@@ -6,6 +6,7 @@ import itertools
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -21,7 +22,6 @@ from dextera_build.engine.states import State, States
 from dextera_build.engine.tasks import Ended, Executor, Queues, Report, Said, Task
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError
-from dextera_build.plain import dataclass
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.store import Store
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import types
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import MISSING, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from typing import Any, ClassVar, Literal, TypeAlias, get_args, get_origin, get_type_hints
 
 from dextera_build import digest as digests
-from dextera_build.plain import dataclass
 
 Status: TypeAlias = Literal["cached", "ran", "fetched", "failed", "waits", "cancelled"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -26,7 +26,6 @@ from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import Node, Opening, Unit, producers
 from dextera_build.engine.uplink import Uplink
 from dextera_build.errors import DxbError
-from dextera_build.plain import dataclass
 from dextera_build.store.store import Store
 
 

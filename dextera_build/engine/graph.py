@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
 from dextera_build.engine.capacity import Needs
 from dextera_build.engine.retries import Retries
 from dextera_build.errors import Place, UsageError
-from dextera_build.plain import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,13 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.plain import dataclass
 from dextera_build.store import failpoints, files
 from dextera_build.store.cas import is_digest
 from dextera_build.store.store import Store

@@ -7,11 +7,11 @@ that enters the key is explained at once. Not in it: the node's address, paths o
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 from dextera_build import digest as digests
 from dextera_build.engine.graph import Call, RuleFacts
-from dextera_build.plain import dataclass
 from dextera_build.store.traces import steps as traces
 
 SCHEMA = 1

@@ -12,7 +12,7 @@ import json
 from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain, islice
 from pathlib import Path
@@ -25,7 +25,6 @@ from dextera_build.engine.reach import copy_of, leaves_of
 from dextera_build.engine.reread import Reread
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Node, Opening, Unit
-from dextera_build.plain import dataclass
 from dextera_build.store import frames
 
 if TYPE_CHECKING:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from dextera_build.engine.known import Known
 from dextera_build.engine.units import Node, Opening, Unit
 from dextera_build.errors import DxbError
-from dextera_build.plain import dataclass
 
 
 @dataclass(frozen=True)

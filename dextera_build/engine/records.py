@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
 from typing import Any
@@ -15,7 +15,6 @@ from dextera_build.engine.states import State
 from dextera_build.engine.units import Node
 from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError
-from dextera_build.plain import dataclass
 from dextera_build.store.actions import ActionResult, Actions
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.store import Store

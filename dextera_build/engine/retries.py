@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 from dextera_build.errors import DxbError, MachineError
-from dextera_build.plain import dataclass
 
 _DIED = "DXB-B301"
 _LONGEST_S = 60.0

@@ -10,11 +10,10 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from dextera_build.engine.graph import RuleFacts
 from dextera_build.engine.units import Node
-from dextera_build.plain import dataclass
 
 LONG_S = 0.02
 """A node that takes longer [s] has nobody stand behind it."""

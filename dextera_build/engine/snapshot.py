@@ -16,12 +16,12 @@ import os
 import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.plain import dataclass
 from dextera_build.store import failpoints, files, presence, signature
 from dextera_build.store.presence import Presence
 from dextera_build.store.signature import Watch

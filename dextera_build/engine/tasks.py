@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 from dextera_build.engine.capacity import Capacity, Needs
 from dextera_build.errors import DxbError, RuleError
-from dextera_build.plain import dataclass
 
 PACKET = 1 << 15
 """A task that takes more is not sent to a worker as one message [bytes]."""

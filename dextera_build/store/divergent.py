@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.plain import dataclass
 from dextera_build.store import failpoints, files
 from dextera_build.store.cas import is_digest
 

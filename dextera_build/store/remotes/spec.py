@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from dextera_build.errors import UsageError, did_you_mean, listing
-from dextera_build.plain import dataclass
 
 MODES = ("r", "rw", "w", "off")
 SCHEMES = ("http", "https", "s3", "gs", "az", "grpc", "grpcs", "file")

@@ -9,11 +9,11 @@ a miss.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from dextera_build import digest as digests
 from dextera_build.errors import DxbError
-from dextera_build.plain import dataclass
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.actions import Found as Held
 from dextera_build.store.cas import MissingBlob
