@@ -8,8 +8,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from dextera_build.cli.session import Session
     from dextera_build.engine.graph import Graph
+    from dextera_build.session import Session
 
 
 def read(store: str, project: str, recipe: str) -> list[str] | None:
