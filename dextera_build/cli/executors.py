@@ -97,7 +97,8 @@ def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Exe
 
 
 def _setup(session: Session, rules: list[RuleFacts]) -> Setup:
-    from dextera_build import digest, sources
+    from dextera_build import digest
+    from dextera_build.code import sources
     from dextera_build.engine.executors.ray_worker import Setup
 
     project, blobs = session.project, session.store.blobs
