@@ -63,7 +63,7 @@ def _resolve(args: argparse.Namespace, project: Project, recipe: str) -> str:
 
 def _repeat(args: argparse.Namespace, project: Project, recipe: str, node: str) -> str:
     """Run one node on the inputs of its last build, beside the cache, and compare by the tolerance of its rule."""
-    from dextera_build.runner import run_task
+    from dextera_build.code.runner import run_task
     from dextera_build.session import Session
 
     session = Session(project, recipe)

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from dextera_build.build.build import Manner, carry_out
-from dextera_build.cli import names
 from dextera_build.cli.consoles import console
 from dextera_build.engine.graph import Address
 from dextera_build.session import Session
@@ -36,5 +35,4 @@ def execute(
         )
     if done.lost:
         print(f"the disk is full: {done.lost} events of run {done.run} are not in its log", file=sys.stderr)
-    names.note(session, None if known else plan.graph, done.result.nodes)
     return done.result

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from dextera_build.cli import variables
-from dextera_build.loader import PACKAGE, bundled
+from dextera_build.code.loader import PACKAGE, bundled
 from dextera_build.project import Project
 
 
