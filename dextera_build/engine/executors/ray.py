@@ -14,7 +14,7 @@ from typing import Any, Self, TypeAlias
 
 from dextera_build.engine.capacity import Capacity
 from dextera_build.engine.executors import shapes
-from dextera_build.engine.executors.ray_cluster import Cluster
+from dextera_build.engine.executors.ray_cluster import RayCluster
 from dextera_build.engine.executors.ray_worker import BEGAN, Setup, Word, read
 from dextera_build.engine.executors.shapes import Shape
 from dextera_build.engine.executors.staging import Staging
@@ -59,7 +59,7 @@ class RayExecutor:
 
     def __init__(
         self,
-        cluster: Cluster,
+        cluster: RayCluster,
         store: Store,
         setup: Setup,
         *,
@@ -192,6 +192,7 @@ class RayExecutor:
     def _lost(self, call: _Call, error: Exception) -> None:
         if call.keeper is not None:
             self._cluster.dismiss(call.keeper)
+        error = getattr(error, "cause", None) or error  # else Ray's text begins with where it came from
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         ticket = call.task.ticket
         self._update()

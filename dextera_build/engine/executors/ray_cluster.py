@@ -8,7 +8,7 @@ import socket
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from dextera_build.engine.executors.ray_worker import Keeper, Setup, Word, carry_out
 from dextera_build.engine.executors.shapes import Shape, options
@@ -16,38 +16,6 @@ from dextera_build.engine.tasks import Task
 from dextera_build.errors import MachineError, UsageError
 
 _CONNECT_S = 5.0
-
-
-class Cluster(Protocol):
-    """What calls run on; it decides where."""
-
-    def nodes(self) -> Mapping[str, Mapping[str, float]]:
-        """Living node -> resource -> how much it has in all."""
-        ...
-
-    def keeper(self, shape: Shape) -> Any:
-        """A worker that stays, with what it reserves, until it is dismissed."""
-        ...
-
-    def dismiss(self, keeper: Any) -> None:
-        """End a keeper and what it runs."""
-        ...
-
-    def begin(self, setup: Setup, task: Task, fresh: bool, place: Any) -> Any:
-        """Queue a call; `place` is a `Shape` or a keeper."""
-        ...
-
-    def hear(self, calls: Iterable[Any], timeout_s: float) -> Iterator[tuple[Any, Word | Exception]]:
-        """What calls say, once there is something; an exception is a call's last word."""
-        ...
-
-    def cancel(self, call: Any) -> None:
-        """Ask a call to end."""
-        ...
-
-    def close(self) -> None:
-        """Disconnect; calls and keepers that are left end."""
-        ...
 
 
 class RayCluster:
@@ -92,16 +60,16 @@ class RayCluster:
         return {node["NodeID"]: node["Resources"] for node in self._ray.nodes() if node["Alive"]}
 
     def keeper(self, shape: Shape) -> Any:
-        """An actor."""
+        """A worker that stays, with what it reserves, until it is dismissed: an actor."""
         return self._keeper.options(**options(shape)).remote()
 
     def dismiss(self, keeper: Any) -> None:
-        """End an actor and what it runs."""
+        """End a keeper and what it runs."""
         with suppress(Exception):  # it is dead
             self._ray.kill(keeper, no_restart=True)
 
     def begin(self, setup: Setup, task: Task, fresh: bool, place: Any) -> Any:
-        """Queue a call, as a task of the shape `place` or for the actor `place`."""
+        """Queue a call, with `place` as its shape or for the keeper `place`."""
         if isinstance(place, tuple):
             return self._call.options(**options(place)).remote(setup, task, fresh)
         return place.run.options(num_returns="streaming").remote(setup, task, fresh)

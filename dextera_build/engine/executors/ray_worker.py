@@ -78,8 +78,8 @@ class Place:
         self._staging.bring(task.inputs.values())
         if fresh and task.key:
             self._store.keep.drop(task.key)
-        # Ray has made the folder with the project's code the current one.
-        task = replace(task, store=str(self._store.root), project=os.getcwd(), devices=_devices())
+        # Ray has made the folder with the project's code the current one. The driver publishes the result.
+        task = replace(task, store=str(self._store.root), project=os.getcwd(), devices=_devices(), document=b"")
         self._pool.submit(task)
         again = True
         end: Ended | None = None
@@ -123,7 +123,8 @@ def carry_out(setup: Setup, task: Task, fresh: bool) -> Iterator[Word]:
     try:
         if not _here:
             _here.append(Place(setup))
-        yield from map(spell, _here[0].run(task, fresh))
+        for report in _here[0].run(task, fresh):  # Ray sends into what is delegated to, and a `map` takes nothing
+            yield spell(report)
     except DxbError as error:
         yield spell(Ended(task.ticket, time.monotonic() - began, b"", error=error))
 

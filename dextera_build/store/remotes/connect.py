@@ -11,7 +11,7 @@ from pathlib import Path
 from dextera_build.errors import MachineError, UsageError
 from dextera_build.store.remotes.breaker import Guarded
 from dextera_build.store.remotes.remote import Remote
-from dextera_build.store.remotes.spec import Spec
+from dextera_build.store.remotes.spec import Spec, refuse_clear
 
 
 def open_remote(spec: Spec) -> Remote:
@@ -19,9 +19,10 @@ def open_remote(spec: Spec) -> Remote:
 
     Raises:
         MachineError: A package is missing.
-        UsageError: The address holds a variable that is not set, or is malformed.
+        UsageError: The address holds a variable that is not set, is malformed, or would send a password in the clear.
     """
     address = _filled(spec.address, spec.name)
+    refuse_clear(address)
     scheme = address.partition("://")[0] if "://" in address else "file"
     try:
         return _OPENERS[scheme](address, spec)
