@@ -17,7 +17,6 @@ from dextera_build.engine.graph import Address
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
-    from dextera_build.engine.known import Known
     from dextera_build.recipe.plan import Plan
     from dextera_build.store.remotes.exchange import Exchange
 
@@ -56,9 +55,7 @@ def exchange(session: Session) -> Exchange | None:
     return Exchange(session.store, [guarded(spec) for spec in used])
 
 
-def execute(
-    session: Session, plan: Plan, wanted: Sequence[Address], args: argparse.Namespace, known: Known | None = None
-) -> RunResult:
+def execute(session: Session, plan: Plan, wanted: Sequence[Address], args: argparse.Namespace) -> RunResult:
     """Build `wanted` as the command line says, and return what became of every node."""
     kind = session.project.console
     force = frozenset(name.partition(":")[2] or name for name in args.force)
@@ -69,7 +66,6 @@ def execute(
             wanted,
             shown,
             Manner(keep_going=args.keep_going, force=force, argv=tuple(sys.argv[1:]), whole=args.whole),
-            known,
         )
     if done.lost:
         print(f"the disk is full: {done.lost} events of run {done.run} are not in its log", file=sys.stderr)
@@ -82,7 +78,6 @@ def carry_out(
     wanted: Sequence[Address],
     listen: Listener,
     manner: Manner,
-    known: Known | None = None,
 ) -> Done:
     """Build `wanted` with the executor of the settings and an event log; `listen` takes every event, too."""
     from dextera_build.cli import names
@@ -90,8 +85,7 @@ def carry_out(
     project, store = session.project, session.store
     # What is only brought runs nowhere.
     only = frozenset[str]() if manner.bring_from or project.remotes.local == "r" else None
-    soon = only is None and known is not None and bool(known.cone)
-    with executor(session, plan.rules, idle=manner.bring_from is not None, soon=soon) as workers:
+    with executor(session, plan.rules, idle=manner.bring_from is not None) as workers:
         # Loaded while a worker loads what it needs.
         from dextera_build.engine.eventlog import EventLog
         from dextera_build.engine.execute import RunInfo, build
@@ -106,12 +100,11 @@ def carry_out(
                 info=RunInfo(log.run, str(project.root), project.profile, __version__, manner.argv),
                 keep_going=manner.keep_going,
                 force=manner.force,
-                known=known,
                 only=only,
                 exchange=manner.bring_from or exchange(session),
                 recall=project.asks_again and not manner.bring_from,
                 whole=manner.whole or manner.bring_from is not None,
                 pause=log.flush,
             )
-    names.note(session, None if known else plan.graph, result.nodes)
+    names.note(session, plan.graph, result.nodes)
     return Done(log.run, result, log.lost)

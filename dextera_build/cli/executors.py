@@ -22,16 +22,13 @@ RUNNER = "dextera_build.runner:run_task"
 
 
 @contextmanager
-def executor(
-    session: Session, rules: Iterable[RuleFacts], *, idle: bool = False, soon: bool = False
-) -> Iterator[Executor]:
+def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False) -> Iterator[Executor]:
     """What runs the nodes of one build, as the settings say.
 
     Args:
         session: The recipe that is built.
         rules: Those that may run.
         idle: Nothing will run, so that no cluster and no device is looked for.
-        soon: Something will run, so that a worker is started at once.
     """
     kind, _, address = session.project.executor.partition(":")
     if kind == "ray" and not idle:
@@ -44,8 +41,6 @@ def executor(
         capacity = project.capacity(gpus=wants_gpu)
         nursery, session.nursery = session.nursery, None
         with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity, nursery=nursery) as workers:
-            if soon:
-                workers.warm()
             yield workers
 
 

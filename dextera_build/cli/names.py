@@ -21,12 +21,12 @@ def read(store: str, project: str, recipe: str) -> list[str] | None:
     return names if whose == _whose(project, recipe) else None
 
 
-def note(session: "Session", graph: "Graph | None", built: "Iterable[str]") -> None:
+def note(session: "Session", graph: "Graph", built: "Iterable[str]") -> None:
     """Note what a build saw.
 
     Args:
         session: The recipe.
-        graph: What it declares now, None where that is what it declared at the last note: then one is enough.
+        graph: What it declares now.
         built: Nodes of the build. Of those that it did not come to, the copies of before stay.
     """
     from contextlib import suppress
@@ -36,10 +36,8 @@ def note(session: "Session", graph: "Graph | None", built: "Iterable[str]") -> N
 
     store, project = str(session.project.cache), str(session.project.root)
     old = read(store, project, session.recipe)
-    if graph is None and old is not None:
-        return
     names = sorted(built)
-    if graph is not None and old:
+    if old:
         calls = {plain(name) for name in names}
         others = {".".join(call) for call, _ in graph.calls()} - calls
         names += [name for name in old if plain(name) in others]
