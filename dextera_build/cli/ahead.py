@@ -30,7 +30,7 @@ def begin(words: list[str]) -> Nursery | None:
     if not _has_free_core() or not quick.is_known(words):
         return None
     # What both need comes before the fork, and is loaded once.
-    from dextera_build.cli import executors
+    from dextera_build.build import executors
     from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.nursery import is_alone
 

@@ -9,17 +9,18 @@ import time
 from typing import TYPE_CHECKING
 
 from dextera_build import __version__
-from dextera_build.cli import locking, options
+from dextera_build.build import lock as locking
+from dextera_build.cli import options
 from dextera_build.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.cli.session import Session
     from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.graph import Address
     from dextera_build.engine.records import RunResult
     from dextera_build.engine.snapshot import Head
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
+    from dextera_build.session import Session
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +35,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--check", action="store_true", help="run nothing; exit with 3 where something is stale")
     parser.add_argument("--console", metavar="KIND", help="live, plain, jsonl or none (DXB_CONSOLE)")
     parser.add_argument("-v", "--verbose", action="store_true", help="show what nodes log, too")
-    locking.arguments(parser)
+    parser.add_argument("--lock", action="store_true", help="pin the targets in dxb.lock")
+    parser.add_argument("--locked", action="store_true", help="exit with 3 where a target is not what dxb.lock says")
     options.resources_argument(parser)
     options.executor_argument(parser)
     options.calls_argument(parser)
@@ -63,8 +65,6 @@ def run(args: argparse.Namespace) -> int:
         notice = args.locking.write()
         if notice and project.console not in ("none", "jsonl"):
             print(notice, file=sys.stderr)
-    if args.cache is None:
-        args.notes.write_place(project)
     kind = project.console
     if not (code or args.force or args.lock or args.locked or project.asks_again or kind == "jsonl"):
         args.notes.write(len(recipes), told=kind != "none")
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _build(args: argparse.Namespace, project: Project, recipe: str, targets: list[str], started: float) -> int:
-    from dextera_build.cli import fresh
+    from dextera_build.build import snapshots as fresh
 
     fingerprint = {
         "dxb": __version__,
@@ -96,7 +96,7 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
 
 
 def _say_nothing_ran(project: Project, recipe: str, head: Head, started: float) -> int:
-    from dextera_build.cli import fresh
+    from dextera_build.build import snapshots as fresh
 
     nodes, *lines = head["lines"]
     seconds = time.perf_counter() - started
@@ -115,8 +115,8 @@ def _run(
     args: argparse.Namespace, project: Project, recipe: str, targets: list[str], fingerprint: dict[str, object]
 ) -> int:
     """Plan a recipe and build it."""
-    from dextera_build.cli import fresh
-    from dextera_build.cli.session import Session, addresses
+    from dextera_build.build import snapshots as fresh
+    from dextera_build.session import Session, addresses
     from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
 
@@ -158,7 +158,8 @@ def _nursery(args: argparse.Namespace, project: Project) -> Nursery | None:
 
 def _make(args: argparse.Namespace, session: Session, plan: Plan, wanted: list[Address]) -> tuple[RunResult, list[str]]:
     """Build, and place what was asked for."""
-    from dextera_build.cli import execution, results
+    from dextera_build.build import export as results
+    from dextera_build.cli import execution
     from dextera_build.store.cas import MissingBlob
 
     # Until its results are placed nobody may collect them.
@@ -181,7 +182,7 @@ def _make(args: argparse.Namespace, session: Session, plan: Plan, wanted: list[A
 
 
 def _refuse_unknown_force(names: list[str], plan: Plan) -> None:
-    from dextera_build.cli.session import addresses
+    from dextera_build.session import addresses
 
     for name in names:
         try:

@@ -30,8 +30,10 @@ def main(argv: "Sequence[str] | None" = None, *, own: bool = False) -> int:
         own: This process does nothing else, so it may be forked.
     """
     words = list(sys.argv[1:] if argv is None else argv)
+    if "_ARGCOMPLETE" in os.environ:
+        return _complete()
     try:
-        code = 0 if quick.answer(words) or _completes(words) else _run(words, own)
+        code = 0 if quick.answer(words) else _run(words, own)
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
@@ -57,7 +59,7 @@ def entry() -> "NoReturn":
         if threading.active_count() > 1:
             sys.exit(code)
         atexit._run_exitfuncs()
-    # Else `quick` or `complete` answered, and nothing was opened. Taking the interpreter down is work as well.
+    # Else `quick` answered, and nothing was opened. Taking the interpreter down is work as well.
     try:
         sys.stdout.flush()
         sys.stderr.flush()
@@ -65,12 +67,15 @@ def entry() -> "NoReturn":
         os._exit(code)
 
 
-def _completes(words: list[str]) -> bool:
-    if words[:1] != ["completion"]:
-        return False
+def _complete() -> int:
+    """Answer the shell; a broken recipe or setting must not write into the line that a person types."""
     from dextera_build.cli import complete
 
-    return complete.say(words)
+    try:
+        complete.answer()
+    except Exception:
+        return 1
+    return 0
 
 
 def _run(words: list[str], own: bool) -> int:
@@ -87,10 +92,12 @@ def _run(words: list[str], own: bool) -> int:
     finally:
         if args.nursery is not None:
             args.nursery.end()
-        if "dextera_build.cli.stores" in sys.modules:
-            from dextera_build.cli import stores
+        if "dextera_build.session" in sys.modules:
+            from dextera_build.session import absent_stores
 
-            stores.warn()
+            for folder, origin in absent_stores.items():
+                print(f"warning: there is no store at `{folder}` yet (from: {origin})", file=sys.stderr)
+            absent_stores.clear()
     return code
 
 

@@ -196,7 +196,7 @@ def test_what_another_request_placed_is_placed_anew(built: Space) -> None:
     assert build(built)[1] is None
 
 
-HEAVY = ("numpy", "pydantic", "yaml", "rich", "dextera_build.recipe", "dextera_build.rule", "dextera_build.loader")
+HEAVY = ("numpy", "pydantic", "yaml", "rich", "dextera_build.recipe", "dextera_build.rule", "dextera_build.code.loader")
 LOADED = """
 import sys
 from dextera_build.cli.main import main

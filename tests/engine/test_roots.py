@@ -100,7 +100,6 @@ def test_a_snapshot_holds_its_results_for_a_month(store: Store, tmp_path: Path) 
     assert list(path.parent.iterdir()) == []
 
 
-@pytest.mark.parametrize("load", [snapshot.load_if_fresh, snapshot.load_if_near])
 def test_a_snapshot_that_is_used_holds_on_for_another_month(
     store: Store, tmp_path: Path, load: Callable[[Path, dict[str, object]], object]
 ) -> None:

@@ -60,14 +60,13 @@ def note(project: Project, watch: Watch, plan: Plan) -> None:
 
     Packages that are installed are noted, too.
     """
-    from dextera_build.loader import bundled
+    from dextera_build.code.loader import bundled
 
     configuration = [project.root / name for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml")]
     for file in (*plan.recipes, *project.library.code.files(), *configuration):
         watch.file(file)
     # A new rule, backend or recipe: all change the names in a folder.
-    stages = [folder for root in project.library.roots for folder in (root.path, *root.path.iterdir())]
-    for folder in (*stages, project.root / "recipes", bundled("recipes")):
+    for folder in (*project.library.folders(), project.root / "recipes", bundled("recipes")):
         if folder.is_dir():
             watch.folder(folder)
     note_packages(watch)
