@@ -7,7 +7,7 @@ project is loaded here, no rule, no numpy and nothing that starts threads: what 
 
 Each message of the socket is JSON. First comes what to load: `{"runner": "module:function", "path": [...],
 "environment": {...}}`, with the pool's module search path. Then `{"environment": {...}}`, with the descriptors of
-tasks, file, replies and log, asks for a worker, and is answered with `{"pid": ...}` or `{"refused": errno}`, in the
+socket and log, asks for a worker, and is answered with `{"pid": ...}` or `{"refused": errno}`, in the
 order of asking. When a worker ends, `{"ended": pid, "code": ...}` says so, and after `{"forget": pid}` its id may be
 another's. `{"variables": {...}}` sets these for workers to come. The nursery ends when the socket closes and when its
 parent dies, and its workers with it.

@@ -114,7 +114,8 @@ class Scheduler:
         while True:
             more = self._settle()
             self._measure()
-            self.dispatch.start(stopping=self.stopping)
+            if not self.stopping:
+                self.dispatch.start()
             if not self.dispatch.wait(idle=self.stopping or not (more or self.states.ready)):
                 break
             if self.stopping and not self.states.running:

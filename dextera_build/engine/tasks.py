@@ -8,13 +8,11 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import Any, Protocol, TypeAlias
 
 from dextera_build.engine.capacity import Capacity, Needs
 from dextera_build.errors import DxbError, RuleError
 
-PACKET = 1 << 15
-"""A task that takes more is not sent to a worker as one message [bytes]."""
 _LITTLE = Needs()
 _LOG_MOST = 1 << 20
 """A longer log is kept from its end [bytes]."""
@@ -106,27 +104,6 @@ class Executor(Protocol):
 
     def stop(self) -> None:
         """End everything that runs, at once; what was running is never reported."""
-        ...
-
-
-@runtime_checkable
-class Queues(Executor, Protocol):
-    """An executor whose workers take tasks that stand behind one another without asking in between."""
-
-    @property
-    def spare(self) -> int:
-        """How many workers have nothing to do; with none, a task that is submitted has to wait for a new one."""
-        ...
-
-    def submit_behind(self, task: Task, ticket: int) -> None:
-        """Have the worker that has the task of this ticket begin `task` when it has ended all that it has."""
-        ...
-
-    def take_back(self, ticket: int) -> list[int]:
-        """Take back what the worker that has this task has not begun, but for one task; returns the tickets.
-
-        The task itself is among them where one behind it was begun while others were taken back.
-        """
         ...
 
 

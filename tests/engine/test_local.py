@@ -112,6 +112,14 @@ def test_what_a_node_prints_is_its_log(store: Store, pool: LocalExecutor) -> Non
     assert kept.log == log
 
 
+def test_a_node_may_have_large_options(store: Store, pool: LocalExecutor) -> None:
+    text = "x" * (1 << 22)
+    plan = graph(call("a", "const", text), call("b", "const", "small"), default=("a", "b"))
+    result, _ = run(plan, store, pool)
+    assert result.ok
+    assert text.encode() in store.blobs.get(result.nodes["a"].output or "")
+
+
 def test_progress_and_log_lines_arrive(store: Store, pool: LocalExecutor) -> None:
     result, record = run(graph(call("a", "tell", "hello")), store, pool)
     assert [event.what for event in record.of(NodeProgress)] == ["halves"]

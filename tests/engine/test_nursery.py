@@ -81,7 +81,6 @@ def answer(process: Process, do: str = "look") -> dict[str, Any]:
     deadline = time.monotonic() + 120
     while time.monotonic() < deadline:
         for line in process.hear()[0]:
-            process.advance()
             reply: dict[str, Any] = line["reply"]
             return reply
         time.sleep(0.01)

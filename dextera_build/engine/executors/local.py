@@ -6,7 +6,7 @@ import os
 import selectors
 import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from types import TracebackType
 from typing import Self
 
@@ -52,7 +52,7 @@ class LocalExecutor:
         self._selector = selectors.DefaultSelector()
         self._nursery = nursery
         self._idle: list[Process] = []
-        self._busy: dict[int, Process] = {}
+        self._busy: list[Process] = []
         self._sampler = Sampler()
 
     def __enter__(self) -> Self:
@@ -69,31 +69,14 @@ class LocalExecutor:
 
     def submit(self, task: Task) -> None:
         """Hand the task to a worker that waits, or to a new one."""
-        self._give(self._take_idle(task.devices) or self._start(task.devices), [task])
-
-    @property
-    def spare(self) -> int:
-        """How many workers have nothing to do."""
-        return len(self._idle)
-
-    def submit_behind(self, task: Task, ticket: int) -> None:
-        """Hand the task to the worker that has the task of this ticket; it begins when that and others have ended."""
-        self._give(self._busy[ticket], [task])
-
-    def take_back(self, ticket: int) -> list[int]:
-        """Take back what the worker that has this task has not begun, but for one task; returns the tickets."""
-        process = self._busy[ticket]
-        back = process.take_back()
-        if not process.tasks:
-            self._give(process, [back.pop(0)])
-        for task in back:
-            del self._busy[task.ticket]
-        return [task.ticket for task in back]
+        process = self._take_idle(task.devices) or self._start(task.devices)
+        self._busy.append(process)
+        process.give(task)
 
     def poll(self, timeout_s: float | None) -> list[Report]:
         """What workers reported; a worker that died is reported as the failure of its node."""
         reports: list[Report] = []
-        self._sampler.look(self._busy.values())
+        self._sampler.look(self._busy)
         if self._nursery is not None and self._nursery.has_news:
             timeout_s = 0.0
         for key, _ in self._selector.select(self._sampler.patience(timeout_s, len(self._busy))):
@@ -135,12 +118,7 @@ class LocalExecutor:
         return list(dict.fromkeys(process.pid or process.nursery.pid for process in self._workers()))
 
     def _workers(self) -> list[Process]:
-        return [*dict.fromkeys(self._busy.values()), *self._idle]
-
-    def _give(self, process: Process, tasks: Iterable[Task]) -> None:
-        for task in tasks:
-            self._busy[task.ticket] = process
-            process.give(task)
+        return [*self._busy, *self._idle]
 
     def _take_idle(self, devices: tuple[str, ...]) -> Process | None:
         for process in reversed(self._idle):
@@ -204,24 +182,21 @@ class LocalExecutor:
         lines, ended = process.hear()
         reports: list[Report] = []
         for line in lines:
-            if not process.tasks:
+            if process.task is None:  # something that a task left behind goes on talking
                 continue
             if "said" in line:
                 kind, data = line["said"]
-                reports.append(Said(process.tasks[0].ticket, kind, data))
+                reports.append(Said(process.task.ticket, kind, data))
             else:
-                reports.append(self._end(process, line))
+                reports.append(self._end(process, process.task, line))
         if ended:
             reports += self._bury(process)
         return reports
 
-    def _end(self, process: Process, line: Mapping[str, object]) -> Ended:
-        peak = process.peak
-        task = process.advance()
-        assert line["ticket"] == task.ticket, "an answer belongs to another task"
-        del self._busy[task.ticket]
-        if not process.tasks:
-            self._idle.append(process)
+    def _end(self, process: Process, task: Task, line: Mapping[str, object]) -> Ended:
+        process.task = None
+        self._busy.remove(process)
+        self._idle.append(process)
         error, reply, raised, used, made = (
             line.get(name) for name in ("error", "reply", "raised", "usage", "published")
         )
@@ -232,34 +207,24 @@ class LocalExecutor:
             reply=reply if isinstance(reply, dict) else None,
             error=from_json(error) if isinstance(error, dict) else None,
             raised=tuple(raised) if isinstance(raised, list) else (),
-            usage=with_peak(used if isinstance(used, dict) else {}, peak),
+            usage=with_peak(used if isinstance(used, dict) else {}, process.peak),
             published=made if isinstance(made, dict) else None,
         )
 
     def _bury(self, process: Process) -> list[Report]:
-        """A worker is dead: what it had begun has failed, what stood behind goes to another."""
+        """A worker is dead: the task that it had has failed."""
         process.nursery.hear()
         if process.refused:
             raise self._refused(os.strerror(process.refused))
-        rest = process.take_back()
         self._forget(process)
         process.end(_GRACE_S)
-        if process in self._idle:
+        if process.task is None:
             self._idle.remove(process)
-        reports: list[Report] = []
-        if not process.tasks and rest and not process.answered:
-            # One that dies before it has done anything would do so again.
-            process.tasks.append(rest.pop(0))
-        if process.tasks:
-            seconds = time.monotonic() - process.began
-            log = process.log()
-            ticket = process.tasks[0].ticket
-            del self._busy[ticket]
-            usage = with_peak({}, process.peak)
-            reports.append(Ended(ticket, seconds, log, error=process.death(log), usage=usage))
-        if rest:
-            self._give(self._take_idle(rest[0].devices) or self._start(rest[0].devices), rest)
-        return reports
+            return []
+        self._busy.remove(process)
+        seconds, log = time.monotonic() - process.began, process.log()
+        usage = with_peak({}, process.peak)
+        return [Ended(process.task.ticket, seconds, log, error=process.death(log), usage=usage)]
 
     def _forget(self, process: Process) -> None:
         if process.descriptor in self._selector.get_map():

@@ -107,7 +107,7 @@ class Nursery:
         """Ask for a worker; `made` is called with its process id, or with -errno where there can be none.
 
         Args:
-            descriptors: Its tasks, file, replies and log.
+            descriptors: Its socket and its log.
             environment: Variables beside those of the nursery.
             made: Called in `hear`; never, where the nursery dies before.
         """

@@ -1,8 +1,4 @@
-"""One worker process, seen from the pool: what it was given, what it says, and how it died.
-
-Tasks go through a socket that keeps messages apart, and the pool holds both of its ends: so it can take back what the
-worker has not taken yet, and the system sees to it that each task is taken once.
-"""
+"""One worker process, seen from the pool: what it was given, what it says, and how it died."""
 
 from __future__ import annotations
 
@@ -14,20 +10,15 @@ import signal
 import socket
 import tempfile
 import time
-from collections import deque
 from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.engine.executors.nursery import Nursery
-from dextera_build.engine.tasks import PACKET, Task, printed
+from dextera_build.engine.tasks import Task, printed
 from dextera_build.errors import RuleError
-from dextera_build.store.files import write_all
 
 _SPELL = digests.speller(ensure_ascii=True)
-_READ = json.JSONDecoder().decode
 _TAIL_LINES = 12
-_NAME = 32
-"""No ticket takes more [bytes]."""
 
 
 class Process:
@@ -36,7 +27,7 @@ class Process:
     It is the leader of its own process group, so that a Ctrl-C at the terminal does not reach it and that it can be
     ended with all that it started.
 
-    It can be given tasks before it is there.
+    It can be given a task before it is there.
 
     Args:
         nursery: What makes it.
@@ -48,12 +39,8 @@ class Process:
 
     def __init__(self, nursery: Nursery, devices: tuple[str, ...] = ()) -> None:
         self.nursery = nursery
-        self.tasks: deque[Task] = deque()
-        """What it was given and has not answered; the first is the one that it has, the others stand behind."""
-        self.answered = 0
-        """How many tasks it has answered."""
-        self._sent = 0
-        """How many of `tasks` lie in the socket or are with the worker."""
+        self.task: Task | None = None
+        """What it was given and has not answered."""
         self.devices = devices
         self.began = 0.0
         self.peak = 0
@@ -63,12 +50,7 @@ class Process:
         self._log = tempfile.TemporaryFile(mode="w+b", buffering=0)  # noqa: SIM115
         # What is printed after the file was cut goes to its beginning.
         fcntl.fcntl(self._log.fileno(), fcntl.F_SETFL, os.O_APPEND)
-        self._sending, self._taking = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._sending.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 * PACKET)
-        # For a task that is too large for the socket.
-        self._large = os.memfd_create("task")
-        self._hearing, writing = os.pipe()
-        os.set_blocking(self._hearing, False)
+        self._socket, theirs = socket.socketpair()
         self.pid = 0
         """0 until it is there."""
         self.refused = 0
@@ -76,14 +58,12 @@ class Process:
         try:
             # CUDA looks at this once in a process, so a worker stays with its devices.
             environment = {"CUDA_VISIBLE_DEVICES": ",".join(devices)}
-            passed = (self._taking.fileno(), self._large, writing, self._log.fileno())
-            nursery.make(passed, environment, self._born)
+            nursery.make((theirs.fileno(), self._log.fileno()), environment, self._born)
         except OSError:
-            self.hang_up()
-            os.close(self._hearing)
+            self._socket.close()
             raise
         finally:
-            os.close(writing)
+            theirs.close()
 
     def _born(self, pid: int) -> None:
         if pid < 0:
@@ -94,91 +74,41 @@ class Process:
     @property
     def descriptor(self) -> int:
         """What becomes readable when the worker speaks; -1 when it has ended."""
-        return self._hearing
+        return self._socket.fileno()
 
     @property
     def has_ended(self) -> bool:
-        """Whether the nursery said so; the pipe need not, as something that it started may hold the other end."""
+        """Whether the nursery said so; the socket need not, as something that it started may hold the other end."""
         return self.nursery.ended(self.pid) is not None
 
     def give(self, task: Task) -> None:
-        """Give it a task, behind those that it has; a worker that is dead already shows in `hear`."""
-        self.tasks.append(task)
-        if len(self.tasks) == 1:
-            self._begin()
-        self._send()
-
-    def advance(self) -> Task:
-        """It has answered its first task, and begins the next."""
-        task = self.tasks.popleft()
-        self.answered, self._sent = self.answered + 1, self._sent - 1
-        self._begin()
-        self._send()
-        return task
-
-    def take_back(self) -> list[Task]:
-        """Take back all tasks that it has not begun, the first as well where it has not.
-
-        It goes on meanwhile, so what it has begun may have stood behind one that is taken back.
-        """
-        tickets = self._taken_back()
-        begun = [task for task in list(self.tasks)[: self._sent] if task.ticket not in tickets]
-        back = [task for task in self.tasks if task not in begun]
-        self.tasks, self._sent = deque(begun), len(begun)
-        return back
-
-    def _begin(self) -> None:
-        self.began, self.peak = time.monotonic(), 0
-
-    def _send(self) -> None:
-        """Put into the socket what it has room for."""
-        while self._sent < len(self.tasks):
-            packet = self._packet(self.tasks[self._sent])
-            if packet is None:
-                return
-            try:
-                self._sending.send(packet, socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                return
-            self._sent += 1
-
-    def _packet(self, task: Task) -> bytes | None:
-        """What stands for a task in the socket; None for a large one whose turn has not come."""
-        name = b"%d\n" % task.ticket
+        """Give it a task; a worker that is dead already shows in `hear`."""
+        self.task, self.began, self.peak = task, time.monotonic(), 0
         message = task.message()
         message["held"] = task.held
-        data = b"%b\n%b" % (_SPELL(message).encode(), task.document)
-        if len(name) + len(data) <= PACKET:
-            return name + data
-        if self._sent:
-            return None
-        os.ftruncate(self._large, 0)
-        os.lseek(self._large, 0, os.SEEK_SET)
-        write_all(self._large, data)
-        return name + b"@%d" % len(data)
-
-    def _taken_back(self) -> set[int]:
-        """Tickets of the tasks that were taken out of the socket."""
-        tickets = set()
-        with contextlib.suppress(BlockingIOError):
-            while packet := self._taking.recv(_NAME, socket.MSG_DONTWAIT):
-                tickets.add(int(packet.partition(b"\n")[0]))
-        return tickets
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+            self._socket.sendall(b"%b\n%b\n" % (_SPELL(message).encode(), task.document))
 
     def hear(self) -> tuple[list[dict[str, Any]], bool]:
         """(what it said, whether it is dead)."""
         ended = self.has_ended
-        while True:
-            try:
-                part = os.read(self._hearing, 1 << 16)
-            except BlockingIOError:
-                break
-            self._buffer += part
-            if len(part) < 1 << 16:
-                ended = ended or not part
-                break
+        with contextlib.suppress(BlockingIOError):
+            while part := self._receive():
+                self._buffer += part
+            ended = True
         *lines, self._buffer = self._buffer.split(b"\n")
-        return [_READ(line.decode()) for line in lines], ended
+        return [json.loads(line) for line in lines], ended
+
+    def _receive(self) -> bytes:
+        """What has arrived, b"" at the end.
+
+        Raises:
+            BlockingIOError: Nothing has.
+        """
+        try:
+            return self._socket.recv(1 << 16, socket.MSG_DONTWAIT)
+        except ConnectionResetError:  # it died with a task unread
+            return b""
 
     def is_running(self) -> bool:
         """Whether the process lives, or is being made."""
@@ -186,12 +116,9 @@ class Process:
         return not (self.refused or self.has_ended)
 
     def hang_up(self) -> None:
-        """Close the socket: the worker ends when it has nothing to do."""
-        self._sending.close()
-        self._taking.close()
-        if self._large >= 0:
-            os.close(self._large)
-            self._large = -1
+        """Close its end of the socket: the worker ends when it has nothing to do."""
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_WR)
 
     def ask_to_end(self) -> None:
         """Ask it to clean up and end."""
@@ -212,8 +139,7 @@ class Process:
             self.nursery.wait(self.pid, None)
             self.nursery.forget(self.pid)
         self.alive = False
-        os.close(self._hearing)
-        self._hearing = -1
+        self._socket.close()
 
     def log(self) -> bytes:
         """What the node printed so far."""
