@@ -1,13 +1,14 @@
 """Finds rules and backends by their place in the tree, imports them, and says what of them enters a key.
 
-A rule `factorize.mesh` is the file `rules/factorize/mesh.py` of the first root that has it: the project, installed
-distributions (entry-point group `dxb.rules`), dxb's own. Every root is mounted as a package under a name of its own,
-so nothing called `rules` is ever installed or imported.
+A rule `factorize.mesh` is the file `rules/factorize/mesh.py`, or `mesh.py` in a folder of that stage, of the first root
+that has it: the project, installed distributions (entry-point group `dxb.rules`), dxb's own. Every root is mounted as a
+package under a name of its own, so nothing called `rules` is ever installed or imported.
 """
 
 from __future__ import annotations
 
 import ast
+import glob
 import importlib
 import importlib.machinery
 import importlib.util
@@ -43,12 +44,21 @@ class Root:
     path: Path
 
     def mount(self) -> None:
-        """Make `import <name>.<stage>.<rule>` work, once per process."""
+        """Make `import <name>.<stage>.<module>` work, once per process."""
         if self.name in sys.modules:
             return
         spec = importlib.machinery.ModuleSpec(self.name, None, is_package=True)
         spec.submodule_search_locations = [str(self.path)]
         sys.modules[self.name] = importlib.util.module_from_spec(spec)
+
+    def module(self, file: Path) -> str:
+        """The name under which a file below `path` is imported."""
+        return ".".join((self.name, *file.relative_to(self.path).with_suffix("").parts))
+
+    def rules(self, stage: str, name: str) -> list[Path]:
+        """The files of a stage and of its folders that hold a rule of this name; `*` stands for any."""
+        found = [*self.path.glob(f"{stage}/{name}.py"), *self.path.glob(f"{stage}/*/{name}.py")]
+        return [file for file in sorted(found) if _holds_rule(file)]
 
 
 @dataclass(frozen=True)
@@ -166,11 +176,19 @@ class Library:
         """Every rule, by path; files without `@rule` (helpers, backends) are left out."""
         seen = set()
         for root in self.roots:
-            for file in sorted(root.path.glob("*/*.py")):
-                path = f"{file.parent.name}.{file.stem}"
-                if path not in seen and _holds_rule(file):
+            for file in root.rules("*", "*"):
+                path = f"{file.relative_to(root.path).parts[0]}.{file.stem}"
+                if path not in seen:
                     seen.add(path)
                     yield self.find(path)
+
+    def folders(self) -> Iterator[Path]:
+        """Every folder in which a new file could be a rule or a backend."""
+        for root in self.roots:
+            yield root.path
+            for folder in (*root.path.glob("*"), *root.path.glob("*/*")):
+                if folder.name != "__pycache__" and folder.is_dir():
+                    yield folder
 
     @cached_property
     def code(self) -> CodeIndex:
@@ -198,9 +216,16 @@ class Library:
 def _among(roots: Sequence[Root], path: str) -> RuleFile | None:
     stage, dot, name = path.partition(".")
     for root in roots:
-        file = root.path / stage / f"{name}.py"
-        if dot and file.is_file() and _holds_rule(file):
-            return RuleFile(path, file, root)
+        found = root.rules(glob.escape(stage), glob.escape(name)) if dot else []
+        if len(found) > 1:
+            raise RecipeError(
+                f"two files hold the rule `{path}`",
+                code="DXB-R208",
+                facts={"files": listing(str(file.relative_to(root.path)) for file in found)},
+                hint="rename one of them, with its function",
+            )
+        if found:
+            return RuleFile(path, found[0], root)
     return None
 
 
@@ -274,7 +299,7 @@ def _import(root: Root, path: str, file: Path) -> ModuleType:
     written = sys.dont_write_bytecode
     sys.dont_write_bytecode = written or is_young(file.parent)
     try:
-        return importlib.import_module(f"{root.name}.{path}")
+        return importlib.import_module(root.module(file))
     except ImportError as error:
         package = (error.name or "").partition(".")[0]
         if package and not package.startswith("dxb_rules") and importlib.util.find_spec(package) is None:

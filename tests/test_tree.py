@@ -128,8 +128,8 @@ def test_every_folder_of_tests_has_something_to_test():
 
 
 def test_every_stage_with_rules_has_tests():
-    stages = {path.parent.name for path in RULES if "@rule(" in path.read_text()}
-    tested = {path.parent.name for path in TESTS if path.parent.parent == REPO / "tests" / "rules"}
+    stages = {path.relative_to(REPO / "rules").parts[0] for path in RULES if "@rule(" in path.read_text()}
+    tested = {path.relative_to(REPO / "tests" / "rules").parts[0] for path in TESTS if "rules" in path.parts}
     assert stages - tested == set()
 
 
@@ -140,7 +140,10 @@ def test_nothing_imports_rules():
 
 def test_stages_do_not_import_one_another():
     assert [
-        (name(path), module) for path in RULES for level, module in imports(path, top_only=False) if level > 1
+        (name(path), module)
+        for path in RULES
+        for level, module in imports(path, top_only=False)
+        if level >= len(path.relative_to(REPO / "rules").parts)
     ] == []
 
 
@@ -153,7 +156,7 @@ def test_rules_import_only_what_is_below_them():
 def source(path: Path, level: int, module: str) -> Path | None:
     """The first-party file that an import loads, if it is one."""
     parts = module.split(".")
-    base = path.parent if level else REPO
+    base = path.parents[level - 1] if level else REPO
     for depth in range(len(parts), 0, -1):
         file = base.joinpath(*parts[:depth])
         for candidate in (file.with_suffix(".py"), file / "__init__.py"):

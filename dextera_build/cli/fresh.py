@@ -102,8 +102,7 @@ def note(project: Project, watch: Watch, plan: Plan) -> list[str]:
     for file in noted:
         watch.file(file)
     # A new rule, backend or recipe: all change the names in a folder.
-    stages = [folder for root in project.library.roots for folder in (root.path, *root.path.iterdir())]
-    for folder in (*stages, project.root / "recipes", bundled("recipes")):
+    for folder in (*project.library.folders(), project.root / "recipes", bundled("recipes")):
         if folder.is_dir():
             watch.folder(folder)
             noted.append(os.fspath(folder))
