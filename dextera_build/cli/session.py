@@ -14,7 +14,6 @@ from dextera_build.store.store import Store
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
-    from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.history import Entry, History
     from dextera_build.recipe.plan import Plan, Request
 
@@ -36,8 +35,6 @@ class Session:
         self.project = project
         self.recipe = recipe
         self._makes = makes
-        self.nursery: Nursery | None = None
-        """What makes workers, where it was begun before there was anything to run."""
 
     @cached_property
     def store(self) -> Store:

@@ -3,8 +3,9 @@
     python -m dextera_build.engine.worker <module:function> <descriptor of a socket> <process id>
 
 Standard output and error belong to the node that runs; the pool gives a file for them and reads it when a worker has
-died. A task is a line of JSON and a line with its key document; where there is one, the worker stores the result
-itself, without the entry of a task that is `held`. It ends when the socket closes and when its parent dies.
+died. The first line of the socket is the pool's module search path. Then a task is a line of JSON and a line with its
+key document; where there is one, the worker stores the result itself, without the entry of a task that is `held`. It
+ends when the socket closes and when its parent dies.
 """
 
 from __future__ import annotations
@@ -57,13 +58,15 @@ class Worker:
     def serve(self) -> None:
         """Answer every task, one after another."""
         with self._pool.makefile("rb") as told:
+            sys.path += [entry for entry in json.loads(told.readline() or b"[]") if entry not in sys.path]
+            with contextlib.suppress(Exception):  # the first task is answered with what is wrong
+                load(self._runner_name)
             while line := told.readline():
                 self._answer(json.loads(line), told.readline().rstrip(b"\n"))
 
     def _answer(self, task: Mapping[str, Any], document: bytes) -> None:
         if os.fstat(1).st_size:
             os.ftruncate(1, 0)
-            os.lseek(1, 0, os.SEEK_SET)  # else what is printed next stands behind as many zeros
         self._last_progress = 0.0
         self._meter.begin(at_once=True)
         began = time.perf_counter()
@@ -160,7 +163,7 @@ def main(arguments: list[str]) -> None:
     # Line by line, so that a worker that dies has said everything.
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)
-    with contextlib.suppress(BrokenPipeError, SystemExit):
+    with contextlib.suppress(ConnectionError, SystemExit):
         Worker(runner, socket.socket(fileno=descriptor)).serve()
     # Threads and libraries that linger must not keep a worker alive that has nothing to do.
     os._exit(0)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import os
 import selectors
-import sys
 import time
 from collections.abc import Mapping
 from types import TracebackType
 from typing import Self
 
 from dextera_build.engine.capacity import Capacity, available_gb
-from dextera_build.engine.executors.nursery import Nursery
 from dextera_build.engine.executors.process import Process
 from dextera_build.engine.tasks import Ended, Report, Said, Task
 from dextera_build.engine.usage import Sampler, with_peak
@@ -33,7 +31,6 @@ class LocalExecutor:
         memory_gb: Memory to share out [GiB]; None is what is available now.
         environment: Variables that workers see beside those of this process.
         capacity: What to share out, over `jobs` and `memory_gb`.
-        nursery: What makes its workers; None: one is started with the first.
     """
 
     def __init__(
@@ -44,13 +41,11 @@ class LocalExecutor:
         memory_gb: float | None = None,
         environment: Mapping[str, str] | None = None,
         capacity: Capacity | None = None,
-        nursery: Nursery | None = None,
     ) -> None:
         self.capacity = capacity or Capacity(jobs or _cores(), memory_gb or available_gb())
         self._runner = runner
         self._environment = dict(environment or {})
         self._selector = selectors.DefaultSelector()
-        self._nursery = nursery
         self._idle: list[Process] = []
         self._busy: list[Process] = []
         self._sampler = Sampler()
@@ -61,7 +56,7 @@ class LocalExecutor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        self.stop()
 
     def warm(self) -> None:
         """Start a worker, which loads what it needs while it is not known yet what it will run."""
@@ -76,46 +71,27 @@ class LocalExecutor:
     def poll(self, timeout_s: float | None) -> list[Report]:
         """What workers reported; a worker that died is reported as the failure of its node."""
         reports: list[Report] = []
-        self._sampler.look(self._busy)
-        if self._nursery is not None and self._nursery.has_news:
-            timeout_s = 0.0
         for key, _ in self._selector.select(self._sampler.patience(timeout_s, len(self._busy))):
-            if isinstance(key.data, Nursery):
-                key.data.hear()
-            elif key.data.alive:
-                reports += self._hear(key.data)
-        if self._nursery is not None and self._nursery.has_news:
-            reports += self._look_after(self._nursery)
+            reports += self._hear(key.data)
+        if self._sampler.look(self._busy):
+            for process in [process for process in self._busy if process.has_ended]:
+                reports += self._hear(process)
         return reports
 
     def stop(self) -> None:
-        """End all workers and whatever they started."""
-        workers = self._workers()
-        for process in workers:
+        """End all workers and everything that they started; those that run may clean up."""
+        for process in self._busy:
             process.ask_to_end()
         deadline = time.monotonic() + _GRACE_S
-        for process in workers:
+        for process in self._workers():
             self._forget(process)
-            process.end(max(0.0, deadline - time.monotonic()))
+            process.end(max(0.0, deadline - time.monotonic()) if process.task else 0.0)
         self._busy.clear()
         self._idle.clear()
-        self._end_nursery()
-
-    def close(self) -> None:
-        """Let idle workers go; those that still run are ended."""
-        if self._busy:
-            self.stop()
-        for process in self._idle:
-            process.hang_up()
-        for process in self._idle:
-            self._forget(process)
-            process.end(_GRACE_S)
-        self._idle.clear()
-        self._end_nursery()
 
     def pids(self) -> list[int]:
-        """Process ids of all workers; for those that are being made, the one of what makes them."""
-        return list(dict.fromkeys(process.pid or process.nursery.pid for process in self._workers()))
+        """Process ids of all workers."""
+        return [process.pid for process in self._workers()]
 
     def _workers(self) -> list[Process]:
         return [*self._busy, *self._idle]
@@ -125,7 +101,7 @@ class LocalExecutor:
             if process.devices != devices and set(process.devices).isdisjoint(devices):
                 continue
             self._idle.remove(process)
-            if process.devices == devices and process.is_running():
+            if process.devices == devices and not process.has_ended:
                 return process
             # Dead, or it holds memory of a device that another worker needs now.
             self._forget(process)
@@ -134,49 +110,16 @@ class LocalExecutor:
 
     def _start(self, devices: tuple[str, ...]) -> Process:
         try:
-            process = Process(self._nurse(), devices)
+            process = Process(self._runner, self._environment, devices)
         except OSError as error:
-            raise self._refused(error.strerror) from None
+            raise MachineError(
+                "a worker process cannot be started",
+                code="DXB-E202",
+                facts={"system says": error.strerror, "workers": len(self._busy)},
+                hint="build with `--jobs 1`",
+            ) from None
         self._selector.register(process.descriptor, selectors.EVENT_READ, process)
         return process
-
-    def _nurse(self) -> Nursery:
-        """What makes workers; told what to load with the first."""
-        if self._nursery is not None and not self._nursery.is_running():
-            self._end_nursery()
-        if self._nursery is None:
-            self._nursery = Nursery()
-        if self._nursery.fileno() not in self._selector.get_map():
-            self._selector.register(self._nursery, selectors.EVENT_READ, self._nursery)
-        self._nursery.load(self._runner, self._environment, [entry for entry in sys.path if entry])
-        return self._nursery
-
-    def _end_nursery(self) -> None:
-        if self._nursery is not None:
-            self._forget_nursery(self._nursery)
-            self._nursery.end()
-            self._nursery = None
-
-    def _look_after(self, nursery: Nursery) -> list[Report]:
-        """Look which workers ended or cannot be made."""
-        reports: list[Report] = []
-        nursery.has_news = False
-        if not nursery.is_running():
-            self._forget_nursery(nursery)
-        for process in self._workers():
-            if process.refused:
-                raise self._refused(os.strerror(process.refused))
-            if process.alive and process.has_ended:
-                reports += self._hear(process)
-        return reports
-
-    def _refused(self, reason: str | None) -> MachineError:
-        return MachineError(
-            "a worker process cannot be started",
-            code="DXB-E202",
-            facts={"system says": reason, "workers": len(self._busy)},
-            hint="build with `--jobs 1`",
-        )
 
     def _hear(self, process: Process) -> list[Report]:
         lines, ended = process.hear()
@@ -213,9 +156,6 @@ class LocalExecutor:
 
     def _bury(self, process: Process) -> list[Report]:
         """A worker is dead: the task that it had has failed."""
-        process.nursery.hear()
-        if process.refused:
-            raise self._refused(os.strerror(process.refused))
         self._forget(process)
         process.end(_GRACE_S)
         if process.task is None:
@@ -227,12 +167,7 @@ class LocalExecutor:
         return [Ended(process.task.ticket, seconds, log, error=process.death(log), usage=usage)]
 
     def _forget(self, process: Process) -> None:
-        if process.descriptor in self._selector.get_map():
-            self._selector.unregister(process.descriptor)
-
-    def _forget_nursery(self, nursery: Nursery) -> None:
-        if nursery.fileno() in self._selector.get_map():
-            self._selector.unregister(nursery)
+        self._selector.unregister(process.descriptor)
 
 
 def _cores() -> int:

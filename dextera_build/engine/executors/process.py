@@ -8,86 +8,104 @@ import json
 import os
 import signal
 import socket
+import subprocess
+import sys
 import tempfile
 import time
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from dextera_build import digest as digests
-from dextera_build.engine.executors.nursery import Nursery
+from dextera_build.engine import worker
 from dextera_build.engine.tasks import Task, printed
 from dextera_build.errors import RuleError
 
 _SPELL = digests.speller(ensure_ascii=True)
 _TAIL_LINES = 12
+_ROOT = Path(__file__).resolve().parents[3]
+"""Where this package lies."""
+_LOOK_S = 0.001
 
 
 class Process:
-    """A running worker.
+    """A running worker: an interpreter of its own, which shares nothing with this process but the module search path.
 
-    It is the leader of its own process group, so that a Ctrl-C at the terminal does not reach it and that it can be
-    ended with all that it started.
-
-    It can be given a task before it is there.
+    It leads a session and a process group of its own, so that a Ctrl-C at the terminal does not reach it and that it
+    can be ended with everything that it started. It can be given a task while it is still loading.
 
     Args:
-        nursery: What makes it.
+        runner: `module:function` that carries out a task.
+        environment: Variables beside those of this process.
         devices: GPUs that it may use.
 
     Raises:
-        OSError: No more files can be opened.
+        OSError: No process can be started, or no file opened.
     """
 
-    def __init__(self, nursery: Nursery, devices: tuple[str, ...] = ()) -> None:
-        self.nursery = nursery
+    def __init__(self, runner: str, environment: Mapping[str, str], devices: tuple[str, ...] = ()) -> None:
         self.task: Task | None = None
         """What it was given and has not answered."""
         self.devices = devices
         self.began = 0.0
         self.peak = 0
-        self.alive = True
         self._buffer = b""
         # Without a name, so that nothing is left behind however this ends.
         self._log = tempfile.TemporaryFile(mode="w+b", buffering=0)  # noqa: SIM115
         # What is printed after the file was cut goes to its beginning.
         fcntl.fcntl(self._log.fileno(), fcntl.F_SETFL, os.O_APPEND)
         self._socket, theirs = socket.socketpair()
-        self.pid = 0
-        """0 until it is there."""
-        self.refused = 0
-        """The error number, where it cannot be made."""
-        try:
-            # CUDA looks at this once in a process, so a worker stays with its devices.
-            environment = {"CUDA_VISIBLE_DEVICES": ",".join(devices)}
-            nursery.make((theirs.fileno(), self._log.fileno()), environment, self._born)
-        except OSError:
-            self._socket.close()
-            raise
-        finally:
-            theirs.close()
+        with theirs:
+            try:
+                self._child = subprocess.Popen(
+                    [sys.executable, "-m", worker.__name__, runner, str(theirs.fileno()), str(os.getpid())],
+                    stdin=subprocess.DEVNULL,
+                    stdout=self._log,
+                    stderr=self._log,
+                    pass_fds=[theirs.fileno()],
+                    start_new_session=True,
+                    # CUDA looks at its variable once in a process, so a worker stays with its devices.
+                    env={
+                        **os.environ,
+                        **environment,
+                        "CUDA_VISIBLE_DEVICES": ",".join(devices),
+                        "PYTHONPATH": _search_path(),
+                    },
+                )
+            except OSError:
+                self._socket.close()
+                raise
+        self._send(json.dumps([entry for entry in sys.path if entry]).encode())
 
-    def _born(self, pid: int) -> None:
-        if pid < 0:
-            self.refused = -pid
-        elif self.alive:
-            self.pid = pid
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._child.pid
 
     @property
     def descriptor(self) -> int:
-        """What becomes readable when the worker speaks; -1 when it has ended."""
+        """What becomes readable when the worker speaks or ends; -1 when it was ended."""
         return self._socket.fileno()
 
     @property
     def has_ended(self) -> bool:
-        """Whether the nursery said so; the socket need not, as something that it started may hold the other end."""
-        return self.nursery.ended(self.pid) is not None
+        """Whether it is dead; the socket need not say so, as something that it started may hold the other end."""
+        try:
+            # Its process id stays its own until `end` has killed its group.
+            return os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+        except ChildProcessError:  # the program around the build does not want to know of its children
+            return True
 
     def give(self, task: Task) -> None:
         """Give it a task; a worker that is dead already shows in `hear`."""
         self.task, self.began, self.peak = task, time.monotonic(), 0
         message = task.message()
         message["held"] = task.held
+        self._send(b"%b\n%b" % (_SPELL(message).encode(), task.document))
+
+    def _send(self, data: bytes) -> None:
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-            self._socket.sendall(b"%b\n%b\n" % (_SPELL(message).encode(), task.document))
+            self._socket.sendall(data + b"\n")
 
     def hear(self) -> tuple[list[dict[str, Any]], bool]:
         """(what it said, whether it is dead)."""
@@ -110,35 +128,19 @@ class Process:
         except ConnectionResetError:  # it died with a task unread
             return b""
 
-    def is_running(self) -> bool:
-        """Whether the process lives, or is being made."""
-        self.nursery.hear()
-        return not (self.refused or self.has_ended)
-
-    def hang_up(self) -> None:
-        """Close its end of the socket: the worker ends when it has nothing to do."""
-        with contextlib.suppress(OSError):
-            self._socket.shutdown(socket.SHUT_WR)
-
     def ask_to_end(self) -> None:
         """Ask it to clean up and end."""
-        if self.pid and self.is_running():
+        if not self.has_ended:
             os.kill(self.pid, signal.SIGTERM)
 
     def end(self, patience_s: float) -> None:
-        """Wait at most `patience_s` [s] for its end, then kill it; what it started is killed at once.
-
-        One that is not there yet ends when it is, since it will have nothing to do.
-        """
-        self.hang_up()
-        self.nursery.hear()
-        if self.pid:
-            self.nursery.wait(self.pid, patience_s)
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(self.pid, signal.SIGKILL)
-            self.nursery.wait(self.pid, None)
-            self.nursery.forget(self.pid)
-        self.alive = False
+        """Wait at most `patience_s` [s] for its end, then kill it; what it started is killed at once."""
+        deadline = time.monotonic() + patience_s
+        while not self.has_ended and time.monotonic() < deadline:
+            time.sleep(_LOOK_S)
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, signal.SIGKILL)
+        self._child.wait()
         self._socket.close()
 
     def log(self) -> bytes:
@@ -146,8 +148,8 @@ class Process:
         return printed(self._log.fileno())
 
     def death(self, log: bytes) -> RuleError:
-        """What to say of a worker that died in the middle of a node."""
-        code = self.nursery.ended(self.pid) or 0
+        """What to say of a worker that died in the middle of a node, once it was ended."""
+        code = self._child.returncode
         if code < 0:
             try:
                 name = signal.Signals(-code).name
@@ -168,3 +170,8 @@ class Process:
             facts=facts,
             hint="build again, with `--jobs 1` where memory is short",
         )
+
+
+def _search_path() -> str:
+    inherited = os.environ.get("PYTHONPATH")
+    return os.pathsep.join([str(_ROOT), *([inherited] if inherited else [])])
