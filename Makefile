@@ -105,7 +105,7 @@ $(VENV)/.robots: pyproject.toml $(VENV)/.created
 # An environment of their own: what servers ask for does not go together with what dxb needs.
 $(VENV)/servers/.installed: $(VENV)/.created
 	$(PYTHON) -m venv $(VENV)/servers
-	$(VENV)/servers/bin/python -m pip install --quiet 'moto[server]>=5.1,<6' 'buildgrid==0.4.4'
+	$(VENV)/servers/bin/python -m pip install --quiet 'moto[server]>=5.1,<6'
 	@touch $@
 
 # Beside the environment, so that `make setup` need not fetch its 245 MB; what it asks for else is locked.

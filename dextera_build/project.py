@@ -16,8 +16,8 @@ from dextera_build.store.remotes.choice import Choice
 
 if TYPE_CHECKING:
     # A build that does nothing reads the settings and no recipe; it need not wait for these.
+    from dextera_build.code.loader import Library
     from dextera_build.engine.capacity import Capacity
-    from dextera_build.loader import Library
     from dextera_build.recipe.schema import Recipe
 
 MARKER = "dxb.toml"
@@ -242,7 +242,7 @@ class Project:
     @cached_property
     def library(self) -> Library:
         """The rules of this project."""
-        from dextera_build.loader import Library
+        from dextera_build.code.loader import Library
 
         return Library(self.root)
 
@@ -307,7 +307,7 @@ class Project:
 
     def recipe_folders(self) -> list[Path]:
         """Where recipes lie, there or not; the project's own come first."""
-        from dextera_build.loader import bundled
+        from dextera_build.code.loader import bundled
 
         return list(dict.fromkeys((self.root / "recipes", bundled("recipes"))))
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from dextera_build.cli import grammar
-from dextera_build.loader import Library
+from dextera_build.code.loader import Library
 
 REPO = Path(__file__).parent.parent
 DOCS = REPO / "dextera_build" / "docs"

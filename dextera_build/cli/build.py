@@ -63,8 +63,6 @@ def run(args: argparse.Namespace) -> int:
         notice = args.locking.write()
         if notice and project.console not in ("none", "jsonl"):
             print(notice, file=sys.stderr)
-    if args.cache is None:
-        args.notes.write_place(project)
     kind = project.console
     if not (code or args.force or args.lock or args.locked or project.asks_again or kind == "jsonl"):
         args.notes.write(len(recipes), told=kind != "none")

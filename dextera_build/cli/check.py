@@ -64,7 +64,7 @@ def _resolve(args: argparse.Namespace, project: Project, recipe: str) -> str:
 def _repeat(args: argparse.Namespace, project: Project, recipe: str, node: str) -> str:
     """Run one node on the inputs of its last build, beside the cache, and compare by the tolerance of its rule."""
     from dextera_build.cli.session import Session
-    from dextera_build.runner import run_task
+    from dextera_build.code.runner import run_task
 
     session = Session(project, recipe)
     before, document, key = session.output(node), session.document(node), session.past(node).key

@@ -85,8 +85,6 @@ def carry_out(
     known: Known | None = None,
 ) -> Done:
     """Build `wanted` with the executor of the settings and an event log; `listen` takes every event, too."""
-    from dextera_build.cli import names
-
     project, store = session.project, session.store
     # What is only brought runs nowhere.
     only = frozenset[str]() if manner.bring_from or project.remotes.local == "r" else None
@@ -113,5 +111,4 @@ def carry_out(
                 whole=manner.whole or manner.bring_from is not None,
                 pause=log.flush,
             )
-    names.note(session, None if known else plan.graph, result.nodes)
     return Done(log.run, result, log.lost)

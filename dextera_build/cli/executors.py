@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dextera_build.engine.tasks import Executor
     from dextera_build.project import Project
 
-RUNNER = "dextera_build.runner:run_task"
+RUNNER = "dextera_build.code.runner:run_task"
 
 
 @contextmanager
@@ -83,7 +83,8 @@ def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Exe
 
 
 def _setup(session: Session, rules: list[RuleFacts]) -> Setup:
-    from dextera_build import digest, sources
+    from dextera_build import digest
+    from dextera_build.code import sources
     from dextera_build.engine.executors.ray_worker import Setup
 
     project, blobs = session.project, session.store.blobs
@@ -94,5 +95,5 @@ def _setup(session: Session, rules: list[RuleFacts]) -> Setup:
         environment=_environment(project),
         code=blobs.put(digest.canonical(table)),
         stand=sources.stand({name: version for rule in rules for name, version in rule.packages.items()}),
-        compare="dextera_build.sources:differences",
+        compare="dextera_build.code.sources:differences",
     )

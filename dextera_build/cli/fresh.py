@@ -95,7 +95,7 @@ def note(project: Project, watch: Watch, plan: Plan) -> list[str]:
 
     Packages that are installed are noted, too.
     """
-    from dextera_build.loader import bundled
+    from dextera_build.code.loader import bundled
 
     configuration = [project.root / name for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml")]
     noted = [os.fspath(file) for file in (*plan.recipes, *project.library.code.files(), *configuration)]
@@ -181,7 +181,7 @@ def _says_the_same(name: str, head: Mapping[str, Mapping[str, str | None]], stor
     if name.endswith(".yaml"):
         from dextera_build.recipe.content import content
     else:
-        from dextera_build.code_digest import content
+        from dextera_build.code.code_digest import content
     known = head["contents"].get(name)
     return known is not None and content(Path(name)) == known
 

@@ -28,8 +28,10 @@ def main(argv: "Sequence[str] | None" = None) -> int:
         argv: The command line; None is that of this process.
     """
     words = list(sys.argv[1:] if argv is None else argv)
+    if "_ARGCOMPLETE" in os.environ:
+        return _complete()
     try:
-        code = 0 if quick.answer(words) or _completes(words) else _run(words)
+        code = 0 if quick.answer(words) else _run(words)
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
@@ -55,7 +57,7 @@ def entry() -> "NoReturn":
         if threading.active_count() > 1:
             sys.exit(code)
         atexit._run_exitfuncs()
-    # Else `quick` or `complete` answered, and nothing was opened. Taking the interpreter down is work as well.
+    # Else `quick` answered, and nothing was opened. Taking the interpreter down is work as well.
     try:
         sys.stdout.flush()
         sys.stderr.flush()
@@ -63,12 +65,15 @@ def entry() -> "NoReturn":
         os._exit(code)
 
 
-def _completes(words: list[str]) -> bool:
-    if words[:1] != ["completion"]:
-        return False
+def _complete() -> int:
+    """Answer the shell; a broken recipe or setting must not write into the line that a person types."""
     from dextera_build.cli import complete
 
-    return complete.say(words)
+    try:
+        complete.answer()
+    except Exception:
+        return 1
+    return 0
 
 
 def _run(words: list[str]) -> int:

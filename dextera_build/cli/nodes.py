@@ -38,8 +38,8 @@ class Known:
         return _LABEL.sub("", self.address)
 
 
-def of_runs(store: Store, recipe: str) -> dict[str, Known]:
-    """Nodes by address, the copies of each call as the last run that needed the call saw them."""
+def of_runs(store: Store, recipe: str, most: int = _RUNS) -> dict[str, Known]:
+    """Nodes by address, the copies of each call as the last of `most` runs that needed the call saw them."""
     found: dict[str, Known] = {}
     calls: set[str] = set()
     seen = 0
@@ -51,7 +51,7 @@ def of_runs(store: Store, recipe: str) -> dict[str, Known]:
         found |= {address: node for address, node in nodes.items() if node.call not in calls}
         calls |= {node.call for node in nodes.values()}
         seen += 1
-        if seen == _RUNS:
+        if seen == most:
             break
     return found
 

@@ -11,7 +11,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 from dextera_build import __version__
 from dextera_build.cli import fresh, quick
@@ -19,9 +19,6 @@ from dextera_build.engine import snapshot
 from dextera_build.errors import StoreError
 from dextera_build.project import deciding_files
 from dextera_build.store import files, presence, signature
-
-if TYPE_CHECKING:
-    from dextera_build.project import Project
 
 _MOST = 64
 """So many notes are kept; each stands for one command line in one folder."""
@@ -62,26 +59,6 @@ class Notes:
             _put(note, self._settings)
             if all(_add(note, *found) for found in self._found):
                 _keep(self._asked, quick.spell(note))
-
-    def write_place(self, project: Project) -> list[str]:
-        """Note for completion where a project and its store lie, unless that is noted.
-
-        Returns:
-            The project's folder, the store, and folders of recipes.
-        """
-        known = quick.read(quick.PLACE)
-        where = [str(project.root), str(project.cache)]
-        if known and known["answers"][0][:2] == where and quick.holds(known):
-            return known["answers"][0]
-        where += map(str, project.recipe_folders())
-        if self._settled():
-            asked = quick.request(quick.PLACE, __version__)
-            note: dict[str, Rows] = {name: [] for name in quick.SECTIONS}
-            note |= {"request": [[asked]], "told": [["no"]], "answers": [where]}
-            with suppress(OSError, ValueError, StoreError):
-                _put(note, self._settings)
-                _keep(asked, quick.spell(note))
-        return where
 
     def _settled(self) -> bool:
         return all(

@@ -15,8 +15,6 @@ SECTIONS = ("request", "told", "answers", "snapshots", "contents", "files", "abs
 _CHECK = 4
 """Bytes of the check sum in front."""
 _MARKS = "\x1d\x1e\x1f"
-PLACE = ["completion"]
-"""Stands for a command line in the note that says where a project and its store lie."""
 _PLACES = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME")
 """Variables beside `DXB_*` that say where things are."""
 

@@ -1,32 +1,25 @@
-"""`dxb cache serve`: the store as a Bazel HTTP cache, and over gRPC as a server of the Remote Execution API."""
+"""`dxb cache serve`: serve the store to other machines over HTTP."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 from dextera_build.cli import options
 from dextera_build.errors import MachineError
-
-if TYPE_CHECKING:
-    from dextera_build.store.store import Store
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("--host", default="127.0.0.1", help="address to listen at (127.0.0.1: this machine alone)")
     parser.add_argument("--port", type=int, default=8098, help="0 takes any that is free (8098)")
-    parser.add_argument("--grpc", type=int, metavar="PORT", help="serve the Remote Execution API, too; 0 takes any")
     parser.add_argument("--read-only", action="store_true", help="give what is there, and take nothing")
     parser.add_argument("--most", type=float, default=16.0, metavar="GB", help="largest blob that is taken [GB] (16)")
     parser.add_argument("-v", "--verbose", action="store_true", help="one line for each request")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the servers' addresses, and serve until interrupted."""
+    """Print the server's address, and serve until interrupted."""
     from dextera_build.store.remotes.server import CacheServer
     from dextera_build.store.store import Store
 
@@ -43,24 +36,10 @@ def run(args: argparse.Namespace) -> int:
             facts={"system says": getattr(error, "strerror", None) or error},
             hint="dxb cache serve --port 0",
         ) from None
-    with server, _grpc(store, args) as addresses:
-        print(server.url, *addresses, sep="\n", flush=True)
+    with server:
+        print(server.url, flush=True)
         try:
             server.serve_forever()
         except KeyboardInterrupt:
             print(f"served {server.given:,} and took {server.taken:,} blobs and results", file=sys.stderr)
     return 0
-
-
-@contextmanager
-def _grpc(store: Store, args: argparse.Namespace) -> Iterator[list[str]]:
-    if args.grpc is None:
-        yield []
-        return
-    from dextera_build.store.remotes.grpc_server import serve_grpc
-
-    server = serve_grpc(store, args.host, args.grpc, read_only=args.read_only)
-    try:
-        yield [server.url]
-    finally:
-        server.stop()

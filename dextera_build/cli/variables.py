@@ -29,11 +29,6 @@ SETTINGS = {
 OTHERS = {
     "DXB_NO_PROGRESS": "any text: whole lines at a terminal, too",
     "DXB_KEY_PASSPHRASE": "opens the private key that `--sign` names",
-    "DXB_REMOTE_TOKEN": "a bearer token for gRPC remotes",
-    "DXB_REMOTE_METADATA": "more headers for gRPC remotes",
-    "DXB_REMOTE_CA": "authorities that gRPC remotes are believed by",
-    "DXB_REMOTE_CERT": "a certificate of your own for gRPC remotes",
-    "DXB_REMOTE_KEY": "the private key of that certificate",
     "DXB_NODE_STORE": "the store's folder of a Ray worker",
     "DXB_VLM_URL": "where backend `vlm` asks",
     "DXB_VLM_API_KEY": "the key that backend `vlm` asks with",

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from dextera_build.code.loader import Library, RuleFile
 from dextera_build.engine.compact import Members, Writer
 from dextera_build.engine.graph import Call, Graph, Group, Leaf
 from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
-from dextera_build.loader import Library, RuleFile
 from dextera_build.recipe import cycles, groups, limits
 from dextera_build.recipe.calls import CallMaker
 from dextera_build.recipe.schema import Decl, GroupDecl, MatrixDecl, PackedCall, Recipe, UseDecl

@@ -14,11 +14,8 @@ from dextera_build.store import files, inside
 from dextera_build.store.actions import ABSENT
 from dextera_build.store.cas import is_digest
 from dextera_build.store.reapi import decode
-from dextera_build.store.remotes import offers
 from dextera_build.store.store import Store
 
-_FOREIGN = "foreign/"
-"""Before the keys of results that other tools brought, which may be anything."""
 Sizes: TypeAlias = "dict[str, int] | None"
 """Digest -> size of the blobs that a result names; None where it cannot be read."""
 
@@ -72,36 +69,21 @@ def read(store: Store) -> Inventory:
 
 
 def results(store: Store, known: frozenset[str] = frozenset()) -> Iterator[tuple[str, tuple[Kept, Sizes]]]:
-    """Every result but those of `known` keys, those of other tools last: key, what it is, the blobs that it names."""
+    """Every result but those of `known` keys: key, what it is, the blobs that it names."""
     names: dict[str, str] = {}
-    kinds = ((store.actions.root, "", _named), (store.foreign, _FOREIGN, _named_by_others))
-    for root, prefix, named in kinds:
-        for key, size, used in listing(root):
-            if prefix + key not in known:
-                sizes: Sizes = None
-                with suppress(OSError, ValueError, IndexError, KeyError):
-                    message = files.read(f"{root}/{key[:2]}/{key[2:]}")
-                    sizes = {names.setdefault(digest, digest): octets for digest, octets in named(store, message)}
-                yield prefix + key, (Kept(size, used, tuple(sizes or ())), sizes)
+    for key, size, used in listing(store.actions.root):
+        if key not in known:
+            sizes: Sizes = None
+            with suppress(OSError, ValueError, IndexError, KeyError):
+                # A bare result names all that it needs beside the mark.
+                named = (file for file in inside.blobs(decode(files.read(path_of(store, key)))) if file != ABSENT)
+                sizes = {names.setdefault(file.digest, file.digest): file.size for file in named}
+            yield key, (Kept(size, used, tuple(sizes or ())), sizes)
 
 
 def path_of(store: Store, key: str) -> str:
-    """The file of a result, by its key as `results` gives it."""
-    root, name = (store.foreign if key.startswith(_FOREIGN) else store.actions.root), key.removeprefix(_FOREIGN)
-    return f"{root}/{name[:2]}/{name[2:]}"
-
-
-def _named(store: Store, message: bytes) -> Iterator[tuple[str, int]]:
-    # A bare result names all that it needs beside the mark.
-    yield from ((file.digest, file.size) for file in inside.blobs(decode(message)) if file != ABSENT)
-
-
-def _named_by_others(store: Store, message: bytes) -> Iterator[tuple[str, int]]:
-    for digest in offers.named(store, message):
-        if not is_digest(digest.hash):
-            raise ValueError("a result names what is not a SHA-256 digest")
-        if digest.size:  # the empty blob need not be there
-            yield digest
+    """The file of a result."""
+    return f"{store.actions.root}/{key[:2]}/{key[2:]}"
 
 
 def listing(root: Path) -> Iterator[tuple[str, int, float]]:
@@ -122,7 +104,7 @@ def leftovers(store: Store) -> Iterator[tuple[str, int, float]]:
         begun = [name for name in below if name.startswith(f"{files.TEMPORARY}-")]
         below[:] = [name for name in below if name not in begun]
         if folder == str(store.root):
-            below[:] = [name for name in below if name in ("cas", "ac", "foreign", "local")]
+            below[:] = [name for name in below if name in ("cas", "ac", "local")]
         if folder == str(store.local):
             below[:] = [name for name in below if name != "keep"]
         for name in (*begun, *names):

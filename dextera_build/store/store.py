@@ -31,7 +31,6 @@ class Store:
 
         cas/ab/cdef...   blobs, read-only, by SHA-256
         ac/ab/cdef...    results by key, REAPI `ActionResult` messages
-        foreign/ab/...   results that other tools brought through `dxb cache serve`
         runs/0001/       event logs
         local/           what belongs to this machine: signatures of project files, history, snapshots, locks,
                          names of nodes for completion, builds that run now, projects that ever built here,
@@ -56,7 +55,6 @@ class Store:
         self.recent = Recent(self.blobs)
         self.actions = Actions(self.root / "ac", self.blobs, self.recent)
         self.blobs.inside = self.actions.document
-        self.foreign = self.root / "foreign"
         self.leaves = StatCache(self.blobs, self.local / "leaves.json" if takes else None)
         self.locks = Locks(self.local / "locks")
         self.keep = Keep(self.local / "keep")
@@ -71,13 +69,8 @@ class Store:
         return Writer(self.blobs, self.recent)
 
     def size(self) -> dict[str, tuple[int, int]]:
-        """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of calls that did not end.
-
-        `foreign`, results of other tools, is among them where there is such a folder.
-        """
+        """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of calls that did not end."""
         found = {"blobs": entries(self.blobs.root), "actions": entries(self.actions.root), "keep": self.keep.all()}
-        if self.foreign.is_dir():
-            found["foreign"] = entries(self.foreign)
         sizes = {name: [size for _, size in each] for name, each in found.items()}
         return {name: (len(each), sum(each)) for name, each in sizes.items()}
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Self
 
 from dextera_build.cli.main import main
+from dextera_build.code.runner import run_task
 from dextera_build.engine.executors import local
 from dextera_build.engine.executors.inline import InlineExecutor
-from dextera_build.runner import run_task
 from dextera_build.store import failpoints
 
 for _name in ("build", "cache", "check", "execution", "fresh", "results"):

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from dextera_build.cli import variables
-from dextera_build.loader import PACKAGE, bundled
+from dextera_build.code.loader import PACKAGE, bundled
 from dextera_build.project import Project
 
 
@@ -31,7 +31,6 @@ def test_every_variable_that_the_sources_name_is_in_the_table_and_the_other_way_
         ("DXB_PROFIL", "DXB_PROFILE"),
         ("DXB_REMOTE", "DXB_REMOTES"),
         ("DXB_CORES", "DXB_JOBS"),
-        ("DXB_TOKEN", "DXB_REMOTE_TOKEN"),
     ],
 )
 def test_the_nearest_name_is_told(name, meant):

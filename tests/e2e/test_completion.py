@@ -13,17 +13,14 @@ import time
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from dextera_build.cli.complete import split
 from tests.e2e.space import Space
 
-BASH = """
+BASH = r"""
 eval "$(dxb completion bash)"
-COMP_LINE="$1" COMP_POINT=${#1}
-_dxb 2>/dev/null
-printf '%s\\n' "${COMPREPLY[@]}"
+COMP_LINE="$1" COMP_POINT=${#1} COMP_TYPE=9 COMP_WORDBREAKS=$' \t\n"\'><=;|&(:'
+_python_argcomplete dxb
+printf '%s\n' "${COMPREPLY[@]}"
 """
 
 
@@ -57,8 +54,15 @@ def test_verbs_flags_and_values(space: Space) -> None:
     assert "--keep-going" in by_bash(space, "dxb build --k")
     assert by_bash(space, "dxb build --profile c") == ["cpu", "cloud"]
     assert by_bash(space, "dxb completion ") == ["bash", "zsh", "fish"]
-    assert by_bash(space, "dxb nonsense ") == []
-    assert "--line" not in by_bash(space, "dxb completion --")
+    assert by_bash(space, "dxb build --console=j") == ["jsonl"]
+    assert by_bash(space, "dxb build --executor r") == ["ray"]
+    assert by_bash(space, "dxb cache ver") == ["verify"]
+
+
+def test_rules_and_backends(space: Space) -> None:
+    assert by_bash(space, "dxb ls --rule toy.sh") == ["toy.shout"]
+    assert by_bash(space, "dxb build --backend factorize.mes") == ["factorize.mesh="]
+    assert by_bash(space, "dxb build --backend factorize.mesh=st") == ["stub"]
 
 
 def test_recipes_nodes_and_runs(built: Space) -> None:
@@ -87,70 +91,29 @@ def test_copies_are_those_of_the_newest_run(built: Space) -> None:
     assert by_bash(built, "dxb why say/words:word[") == names
 
 
-def test_nodes_are_those_that_the_last_build_noted(built: Space) -> None:
-    before = by_bash(built, "dxb build say/words:")
-    (noted,) = (built.root / "cache/local/names").iterdir()
-    whole = noted.read_bytes()
-    noted.write_bytes(whole[:-1])  # damaged: the logs say the same
-    assert by_bash(built, "dxb build say/words:") == before
-    noted.write_bytes(whole)
-    shutil.rmtree(built.root / "cache/runs")
-    assert by_bash(built, "dxb build say/words:") == before
-    assert len(before) == 7
-    noted.unlink()
-    assert by_bash(built, "dxb build say/words:") == []
+def test_a_recipe_that_was_never_built_completes_what_it_declares(space: Space) -> None:
+    assert by_bash(space, "dxb build say/words:") == ["default", "start", "words", "word", "all"]
 
 
-def test_a_call_that_went_is_no_longer_offered(built: Space) -> None:
-    recipe = "say/words:word[one].lou"
-    assert len(by_bash(built, f"dxb build {recipe}")) == 2
-    built.edit("recipes/say/words.yaml", "      louder: {rule: toy.shout, text: $loud, times: 2}\n", "")
-    built.edit("recipes/say/words.yaml", "$word.louder", "$word.loud")
-    assert built.build("say/words:start").code == 0
-    assert by_bash(built, f"dxb build {recipe}") == ["word\\[one\\].loud"]
+def test_a_node_to_force_is_one_of_the_recipe_that_is_built(built: Space) -> None:
+    assert by_bash(built, "dxb build say/words --force st") == ["start"]
+
+
+def test_a_node_that_went_is_no_longer_offered(built: Space) -> None:
+    assert by_bash(built, "dxb build say/words:al") == ["all"]
+    for old, new in (("  all:", "  every:"), ("[all]", "[every]")):
+        built.edit("recipes/say/words.yaml", old, new)
+    assert by_bash(built, "dxb build say/words:al") == []
 
 
 def test_settings_say_which_store_is_asked(built: Space) -> None:
-    assert by_bash(built, "dxb build say/words:st") == ["start"]
+    assert by_bash(built, "dxb why 'say/words:word[one].loude") == ["say/words:word[one].louder"]
     built.write("dxb.local.toml", 'cache = "other"\n')
-    for _ in range(2):
-        assert by_bash(built, "dxb build say/words:st") == []
-        time.sleep(0.05)  # the second answer is from a note
+    assert by_bash(built, "dxb why 'say/words:word[one].loude") == []
     (built.root / "dxb.local.toml").unlink()
-    assert by_bash(built, "dxb build say/words:st") == ["start"]
+    assert by_bash(built, "dxb why 'say/words:word[one].loude") == ["say/words:word[one].louder"]
     built.write("recipes/say/more.yaml", "nodes: {}\n")
     assert by_bash(built, "dxb build say/") == ["say/more", "say/words"]
-
-
-@pytest.mark.parametrize("line", ["dxb bui", "dxb build say/", "dxb build say/words:st"])
-def test_it_loads_next_to_nothing(built: Space, line: str) -> None:
-    program = "import sys; from dextera_build.cli.main import main; main(); print(*sys.modules)"
-    words = [sys.executable, "-c", program, "completion", "zsh", "--line", line]
-    for _ in range(2):
-        time.sleep(0.05)  # the first may find no note, or settings that were written just now
-        done = subprocess.run(
-            words, cwd=built.root, env=built.environment(), capture_output=True, text=True, check=True
-        )  # fmt: skip
-    *answer, loaded = done.stdout.splitlines()
-    assert len(answer) == 1
-    names = ("", ".version", ".cli", ".recipe", ".recipe.addresses")
-    names += tuple(f".cli.{name}" for name in ("main", "quick", "complete", "names", "verbs"))
-    assert {name for name in loaded.split() if name.startswith("dextera_build")} == {
-        f"dextera_build{name}" for name in names
-    }
-    assert not {"json", "re", "argparse", "dataclasses"} & set(loaded.split())
-
-
-@given(st.text("ab '\"\\:[", max_size=12))
-def test_a_line_is_split_as_shells_do(line: str) -> None:
-    words, current, quoted = split(line)
-    try:
-        whole = shlex.split(line)
-    except ValueError:
-        assert quoted or line.endswith("\\")
-        return
-    assert not quoted
-    assert [*words, current] in (whole, [*whole, ""])
 
 
 def test_no_rule_is_imported(built: Space) -> None:

@@ -223,7 +223,7 @@ def test_past_runs_tell_of_nodes_that_were_kept(built: Space) -> None:
     assert built.dxb("log", "--json").code == 0
 
 
-HEAVY = ("numpy", "pydantic", "yaml", "rich", "dextera_build.recipe", "dextera_build.rule", "dextera_build.loader")
+HEAVY = ("numpy", "pydantic", "yaml", "rich", "dextera_build.recipe", "dextera_build.rule", "dextera_build.code.loader")
 LOADED = """
 import sys
 from dextera_build.cli.main import main

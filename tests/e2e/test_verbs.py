@@ -127,7 +127,7 @@ def test_a_variable_that_nothing_reads_is_told_once_a_command(built):
         "warning: nothing reads the variable `DXB_STORE`; did you mean `DXB_CACHE`,"
     )
     assert answer.err.count("DXB_STORE") == 1
-    assert "warning" not in built.dxb("ls", env={"DXB_JOBS": "2", "DXB_REMOTE_TOKEN": "x"}).err
+    assert "warning" not in built.dxb("ls", env={"DXB_JOBS": "2", "DXB_KEY_PASSPHRASE": "x"}).err
 
 
 @pytest.mark.parametrize(

@@ -27,13 +27,12 @@ from dextera_build.project import Project
 from dextera_build.recipe import content, schema, strict_yaml
 from dextera_build.recipe.plan import plan
 from dextera_build.recipe.settings import parse as parse_setting
-from dextera_build.store import header, reapi, wire
+from dextera_build.store import header, reapi
 from dextera_build.store.bundle import layout, oci, provenance, receive, signing
 from dextera_build.store.bundle.closure import read_header, read_result
 from dextera_build.store.bundle.contents import Contents
 from dextera_build.store.bundle.refusal import BundleRefused
 from dextera_build.store.remotes import entry as entries
-from dextera_build.store.remotes import execution, protocol
 from dextera_build.store.remotes.remote import Digest
 from dextera_build.store.store import Store
 from tests.engine.tiny import run
@@ -249,23 +248,6 @@ def results_from_elsewhere(good, data, folder):
         result = entries.result(found, found.inline or text)
         assert result is None or result.key_document == good.key.hash
         entries.is_record(text)
-
-
-MESSAGES = (
-    *(execution.ActionResult, execution.Tree, execution.Directory, execution.Command, execution.Action),
-    *(protocol.ServerCapabilities, protocol.FindMissingBlobsResponse, protocol.BatchReadBlobsResponse),
-    *(protocol.ReadRequest, protocol.WriteRequest, protocol.BatchUpdateBlobsRequest),
-)
-
-
-@fuzz
-def messages_of_the_remote_execution_api(good, data, folder):
-    kind = data.draw(st.sampled_from(MESSAGES))
-    sent = data.draw(st.binary(max_size=60)) if data.draw(st.booleans()) else torn(good.message, data)
-    try:
-        wire.encode(wire.decode(kind, sent))
-    except ValueError:
-        return
 
 
 @pytest.mark.parametrize("name", sorted(FUZZ))

@@ -11,7 +11,7 @@ import sys
 import pytest
 
 from dextera_build.artifacts.meanings import meanings
-from dextera_build.loader import Library, RuleFile
+from dextera_build.code.loader import Library, RuleFile
 from dextera_build.recipe.calls import facts_of
 
 LIBRARY = Library()
@@ -85,7 +85,7 @@ def test_its_file_imports_nothing_heavy(found):
 def test_no_rule_drags_in_a_heavy_package():
     """Planning imports every rule of a recipe; that must stay quick."""
     code = (
-        "import sys\nfrom dextera_build.loader import Library\n"
+        "import sys\nfrom dextera_build.code.loader import Library\n"
         "[found.rule for found in Library().rules()]\n"
         f"print([name for name in {HEAVY!r} if name in sys.modules])"
     )

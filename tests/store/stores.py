@@ -45,7 +45,7 @@ def age(path: Path, used: float) -> None:
 
 def age_all(store: Store, used: float) -> None:
     """As if nothing in the store were of use since."""
-    for folder in (store.blobs.root, store.actions.root, store.foreign, store.local):
+    for folder in (store.blobs.root, store.actions.root, store.local):
         for path in folder.rglob("*"):
             if path.is_file():
                 age(path, used)

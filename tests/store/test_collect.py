@@ -15,8 +15,6 @@ from dextera_build.store import inventory
 from dextera_build.store.actions import Found
 from dextera_build.store.choose import Limits
 from dextera_build.store.collect import collect
-from dextera_build.store.reapi import OutputFile, encode
-from dextera_build.store.remotes.offers import Offers
 from dextera_build.store.store import Store
 from tests.store.stores import (
     DAY,
@@ -125,24 +123,6 @@ def test_a_bare_result_is_collected_as_any_other(store: Store) -> None:
     assert list(store.blobs.all()) == []
 
 
-def test_results_of_other_tools_hold_their_blobs_and_go_by_the_limits(store: Store) -> None:
-    offers, keeps = Offers(store), store.blobs.put(b"theirs")
-    assert offers.put(key_of("theirs"), encode([OutputFile("a.o", keeps, 6)])) == ""
-    assert offers.put(key_of("empty"), encode([OutputFile("log", digest.of_bytes(b""), 0)])) == ""
-    assert store.size()["foreign"][0] == 2
-    age_all(store, time.time() - 9 * DAY)
-    collect(store, nobody, dry=False)
-    assert offers.get(key_of("theirs")) is not None  # which is a use
-    assert offers.get(key_of("empty")) is not None
-    age(store.foreign / key_of("empty")[:2] / key_of("empty")[2:], time.time() - 9 * DAY)
-    said = collect(store, nobody, Limits(since=time.time() - DAY), dry=False)
-    assert rows(said) == {"results": 1}
-    assert store.blobs.get(keeps) == b"theirs"
-    store.blobs.path(keeps).unlink()
-    assert rows(collect(store, nobody, dry=False)) == {"results": 1}
-    assert store.size()["foreign"] == (0, 0)
-
-
 def test_a_blob_of_two_results_goes_with_the_second(store: Store) -> None:
     one, two = publish(store, "one", [b"both"]), publish(store, "two", [b"both"])
     age_all(store, time.time() - 9 * DAY)
@@ -198,17 +178,12 @@ def test_leftovers_go_but_not_those_of_now(store: Store) -> None:
     assert [path.exists() for path in (dead, living, aside)] == [False, True, False]
 
 
-def test_folders_that_were_made_aside_and_what_others_brought_count_as_leftovers(store: Store) -> None:
+def test_folders_that_were_made_aside_count_as_leftovers(store: Store) -> None:
     folder = store.blobs.root / ".tmp-made-aside"
-    brought = store.root / "foreign" / "ab" / ".tmp-dead-1-1"
-    for path in (folder, brought.parent):
-        path.mkdir(parents=True)
-    brought.write_bytes(b"half")
-    for path in (folder, brought):
-        age(path, time.time() - DAY)
-    assert rows(collect(store, nobody, dry=False)) == {"leftovers": 2}
+    folder.mkdir(parents=True)
+    age(folder, time.time() - DAY)
+    assert rows(collect(store, nobody, dry=False)) == {"leftovers": 1}
     assert not folder.exists()
-    assert not brought.exists()
 
 
 def test_what_the_system_does_not_let_go_of_stays(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

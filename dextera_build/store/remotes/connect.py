@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from urllib.parse import urlsplit
 
 from dextera_build.errors import MachineError, UsageError
 from dextera_build.store.remotes.breaker import Guarded
@@ -66,13 +65,6 @@ def _objects(address: str, spec: Spec) -> Remote:
     return ObjectStore(address, options, timeout_s=spec.timeout_s)
 
 
-def _reapi(address: str, spec: Spec) -> Remote:
-    from dextera_build.store.remotes.reapi import Reapi
-
-    parts = urlsplit(address)
-    return Reapi(parts.netloc, parts.path.strip("/"), tls=parts.scheme == "grpcs", timeout_s=spec.timeout_s)
-
-
 _OPENERS: Mapping[str, Callable[[str, Spec], Remote]] = {
     "file": _directory,
     "http": _http,
@@ -80,8 +72,6 @@ _OPENERS: Mapping[str, Callable[[str, Spec], Remote]] = {
     "s3": _objects,
     "gs": _objects,
     "az": _objects,
-    "grpc": _reapi,
-    "grpcs": _reapi,
 }
 
 

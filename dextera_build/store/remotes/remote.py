@@ -7,18 +7,18 @@ with it makes a build slower, never wrong and never failed.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Annotated, BinaryIO, NamedTuple, Protocol
+from typing import BinaryIO, NamedTuple, Protocol
 
 MOST_ENTRY = 64 << 20
 """A result under a key that is longer is not taken [bytes]; one blob takes about 150 bytes there."""
 
 
 class Digest(NamedTuple):
-    """Names bytes as the Remote Execution API does; the numbers are those of its fields there."""
+    """Names bytes."""
 
-    hash: Annotated[str, 1]
+    hash: str
     """Lower-case hex SHA-256."""
-    size: Annotated[int, 2]
+    size: int
     """How many bytes."""
 
 

@@ -1,7 +1,6 @@
-"""A Bazel HTTP cache over the store: GET, HEAD and PUT of `/ac/<hex>` and `/cas/<hex>`.
+"""The store over HTTP: GET, HEAD and PUT of `/ac/<hex>` and `/cas/<hex>`.
 
-dxb's own results go where the store keeps them; those of other tools (Bazel, ...) lie under `foreign/`, and their blobs
-among all others. What is not whole is not there, and what is there and whole is never replaced.
+A result that is not whole is not served, and one that is whole is never replaced.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from typing import Any
 from dextera_build.errors import UsageError, did_you_mean, listing
 
 MODES = ("r", "rw", "w", "off")
-SCHEMES = ("http", "https", "s3", "gs", "az", "grpc", "grpcs", "file")
+SCHEMES = ("http", "https", "s3", "gs", "az", "file")
 _BUCKETS = ("s3", "gs", "az")
 _SETTINGS = ("address", "mode", "timeout_s")
 """Of any remote; object stores have more, which their library knows."""

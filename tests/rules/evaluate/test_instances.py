@@ -11,8 +11,8 @@ from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.image import LabelImage
 from dextera_build.artifacts.object import Segmentation
 from dextera_build.artifacts.table import Column, Table
+from dextera_build.code.loader import Library
 from dextera_build.errors import RuleError
-from dextera_build.loader import Library
 from dextera_build.testing import RuleRunner
 
 Library().find("evaluate.instances")

@@ -7,7 +7,7 @@ import importlib
 import numpy as np
 import pytest
 
-from dextera_build.loader import Library
+from dextera_build.code.loader import Library
 
 Library().find("factorize.segment")
 overlap = importlib.import_module("rules.factorize.overlap")

@@ -7,8 +7,8 @@ import importlib
 import pytest
 
 from dextera_build.artifacts.object import Element
+from dextera_build.code.loader import Library
 from dextera_build.errors import RuleError
-from dextera_build.loader import Library
 
 Library().find("factorize.parse")
 scene_file = importlib.import_module("rules.factorize.scene_file")

@@ -14,8 +14,8 @@ from PIL import Image
 
 from dextera_build.artifacts.episode import Episode, Episodes, Film
 from dextera_build.artifacts.policy import Checkpoint
+from dextera_build.code.loader import choose_backend
 from dextera_build.errors import RuleError
-from dextera_build.loader import choose_backend
 from dextera_build.policy import weights
 from dextera_build.policy.load import load
 from dextera_build.policy.observation import Measurement, deployable

@@ -12,8 +12,8 @@ import pytest
 
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.artifacts.task import Reset, TaskBundle
+from dextera_build.code.loader import choose_backend
 from dextera_build.errors import RuleError
-from dextera_build.loader import choose_backend
 from dextera_build.policy import weights
 from dextera_build.policy.load import load
 from dextera_build.rule import Context

@@ -1,4 +1,4 @@
-"""What every remote does alike: a folder, our own servers, nginx, an object store, BuildGrid."""
+"""What every remote does alike: a folder, our own servers, nginx, an object store."""
 
 from __future__ import annotations
 
@@ -12,17 +12,16 @@ from pathlib import Path
 import pytest
 
 from dextera_build.store.remotes.connect import open_remote
-from dextera_build.store.remotes.grpc_server import serve_grpc
 from dextera_build.store.remotes.remote import Digest, Remote, RemoteFault
 from dextera_build.store.remotes.spec import Spec
 from dextera_build.store.store import Store
-from tests.store.remotes import buildgrid_server, servers
+from tests.store.remotes import servers
+from tests.store.stores import document, key_of, publish
 
 KINDS = [
     "folder",
     "own",
-    "grpc",
-    *(pytest.param(name, marks=pytest.mark.slow) for name in ("nginx", "s3", "buildgrid")),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in ("nginx", "s3")),
 ]
 
 
@@ -34,13 +33,6 @@ def remote(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.M
             address = str(tmp_path / "share")
         elif request.param == "own":
             address = stack.enter_context(servers.own(tmp_path / "served"))
-        elif request.param == "grpc":
-            running = serve_grpc(Store(tmp_path / "served"), "127.0.0.1", 0, read_only=False)
-            stack.callback(running.stop, 0)
-            address = f"grpc://127.0.0.1:{running.port}/team/main"
-        elif request.param == "buildgrid":
-            port, _ = stack.enter_context(buildgrid_server.running(tmp_path))
-            address = f"grpc://127.0.0.1:{port}/team/main"
         elif request.param == "nginx":
             address = stack.enter_context(servers.nginx(tmp_path))
         else:
@@ -69,12 +61,6 @@ def fetch(remote: Remote, *digests: Digest) -> dict[Digest, bytes]:
     return found
 
 
-def message(blob: Digest) -> bytes:
-    from dextera_build.store.reapi import OutputFile, encode
-
-    return encode([OutputFile("a", blob.hash, blob.size)])
-
-
 def test_blobs_come_back_as_they_went(remote: Remote) -> None:
     blobs = [b"", b"a", os.urandom(3_000_000), *(f"blob {number}".encode() for number in range(60))]
     sent = send(remote, *blobs)
@@ -89,17 +75,18 @@ def test_what_is_lacking_is_said_and_left_out(remote: Remote) -> None:
     assert remote.missing([]) == set()
 
 
-def test_results_come_back_as_they_went(remote: Remote) -> None:
-    (blob,) = send(remote, b"blob")
-    key = digest(b"a key document")
+def test_results_come_back_as_they_went(remote: Remote, tmp_path: Path) -> None:
+    store = Store(tmp_path / "here")
+    publish(store, "a", [b"blob"])
+    message, _ = store.actions.message(key_of("a")) or (b"", [])
+    send(remote, *(store.blobs.get(name) for name, _ in store.blobs.all()))
+    key = digest(document("a"))
     assert remote.get_action(key) is None
-    remote.put_action(key, message(blob))
-    assert remote.get_action(key) == message(blob)
+    remote.put_action(key, message)
+    assert remote.get_action(key) == message
 
 
-def test_a_blob_of_another_size_counts_as_missing(remote: Remote, request: pytest.FixtureRequest) -> None:
-    if "buildgrid" in request.node.name:
-        pytest.skip("BuildGrid looks for blobs by hash alone; what it then gives is checked by whoever takes it")
+def test_a_blob_of_another_size_counts_as_missing(remote: Remote) -> None:
     (blob,) = send(remote, b"blob")
     assert remote.missing([Digest(blob.hash, 5)]) == {Digest(blob.hash, 5)}
 
@@ -119,7 +106,7 @@ def test_a_reader_that_stops_early_harms_nobody(remote: Remote) -> None:
 
 def test_a_closed_remote_has_faults_and_nothing_else(remote: Remote) -> None:
     remote.close()
-    if not remote.address.startswith(("http", "grpc")):
+    if not remote.address.startswith("http"):
         pytest.skip("it has no connections")
     with pytest.raises(RemoteFault):
         remote.get_action(digest(b"key"))

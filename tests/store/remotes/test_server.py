@@ -11,10 +11,9 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from dextera_build.store.reapi import OutputFile, encode
-from dextera_build.store.remotes.offers import named
 from dextera_build.store.store import Store
 from tests.store.remotes import servers
+from tests.store.stores import key_of, publish
 
 DATA = b"what a blob holds"
 NAME = hashlib.sha256(DATA).hexdigest()
@@ -47,11 +46,6 @@ class Client:
 def client(tmp_path: Path) -> Iterator[Client]:
     with servers.own(tmp_path / "store", most_bytes=1000) as url:
         yield Client(url)
-
-
-def foreign(*blobs: tuple[str, int]) -> bytes:
-    """The message of another tool: files, no `result.json`."""
-    return encode([OutputFile(f"bin/{place}", name, size) for place, (name, size) in enumerate(blobs)])
 
 
 def inside(tmp_path: Path) -> set[str]:
@@ -152,35 +146,26 @@ def test_read_only_takes_nothing(tmp_path: Path) -> None:
         assert client.ask("GET", f"/cas/{NAME}") == (200, DATA)
 
 
-def test_a_result_comes_after_its_blobs(client: Client) -> None:
-    code, said = client.ask("PUT", f"/ac/{OTHER}", foreign((NAME, len(DATA))))
+def test_a_result_comes_after_its_blobs_and_goes_with_them(client: Client, tmp_path: Path) -> None:
+    here, there = Store(tmp_path / "here"), Store(tmp_path / "store")
+    publish(here, "a", [DATA])
+    message, named = here.actions.message(key_of("a")) or (b"", [])
+    for file in named:
+        if file.digest != NAME:
+            client.ask("PUT", f"/cas/{file.digest}", file.contents or here.blobs.get(file.digest))
+    code, said = client.ask("PUT", f"/ac/{key_of('a')}", message)
     assert code == 400
     assert NAME.encode() in said
+    assert list(there.actions.keys()) == []
     client.ask("PUT", f"/cas/{NAME}", DATA)
-    assert client.ask("PUT", f"/ac/{OTHER}", foreign((NAME, len(DATA))))[0] == 200
-    assert client.ask("GET", f"/ac/{OTHER}") == (200, foreign((NAME, len(DATA))))
-
-
-def test_results_of_other_tools_lie_apart_and_go_with_their_blobs(client: Client, tmp_path: Path) -> None:
-    client.ask("PUT", f"/cas/{NAME}", DATA)
-    client.ask("PUT", f"/ac/{OTHER}", foreign((NAME, len(DATA))))
-    store = Store(tmp_path / "store")
-    assert list(store.actions.keys()) == []
-    store.blobs.path(NAME).unlink()
-    assert client.ask("GET", f"/ac/{OTHER}")[0] == 404
+    assert client.ask("PUT", f"/ac/{key_of('a')}", message)[0] == 200
+    assert client.ask("GET", f"/ac/{key_of('a')}") == (200, message)
+    there.blobs.path(NAME).unlink()
+    assert client.ask("GET", f"/ac/{key_of('a')}")[0] == 404
 
 
 @pytest.mark.parametrize("body", [b"\xff", b"\x12\xff", b"\x12\x03abc", b"\x0b", b"x" * 999])
-def test_a_message_that_is_none_is_refused(client: Client, body: bytes) -> None:
+def test_what_is_no_result_is_refused(client: Client, body: bytes) -> None:
     code, said = client.ask("PUT", f"/ac/{OTHER}", body)
-    assert (code, said) == (400, b"this is not an ActionResult message\n")
-
-
-def test_what_an_action_result_of_bazel_names(tmp_path: Path) -> None:
-    def field(number: int, body: bytes) -> bytes:
-        return bytes((number << 3 | 2, len(body))) + body
-
-    digest = field(1, NAME.encode()) + b"\x10\x11"
-    tree = field(1, b"a/folder") + field(3, digest)
-    message = field(3, tree) + b"\x20\x00" + field(6, digest) + field(7, b"said") + field(8, digest) + field(9, b"")
-    assert [(one.hash, one.size) for one in named(Store(tmp_path), message)] == [(NAME, 17)] * 3
+    assert code == 400
+    assert said.startswith(b"this is no result of dxb")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import dextera_build
 from dextera_build import errors
-from dextera_build.loader import bundled
+from dextera_build.code.loader import bundled
 
 from .markdown import code, escaped, join, table
 

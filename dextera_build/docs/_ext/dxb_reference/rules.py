@@ -13,7 +13,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from dextera_build.artifacts.meanings import meanings
-from dextera_build.loader import Library, RuleFile
+from dextera_build.code.loader import Library, RuleFile
 
 from .markdown import code, join, table
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from dextera_build import digest
-from dextera_build.loader import PACKAGE, Library, bundled, version_of
+from dextera_build.code.loader import PACKAGE, Library, bundled, version_of
 
 _SETTINGS = ("dxb.toml", "pyproject.toml")
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from dextera_build.code.runner import run_task
 from dextera_build.errors import DxbError, RuleError
-from dextera_build.runner import run_task
 from dextera_build.store.store import Store
 from dextera_build.testing import RuleRunner
 

@@ -14,8 +14,8 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
+from dextera_build.code.loader import Library, RuleFile
 from dextera_build.errors import DxbError, MachineError, RuleError
-from dextera_build.loader import Library, RuleFile
 from dextera_build.rule import Context
 from dextera_build.store import header, space
 from dextera_build.store.actions import ActionResult

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.code_digest import CodeIndex
+from dextera_build.code.code_digest import CodeIndex
+from dextera_build.code.loader import PACKAGE
 
 RULE = '''"""A rule."""
 from __future__ import annotations
@@ -37,8 +38,7 @@ def stage(tmp_path: Path) -> Path:
 
 
 def code(stage: Path) -> dict[str, dict[str, str]]:
-    package = Path(__file__).parents[1] / "dextera_build"
-    return CodeIndex({"r": stage.parent}, package, stage.parents[1]).of(stage / "mesh.py")
+    return CodeIndex({"r": stage.parent}, PACKAGE, stage.parents[1]).of(stage / "mesh.py")
 
 
 def test_the_closure_holds_what_runs(stage):
@@ -86,7 +86,7 @@ def test_a_change_names_its_definition(stage, file, old, new, where):
 
 
 def test_a_definition_is_found_again(stage):
-    index = CodeIndex({"r": stage.parent}, Path(__file__).parents[1] / "dextera_build", stage.parents[1])
+    index = CodeIndex({"r": stage.parent}, PACKAGE, stage.parents[1])
     index.of(stage / "mesh.py")
     assert index.find("rules/toy/mesh.py", "mesh") == (stage / "mesh.py", 11)
     assert index.find("rules/toy/gone.py", "mesh") is None

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from dextera_build.code.loader import Library
 from dextera_build.errors import RecipeError
-from dextera_build.loader import Library
 
 RULE = '''"""toy.NAME: a rule."""
 

@@ -21,13 +21,13 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest
-from dextera_build.code_digest import CodeIndex, is_young, syntax
+from dextera_build.code.code_digest import CodeIndex, is_young, syntax
 from dextera_build.errors import MachineError, Place, RecipeError, did_you_mean, listing
 
 if TYPE_CHECKING:
     from dextera_build.rule import Backend, Rule
 
-PACKAGE = Path(__file__).parent
+PACKAGE = Path(__file__).parent.parent
 
 
 def bundled(kind: str) -> Path:
