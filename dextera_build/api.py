@@ -13,20 +13,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from dextera_build import project as settings_of
-from dextera_build.cli import execution
-from dextera_build.cli.locking import Locking
+from dextera_build.build import build as execution
+from dextera_build.build.lock import Locking
 from dextera_build.cli.options import wish
-from dextera_build.cli.session import Session, addresses
 from dextera_build.engine.events import Listener
 from dextera_build.errors import UsageError, did_you_mean, listing
+from dextera_build.session import Session, addresses
 from dextera_build.store import header
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
-    from dextera_build.cli.causes import Cause
     from dextera_build.engine.dryrun import Planned
     from dextera_build.engine.execute import NodeRecord
     from dextera_build.errors import DxbError
+    from dextera_build.explain.causes import Cause
     from dextera_build.recipe.plan import Request
 
 

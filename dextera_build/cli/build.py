@@ -9,17 +9,18 @@ import time
 from typing import TYPE_CHECKING
 
 from dextera_build import __version__
-from dextera_build.cli import locking, options
+from dextera_build.build import lock as locking
+from dextera_build.cli import options
 from dextera_build.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.cli.fresh import Near
-    from dextera_build.cli.session import Session
+    from dextera_build.build.snapshots import Near
     from dextera_build.engine.graph import Address
     from dextera_build.engine.records import RunResult
     from dextera_build.engine.snapshot import Head, Stale
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
+    from dextera_build.session import Session
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +35,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--check", action="store_true", help="run nothing; exit with 3 where something is stale")
     parser.add_argument("--console", metavar="KIND", help="live, plain, jsonl or none (DXB_CONSOLE)")
     parser.add_argument("-v", "--verbose", action="store_true", help="show what nodes log, too")
-    locking.arguments(parser)
+    parser.add_argument("--lock", action="store_true", help="pin the targets in dxb.lock")
+    parser.add_argument("--locked", action="store_true", help="exit with 3 where a target is not what dxb.lock says")
     options.resources_argument(parser)
     options.executor_argument(parser)
     options.calls_argument(parser)
@@ -70,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _build(args: argparse.Namespace, project: Project, recipe: str, targets: list[str], started: float) -> int:
-    from dextera_build.cli import fresh
+    from dextera_build.build import snapshots as fresh
 
     fingerprint = {
         "dxb": __version__,
@@ -94,7 +96,7 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
 
 
 def _say_nothing_ran(project: Project, recipe: str, head: Head, started: float) -> int:
-    from dextera_build.cli import fresh
+    from dextera_build.build import snapshots as fresh
 
     nodes, *lines = head["lines"]
     seconds = time.perf_counter() - started
@@ -120,9 +122,9 @@ def _run(
     stale: Stale | None = None,
 ) -> int:
     """Build a recipe; `stale` is what is remembered of the same request, None where all is to be looked at."""
-    from dextera_build.cli import fresh
-    from dextera_build.cli.session import Session, addresses
+    from dextera_build.build import snapshots as fresh
     from dextera_build.engine.graph import Plan
+    from dextera_build.session import Session, addresses
     from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
 
@@ -168,7 +170,7 @@ def _run(
 
 def _is_placed(session: Session, near: Near) -> bool:
     """Whether all that was written is there, or could be written again."""
-    from dextera_build.cli import results
+    from dextera_build.build import export as results
 
     if not near.placed:
         nodes, *lines = near.stale.head["lines"]
@@ -183,7 +185,8 @@ def _make(
     args: argparse.Namespace, session: Session, plan: Plan, wanted: list[Address], near: Near | None
 ) -> tuple[RunResult, list[str]] | None:
     """Build, and place what was asked for; None where what was known is not there, and all must be looked at."""
-    from dextera_build.cli import execution, results
+    from dextera_build.build import export as results
+    from dextera_build.cli import execution
     from dextera_build.store.cas import MissingBlob
 
     # Until its results are placed nobody may collect them.
@@ -208,7 +211,7 @@ def _make(
 
 
 def _refuse_unknown_force(names: list[str], plan: Plan) -> None:
-    from dextera_build.cli.session import addresses
+    from dextera_build.session import addresses
 
     for name in names:
         try:

@@ -20,10 +20,10 @@ from dextera_build.store.bundle.contents import Build, Contents
 from dextera_build.store.bundle.made import Made
 
 if TYPE_CHECKING:
-    from dextera_build.cli.session import Session
     from dextera_build.engine.survey import Survey
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
+    from dextera_build.session import Session
 
 
 def create(args: argparse.Namespace) -> int:
@@ -48,7 +48,7 @@ def push(args: argparse.Namespace) -> int:
 
 
 def _make(args: argparse.Namespace, targets: Sequence[str]) -> Made:
-    from dextera_build.cli.stores import reading
+    from dextera_build.session import reading
     from dextera_build.store.bundle import signing
 
     project = options.project(args)
@@ -91,8 +91,8 @@ def _survey(
     args: argparse.Namespace, project: Project, recipe: str, names: Sequence[str]
 ) -> tuple[Build, Plan, list[tuple[float, str]]]:
     """A build as it stands in the store, its plan, and (time, run) in which its targets were made."""
-    from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.survey import as_build, survey
+    from dextera_build.session import Session, addresses
 
     session = Session(project, recipe)
     plan = session.plan(options.request(args, project.profile))

@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _count(args: argparse.Namespace) -> int:
     """Print one kind a line: name, count, bytes; for `sweep` what was dropped."""
-    from dextera_build.cli.stores import reading
+    from dextera_build.session import reading
 
     store = reading(options.project(args))
     counted = store.size() if args.what == "size" else {"keep": store.keep.sweep(store.locks)}

@@ -13,8 +13,8 @@ from dextera_build.cli import options
 from dextera_build.errors import DxbError, RuleError, StaleError, UsageError, listing
 
 if TYPE_CHECKING:
-    from dextera_build.cli.session import Session
     from dextera_build.project import Project
+    from dextera_build.session import Session
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _resolve(args: argparse.Namespace, project: Project, recipe: str) -> str:
-    from dextera_build.cli.session import Session
+    from dextera_build.session import Session
 
     try:
         graph = Session(project, recipe).plan(options.request(args, project.profile)).graph
@@ -63,8 +63,8 @@ def _resolve(args: argparse.Namespace, project: Project, recipe: str) -> str:
 
 def _repeat(args: argparse.Namespace, project: Project, recipe: str, node: str) -> str:
     """Run one node on the inputs of its last build, beside the cache, and compare by the tolerance of its rule."""
-    from dextera_build.cli.session import Session
     from dextera_build.code.runner import run_task
+    from dextera_build.session import Session
 
     session = Session(project, recipe)
     before, document, key = session.output(node), session.document(node), session.past(node).key

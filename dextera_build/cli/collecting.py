@@ -28,8 +28,8 @@ def run(args: argparse.Namespace) -> int:
     age_s = amounts.seconds(args.max_age) if args.max_age is not None else None
 
     from dextera_build.cli.consoles.lines import printable
-    from dextera_build.cli.stores import reading
     from dextera_build.engine.collection import collect
+    from dextera_build.session import reading
 
     answer = collect(reading(options.project(args)), size=limit, age_s=age_s, dry=not args.yes)
     said = answer.said

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.artifacts.difference import Difference, differences
-from dextera_build.cli.causes import short
 from dextera_build.engine.key import compare
+from dextera_build.explain.causes import short
 from dextera_build.report.wording import number
 from dextera_build.store.cas import MissingBlob
 

@@ -58,7 +58,7 @@ def _targets(prefix: str, **_: Any) -> list[str]:
 def _nodes(project: Project, address: str) -> list[str]:
     """Targets and nodes that a recipe declares, and copies of calls as its last runs saw them."""
     from dextera_build.cli import nodes
-    from dextera_build.cli.stores import reading
+    from dextera_build.session import reading
 
     recipe = project.recipe(address)
     if recipe is None:

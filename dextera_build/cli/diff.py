@@ -38,7 +38,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print one difference a line: [node,] kind, name, change; nothing where all is equal."""
     from dextera_build.cli import compare, operands
-    from dextera_build.cli.stores import reading
+    from dextera_build.session import reading
 
     project = options.project(args)
     store = reading(project)

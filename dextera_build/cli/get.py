@@ -18,8 +18,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths, the main one first."""
-    from dextera_build.cli.results import stem_of
-    from dextera_build.cli.session import Session
+    from dextera_build.build.export import stem_of
+    from dextera_build.session import Session
 
     wanted = options.wish(args.node)
     if not wanted.target:

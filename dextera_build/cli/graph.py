@@ -13,9 +13,9 @@ from dextera_build.errors import UsageError, listing
 
 if TYPE_CHECKING:
     from dextera_build.cli.nodes import Known
-    from dextera_build.cli.session import Session
     from dextera_build.engine.graph import Graph
     from dextera_build.report.run import Node
+    from dextera_build.session import Session
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,8 +41,8 @@ def run(args: argparse.Namespace) -> int:
     how many nodes it stands for; rule and backend are null where these are not one) and `edges` (`from`, `to`: ids;
     `to` reads what `from` returns).
     """
-    from dextera_build.cli.session import Session
     from dextera_build.report.collapse import WAYS
+    from dextera_build.session import Session
 
     if args.by not in WAYS:
         raise UsageError(
@@ -92,7 +92,7 @@ def _planned(graph: Graph, found: dict[str, Known]) -> dict[str, Known]:
 
 def _below(graph: Graph, found: dict[str, Known], target: str) -> dict[str, Known]:
     from dextera_build.cli import nodes as known
-    from dextera_build.cli.session import addresses
+    from dextera_build.session import addresses
 
     start = [one for address in addresses(graph, target) for one in known.matching(found, str(address))]
     below = {*start, *known.walk(found, start, readers=False, depth=None)}

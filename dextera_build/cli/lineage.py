@@ -9,10 +9,10 @@ from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.cli import calls
-from dextera_build.cli.origins import Origin, Origins, margin
-from dextera_build.cli.reads import Reads
-from dextera_build.cli.session import Session
 from dextera_build.errors import DxbError
+from dextera_build.explain.origins import Origin, Origins, margin
+from dextera_build.explain.reads import Reads
+from dextera_build.session import Session
 
 Row = dict[str, Any]
 _SHORT = 12

@@ -60,7 +60,7 @@ def _printed(project: Project, finished: Mapping[str, Any]) -> str | None:
 
     What a rule prints by itself, and the traceback of one that failed, stands there and in no event.
     """
-    from dextera_build.cli.stores import reading
+    from dextera_build.session import reading
 
     store = reading(project)
     found = store.actions.known(finished["key"]) if finished["key"] else None

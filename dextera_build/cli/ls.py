@@ -91,7 +91,7 @@ def _divergent(project: Project) -> Iterator[Row]:
     """Keys that gave another output when they ran again."""
     import time
 
-    from dextera_build.cli.stores import reading
+    from dextera_build.session import reading
 
     for found in reading(project).divergent.all():
         yield {

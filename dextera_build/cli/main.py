@@ -90,10 +90,12 @@ def _run(words: list[str]) -> int:
     try:
         code: int = importlib.import_module(f"dextera_build.cli.{args.verb}").run(args)
     finally:
-        if "dextera_build.cli.stores" in sys.modules:
-            from dextera_build.cli import stores
+        if "dextera_build.session" in sys.modules:
+            from dextera_build.session import absent_stores
 
-            stores.warn()
+            for folder, origin in absent_stores.items():
+                print(f"warning: there is no store at `{folder}` yet (from: {origin})", file=sys.stderr)
+            absent_stores.clear()
     return code
 
 

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from dextera_build import __version__
-from dextera_build.cli import fresh, quick
+from dextera_build.build import snapshots as fresh
+from dextera_build.cli import quick
 from dextera_build.engine import snapshot
 from dextera_build.errors import StoreError
 from dextera_build.project import deciding_files

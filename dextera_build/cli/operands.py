@@ -58,7 +58,7 @@ def find(project: Project, store: Store, text: str) -> Side | Run:
         return _in_run(project, head, node) if colon else Run(text, runs.find(project, head)[1])
     named = options.wish(text)
     if colon:
-        from dextera_build.cli.session import Session
+        from dextera_build.session import Session
 
         session = Session(project, named.recipe)
         return Side(text, session.past(named.target).key, session.output(named.target))

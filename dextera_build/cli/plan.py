@@ -7,7 +7,8 @@ import json
 from collections.abc import Container
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import options, remotes
+from dextera_build.build import fetch as remotes
+from dextera_build.cli import options
 
 if TYPE_CHECKING:
     from dextera_build.engine.capacity import Capacity
@@ -42,10 +43,10 @@ def run(args: argparse.Namespace) -> int:
     that the node is admitted by [GiB each], GPUs, GPU memory [GiB], named resources, and what this machine lacks of
     them.
     """
-    from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.dryrun import plan
     from dextera_build.engine.graph import parse_address
     from dextera_build.engine.reach import copy_of
+    from dextera_build.session import Session, addresses
 
     project = options.project(args)
     wanted = options.wish(args.target)

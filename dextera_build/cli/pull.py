@@ -7,13 +7,14 @@ import shlex
 import sys
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import options, remotes
+from dextera_build.build import fetch as remotes
+from dextera_build.cli import options
 from dextera_build.errors import StoreError, listing
 
 if TYPE_CHECKING:
-    from dextera_build.cli.session import Session
     from dextera_build.engine.events import Event
     from dextera_build.engine.execute import RunResult
+    from dextera_build.session import Session
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,8 +29,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Place results as `build` does; one line each: address, main file."""
-    from dextera_build.cli import fresh, results
-    from dextera_build.cli.session import Session
+    from dextera_build.build import export as results
+    from dextera_build.build import snapshots as fresh
+    from dextera_build.session import Session
 
     project = options.project(args)
     lacking: list[str] = []
@@ -52,8 +54,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _bring(session: Session, target: str, args: argparse.Namespace) -> RunResult:
-    from dextera_build.cli.execution import Manner, carry_out
-    from dextera_build.cli.session import addresses
+    from dextera_build.build.build import Manner, carry_out
+    from dextera_build.session import addresses
 
     plan = session.plan(options.request(args, session.project.profile))
     bring_from = remotes.exchange(session, "r", args.source)

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
+from typing import TYPE_CHECKING, TextIO
 
-from dextera_build.cli import options, remotes
+from dextera_build.build import fetch as remotes
+from dextera_build.cli import options
 from dextera_build.errors import StoreError, listing
+
+if TYPE_CHECKING:
+    from dextera_build.store.remotes.exchange import Exchange
+
+_TICK_S = 0.2
+_SAY_S = 5.0
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,8 +28,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print one node a line: address, remote, key."""
-    from dextera_build.cli.session import Session, addresses
     from dextera_build.engine.dryrun import plan
+    from dextera_build.session import Session, addresses
 
     project = options.project(args)
     exchange = None
@@ -42,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
             else:
                 stale.append(address)
     assert exchange is not None
-    left = remotes.finish_uploads(exchange, sys.stderr)
+    left = _finish_uploads(exchange, sys.stderr)
     print("".join(f"{address}\t{key}\n" for address, key in sent if key not in left), end="")
     if bare:
         are = "node was not uploaded, its bytes are" if len(bare) == 1 else "nodes were not uploaded, their bytes are"
@@ -55,3 +64,24 @@ def run(args: argparse.Namespace) -> int:
             hint=f"dxb build {' '.join(args.targets)}",
         )
     return 1 if left else 0
+
+
+def _finish_uploads(exchange: Exchange, stream: TextIO) -> set[str]:
+    """Wait for uploads, say how they went, and return the keys of those that failed."""
+    from dextera_build.cli.consoles import lines
+    from dextera_build.engine import events
+
+    said = time.monotonic()
+    while left := exchange.wait(_TICK_S):
+        if time.monotonic() - said > _SAY_S:
+            said = time.monotonic()
+            progress = events.Uploading(time.time(), exchange.offered - left, exchange.offered)
+            print(lines.plain(lines.uploading(progress)), file=stream, flush=True)
+    uploads = exchange.close()
+    for upload in uploads:
+        told = events.Uploaded(
+            time.time(), upload.remote, upload.results, upload.octets, len(upload.left), upload.reason
+        )
+        for line in lines.uploaded(told):
+            print(lines.plain(line).strip(), file=stream)
+    return {key for upload in uploads for key in upload.left}

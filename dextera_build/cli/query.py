@@ -10,8 +10,8 @@ from dextera_build.errors import UsageError, did_you_mean, listing
 
 if TYPE_CHECKING:
     from dextera_build.cli.nodes import Known
-    from dextera_build.cli.session import Session
     from dextera_build.project import Project
+    from dextera_build.session import Session
 
 Row = dict[str, str]
 _FILTERS = ("deps", "rdeps", "depth", "rule", "stale", "cached")
@@ -42,7 +42,7 @@ def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:
         UsageError: Nothing is called so.
     """
     from dextera_build.cli import nodes as known
-    from dextera_build.cli.session import Session
+    from dextera_build.session import Session
 
     depth = _depth(args)
     recipe, _, node = args.what.partition(":")

@@ -21,9 +21,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the file and print its path."""
     from dextera_build.cli import runs
-    from dextera_build.cli.stores import reading
     from dextera_build.cli.text_file import writing
     from dextera_build.report.build import build
+    from dextera_build.session import reading
 
     project = options.project(args)
     _, events = runs.find(project, args.run)

@@ -17,13 +17,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import execution, fresh, options, results
+from dextera_build.build import export as results
+from dextera_build.build import snapshots as fresh
+from dextera_build.build.lock import Locking
+from dextera_build.cli import execution, options
 from dextera_build.cli.errors import render, wants_colour
-from dextera_build.cli.locking import Locking
-from dextera_build.cli.session import Session, addresses
 from dextera_build.errors import DxbError, MachineError, UsageError
 from dextera_build.project import LOCK
 from dextera_build.report.wording import duration, states
+from dextera_build.session import Session, addresses
 from dextera_build.store.signature import Watch
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-from dextera_build.cli.stores import reading
 from dextera_build.errors import UsageError
 from dextera_build.project import Project
+from dextera_build.session import reading
 
 Events = list[dict[str, Any]]
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options
 from dextera_build.cli.calls import is_call, show
-from dextera_build.cli.reads import Reads
 from dextera_build.errors import UsageError
+from dextera_build.explain.reads import Reads
 from dextera_build.report.wording import used
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print rows of name and value; with `--lineage` an indented line for everything, each once."""
-    from dextera_build.cli.session import Session
+    from dextera_build.session import Session
 
     project = options.project(args)
     if args.config:
@@ -77,9 +77,9 @@ def _targets(session: Any, target: str) -> list[str]:
     """A node that was built, or the built nodes that a target of the recipe stands for."""
     if target in session.history:
         return [target]
-    from dextera_build.cli.session import addresses
     from dextera_build.engine.graph import parse_address
     from dextera_build.recipe.plan import Request
+    from dextera_build.session import addresses
 
     wanted = addresses(session.plan(Request(profile=session.project.profile)).graph, target)
     built = [(node, parse_address(node)) for node in session.last_nodes]

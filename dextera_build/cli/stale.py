@@ -7,16 +7,16 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from dextera_build.cli.causes import Causes
-from dextera_build.cli.session import NO_BYTES
 from dextera_build.engine.dryrun import plan as dry
 from dextera_build.errors import StaleError
+from dextera_build.explain.causes import Causes
 from dextera_build.report.wording import count
+from dextera_build.session import NO_BYTES
 
 if TYPE_CHECKING:
-    from dextera_build.cli.session import Session
     from dextera_build.engine.dryrun import Planned
     from dextera_build.engine.graph import Address, Graph
+    from dextera_build.session import Session
 
 
 def check(session: Session, graph: Graph, wanted: Sequence[Address], *, as_json: bool = False) -> int:

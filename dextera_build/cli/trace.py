@@ -19,9 +19,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the trace, or write it and print its path."""
     from dextera_build.cli import runs
-    from dextera_build.cli.stores import reading
     from dextera_build.report import run as past
     from dextera_build.report.trace import trace
+    from dextera_build.session import reading
 
     project = options.project(args)
     _, events = runs.find(project, args.run)

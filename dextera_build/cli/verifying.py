@@ -23,7 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print one finding a line: kind, name, what is wrong, what was done; exit with 1 where damage stays."""
-    from dextera_build.cli.stores import reading
+    from dextera_build.session import reading
     from dextera_build.store.verify import verify
 
     shows = sys.stderr.isatty()

@@ -14,7 +14,7 @@ from dextera_build.engine.graph import parse_address
 from dextera_build.errors import DxbError, UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.cli.session import Session
+    from dextera_build.session import Session
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until interrupted; the address goes to stdout."""
-    from dextera_build.cli.session import Session
+    from dextera_build.session import Session
     from dextera_build.view import server
 
     wanted = options.wish(args.target)

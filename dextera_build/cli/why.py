@@ -11,11 +11,11 @@ from dextera_build.cli import options
 from dextera_build.errors import UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.cli.causes import Cause
-    from dextera_build.cli.session import Session
     from dextera_build.engine.dryrun import Planned
     from dextera_build.engine.graph import Graph
+    from dextera_build.explain.causes import Cause
     from dextera_build.recipe.plan import Request
+    from dextera_build.session import Session
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print a sentence, then one cause a line: kind, name, old -> new, place; what stands behind it stands indented."""
-    from dextera_build.cli.session import Session
+    from dextera_build.session import Session
 
     project = options.project(args)
     wanted = options.wish(args.node)
@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
         rows = [cause.to_json() for cause in causes]
         print(json.dumps({"node": args.node, "answer": sentence, "causes": rows}, indent=1))
         return 0
-    from dextera_build.cli.origins import margin
+    from dextera_build.explain.origins import margin
 
     print(sentence)
     for cause in causes:
@@ -53,8 +53,8 @@ def explain(session: Session, request: Request, node: str) -> tuple[str, list[Ca
     Raises:
         UsageError: `node` is "", or is not known yet.
     """
-    from dextera_build.cli.session import addresses
     from dextera_build.engine.dryrun import plan
+    from dextera_build.session import addresses
 
     recipe = session.recipe
     if not node:
@@ -73,8 +73,8 @@ def explain(session: Session, request: Request, node: str) -> tuple[str, list[Ca
 
 
 def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: str) -> tuple[str, list[Cause]]:
-    from dextera_build.cli.causes import Causes
-    from dextera_build.cli.session import NO_BYTES
+    from dextera_build.explain.causes import Causes
+    from dextera_build.session import NO_BYTES
 
     state = states.get(node)
     entry = session.history.get(node)

@@ -103,7 +103,7 @@ def _inside(target: str, words: list[str]) -> int:
         found["memory_mib"] = _peak_mib()
         return result
 
-    execute.build = measured  # `cli.execution` imports it when it builds
+    execute.build = measured  # `build.build` imports it when it builds
     code = dxb(words)
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     found["workers"] = children.ru_utime + children.ru_stime

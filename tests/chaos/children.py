@@ -20,8 +20,8 @@ from dextera_build.engine.executors import local
 from dextera_build.engine.executors.inline import InlineExecutor
 from dextera_build.store import failpoints
 
-for _name in ("build", "cache", "check", "execution", "fresh", "results"):
-    importlib.import_module(f"dextera_build.cli.{_name}")  # here, once, rather than in every child
+for _name in ("cli.build", "cli.cache", "cli.check", "build.build", "build.export", "build.snapshots"):
+    importlib.import_module(f"dextera_build.{_name}")  # here, once, rather than in every child
 for _name in ("numpy", "pydantic", "dextera_build.engine.execute", "dextera_build.recipe.plan"):
     importlib.import_module(_name)
 

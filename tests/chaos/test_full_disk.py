@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.cli import results
-from dextera_build.cli.session import Session
+from dextera_build.build import export as results
 from dextera_build.code.runner import run_task
 from dextera_build.engine.eventlog import EventLog, read
 from dextera_build.engine.events import NodeLog, NodeProgress
 from dextera_build.engine.execute import NodeRecord, RunResult
 from dextera_build.errors import StoreError
 from dextera_build.project import Project
+from dextera_build.session import Session
 from dextera_build.store import space as disk
 from dextera_build.store.store import Store
 from tests.chaos.children import dxb

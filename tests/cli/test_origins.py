@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dextera_build.cli.origins import margin
+from dextera_build.explain.origins import margin
 
 
 def test_a_tree_stands_in_by_two_spaces_a_level() -> None:

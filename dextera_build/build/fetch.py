@@ -1,22 +1,19 @@
-"""What `push` and `pull` share: which remotes they use, and what is said of uploads."""
+"""Which remotes a command uses, and what they hold."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 from dextera_build.errors import UsageError, listing
 
 if TYPE_CHECKING:
-    from dextera_build.cli.session import Session
     from dextera_build.engine.dryrun import Planned
+    from dextera_build.session import Session
     from dextera_build.store.remotes.exchange import Exchange
 
-_TICK_S = 0.2
-_SAY_S = 5.0
 _ASKERS = 16
 
 
@@ -79,24 +76,3 @@ def held(session: Session, nodes: Sequence[Planned]) -> set[str]:
     for remote in remotes:
         remote.close()
     return found
-
-
-def finish_uploads(exchange: Exchange, stream: TextIO) -> set[str]:
-    """Wait for uploads, say how they went, and return the keys of those that failed."""
-    from dextera_build.cli.consoles import lines
-    from dextera_build.engine import events
-
-    said = time.monotonic()
-    while left := exchange.wait(_TICK_S):
-        if time.monotonic() - said > _SAY_S:
-            said = time.monotonic()
-            progress = events.Uploading(time.time(), exchange.offered - left, exchange.offered)
-            print(lines.plain(lines.uploading(progress)), file=stream, flush=True)
-    uploads = exchange.close()
-    for upload in uploads:
-        told = events.Uploaded(
-            time.time(), upload.remote, upload.results, upload.octets, len(upload.left), upload.reason
-        )
-        for line in lines.uploaded(told):
-            print(lines.plain(line).strip(), file=stream)
-    return {key for upload in uploads for key in upload.left}

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 from dextera_build.errors import UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.cli.session import Session
     from dextera_build.engine.executors.ray_worker import Setup
     from dextera_build.engine.graph import RuleFacts
     from dextera_build.engine.tasks import Executor
     from dextera_build.project import Project
+    from dextera_build.session import Session
 
 RUNNER = "dextera_build.code.runner:run_task"
 

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from dextera_build.errors import StaleError, UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.cli.causes import Cause, Causes
-    from dextera_build.cli.session import Session
     from dextera_build.engine.dryrun import Planned
     from dextera_build.engine.execute import RunResult
     from dextera_build.engine.graph import Address
+    from dextera_build.explain.causes import Cause, Causes
     from dextera_build.lockfile import Name, Pin, Pins
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
+    from dextera_build.session import Session
     from dextera_build.store.store import Store
-
-
-def arguments(parser: argparse.ArgumentParser) -> None:
-    """Fill in the parser of a verb that builds."""
-    parser.add_argument("--lock", action="store_true", help="pin the targets in dxb.lock")
-    parser.add_argument("--locked", action="store_true", help="exit with 3 where a target is not what dxb.lock says")
 
 
 class Locking:
@@ -77,8 +70,8 @@ class Locking:
         """
         if not self.locked:
             return
-        from dextera_build.cli.causes import Causes
         from dextera_build.engine.dryrun import plan as dry
+        from dextera_build.explain.causes import Causes
 
         states = {node.address: node for node in dry(plan.graph, wanted, session.store)}
         asked = {name: node for name, node in states.items() if _is_asked(name, wanted)}

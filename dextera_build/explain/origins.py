@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from dextera_build.cli.session import Session
 from dextera_build.engine import eventlog
+from dextera_build.session import Session
 from dextera_build.store.cas import MissingBlob
 
 Event = dict[str, Any]

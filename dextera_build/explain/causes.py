@@ -12,17 +12,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli.origins import Origins
-from dextera_build.cli.reads import Reads
-from dextera_build.cli.upstream import Upstream
 from dextera_build.engine.graph import Call, Gather, Graph, Input, Leaf, parse_address
 from dextera_build.engine.key import Change, compare
+from dextera_build.explain.origins import Origins
+from dextera_build.explain.reads import Reads
+from dextera_build.explain.upstream import Upstream
 from dextera_build.report.wording import count, some
 from dextera_build.store.traces.steps import READ
 
 if TYPE_CHECKING:
-    from dextera_build.cli.session import Session
     from dextera_build.engine.dryrun import Planned
+    from dextera_build.session import Session
 
 _OPEN = "judged when its inputs are known"
 _SEEN = ", see above"

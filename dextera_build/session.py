@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli import stores
 from dextera_build.engine.graph import Address, Graph, parse_address
 from dextera_build.errors import RuleError, UsageError, did_you_mean, listing
 from dextera_build.project import Project
@@ -20,6 +19,16 @@ if TYPE_CHECKING:
 
 NO_BYTES = "its bytes are not in the store"
 """What is said of a bare result."""
+absent_stores: dict[str, str] = {}
+"""Folder of a store that a verb wanted to read and that does not exist, as messages show it -> origin of its name."""
+
+
+def reading(project: Project) -> Store:
+    """The store of a project for a verb that only reads; a missing folder is noted in `absent_stores`, not made."""
+    store = Store(project.cache, make=False)
+    if not store.root.is_dir():
+        absent_stores[project.shown(store.root)] = project.config["cache"].origin
+    return store
 
 
 class Session:
@@ -39,7 +48,7 @@ class Session:
     @cached_property
     def store(self) -> Store:
         """The project's store."""
-        return Store(self.project.cache) if self._makes else stores.reading(self.project)
+        return Store(self.project.cache) if self._makes else reading(self.project)
 
     def plan(self, request: Request) -> Plan:
         """The recipe, resolved.

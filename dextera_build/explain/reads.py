@@ -13,7 +13,7 @@ from dextera_build.store.traces.look import UNKNOWN, Look
 from dextera_build.store.traces.steps import NONE, READ, label
 
 if TYPE_CHECKING:
-    from dextera_build.cli.session import Session
+    from dextera_build.session import Session
 
 
 class Reads:

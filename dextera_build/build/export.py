@@ -12,8 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dextera_build.cli.session import Session
 from dextera_build.errors import DxbError
+from dextera_build.session import Session
 from dextera_build.store import durable, failpoints, files, header, sharing, signature
 from dextera_build.store.cas import MissingBlob
 
