@@ -56,7 +56,6 @@ class Session:
         Raises:
             UsageError: No recipe is called so.
         """
-        from dextera_build.engine.memory import give_back
         from dextera_build.recipe.plan import plan
 
         if self.project.recipe(self.recipe) is None:
@@ -69,7 +68,6 @@ class Session:
             )
         made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
         self.project.forget_recipes()
-        give_back(len(made.graph.members))
         return made
 
     @cached_property

@@ -49,20 +49,7 @@ def main(argv: "Sequence[str] | None" = None) -> int:
 
 def entry() -> "NoReturn":
     """The console script."""
-    code = main()
-    if "dextera_build.cli.grammar" in sys.modules:
-        import atexit
-        import threading
-
-        if threading.active_count() > 1:
-            sys.exit(code)
-        atexit._run_exitfuncs()
-    # Else `quick` answered, and nothing was opened. Taking the interpreter down is work as well.
-    try:
-        sys.stdout.flush()
-        sys.stderr.flush()
-    finally:
-        os._exit(code)
+    sys.exit(main())
 
 
 def _complete() -> int:

@@ -26,13 +26,11 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from dextera_build import digest as digests
 from dextera_build.engine.retries import names_of
 from dextera_build.engine.tasks import escaped, printed
 from dextera_build.engine.usage import Meter
 from dextera_build.errors import DxbError, MachineError
 
-_SPELL = digests.speller(ensure_ascii=True, default=str)
 _PR_SET_PDEATHSIG = 1
 _PROGRESS_S = 0.05
 """Progress is passed on at most this often [s]."""
@@ -134,7 +132,7 @@ class Worker:
 
     def _write(self, answer: Mapping[str, object]) -> None:
         with self._writing:
-            self._pool.sendall(_SPELL(answer).encode() + b"\n")
+            self._pool.sendall(json.dumps(answer, default=str).encode() + b"\n")
 
 
 def load(runner: str) -> Callable[..., Mapping[str, Any]]:

@@ -16,12 +16,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from dextera_build import digest as digests
 from dextera_build.engine import worker
 from dextera_build.engine.tasks import Task, printed
 from dextera_build.errors import RuleError
 
-_SPELL = digests.speller(ensure_ascii=True)
 _TAIL_LINES = 12
 _ROOT = Path(__file__).resolve().parents[3]
 """Where this package lies."""
@@ -101,7 +99,7 @@ class Process:
         self.task, self.began, self.peak = task, time.monotonic(), 0
         message = task.message()
         message["held"] = task.held
-        self._send(b"%b\n%b" % (_SPELL(message).encode(), task.document))
+        self._send(b"%b\n%b" % (json.dumps(message).encode(), task.document))
 
     def _send(self, data: bytes) -> None:
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
