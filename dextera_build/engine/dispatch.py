@@ -10,9 +10,9 @@ from typing import Any
 
 from dextera_build.engine.admission import Admission, estimate, lacks
 from dextera_build.engine.capacity import Capacity, Needs
-from dextera_build.engine.finish import log_of, result_of
 from dextera_build.engine.graph import RuleFacts
 from dextera_build.engine.policy import Policy
+from dextera_build.engine.publish import log_of, publish
 from dextera_build.engine.reading import Reading
 from dextera_build.engine.sharing import Sharing
 from dextera_build.engine.states import State, States
@@ -155,10 +155,6 @@ class Dispatch:
 
     def _task(self, node: Node, devices: tuple[str, ...]) -> Task:
         rule = node.rule
-        # Which key it has, and which of two results of a forced node stays, is judged here.
-        judged = bool(rule.discovers) or self.forced(node)
-        document = b"" if judged else node.document or self.reading.document(node)
-        node.document = b""
         return Task(
             ticket=node.ticket,
             rule=rule.path,
@@ -171,9 +167,6 @@ class Dispatch:
             needs=self._needs_of(rule)[0],
             devices=devices,
             key=node.key or "",
-            document=document,
-            # And so is whether a file changed meanwhile.
-            held=bool(node.leaves),
         )
 
     def _take(self, report: Report) -> None:
@@ -203,7 +196,7 @@ class Dispatch:
             self._rest(node, report, report.error)
             return
         try:
-            result = result_of(self.store, node, report, self.reading)
+            result = publish(self.store, node, report, self.reading)
         except DxbError as error:
             self.broke(node, error)
         else:

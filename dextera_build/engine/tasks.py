@@ -36,10 +36,6 @@ class Task:
     """GPUs that it may use, as `CUDA_VISIBLE_DEVICES` calls them."""
     key: str = ""
     """Names the folder in which the call keeps its progress; "" where it shall have a fresh one."""
-    document: bytes = b""
-    """The key document; whoever runs the task may store its result. b"" where only the scheduler may."""
-    held: bool = False
-    """Whether the entry of the result is left to the scheduler, which judges first."""
 
     def message(self) -> dict[str, object]:
         """What the runner gets."""
@@ -79,8 +75,6 @@ class Ended:
     """The exception that the rule let escape, with its bases."""
     usage: Mapping[str, float] = field(default_factory=dict)
     """See `usage.Usage`."""
-    published: Mapping[str, Any] | None = None
-    """What `publish.publish` returned, where the worker has stored the result; then `log` is b""."""
 
 
 Report: TypeAlias = Said | Ended

@@ -3,9 +3,8 @@
     python -m dextera_build.engine.worker <module:function> <descriptor of a socket> <process id>
 
 Standard output and error belong to the node that runs; the pool gives a file for them and reads it when a worker has
-died. The first line of the socket is the pool's module search path. Then a task is a line of JSON and a line with its
-key document; where there is one, the worker stores the result itself, without the entry of a task that is `held`. It
-ends when the socket closes and when its parent dies.
+died. The first line of the socket is the pool's module search path, each further one a task. What the runner returns is
+passed on: the worker enters no result. It ends when the socket closes and when its parent dies.
 """
 
 from __future__ import annotations
@@ -59,10 +58,10 @@ class Worker:
             sys.path += [entry for entry in json.loads(told.readline() or b"[]") if entry not in sys.path]
             with contextlib.suppress(Exception):  # the first task is answered with what is wrong
                 load(self._runner_name)
-            while line := told.readline():
-                self._answer(json.loads(line), told.readline().rstrip(b"\n"))
+            for line in told:
+                self._answer(json.loads(line))
 
-    def _answer(self, task: Mapping[str, Any], document: bytes) -> None:
+    def _answer(self, task: Mapping[str, Any]) -> None:
         if os.fstat(1).st_size:
             os.ftruncate(1, 0)
         self._last_progress = 0.0
@@ -80,26 +79,10 @@ class Worker:
             answer = {"error": escaped(error).to_json(), "raised": names_of(error)}
         answer["seconds"] = time.perf_counter() - began
         self._flush()
-        if document and "reply" in answer:
-            self._publish(task, document, answer)
-        if not answer.get("published") and (log := printed(1)):
+        if log := printed(1):
             answer["log"] = log.decode("latin-1")  # any bytes; the next task writes over them
-        answer["usage"] = self._meter.end()  # to store a result is a part of making it
+        answer["usage"] = self._meter.end()
         self._write(answer)
-
-    def _publish(self, task: Mapping[str, Any], document: bytes, answer: dict[str, Any]) -> None:
-        from dextera_build.engine.publish import publish
-        from dextera_build.store.store import opened
-
-        store, reply = opened(task["store"]), answer["reply"]
-        try:
-            made = publish(store, task["key"], reply, answer["seconds"], printed(1), document, held=task["held"])
-            if made is not None:
-                reply.pop("sizes", None)
-                answer["published"] = made
-        except DxbError as error:
-            del answer["reply"]
-            answer["error"] = error.to_json()
 
     def _load(self) -> Callable[..., Mapping[str, Any]]:
         if self._runner is None:

@@ -140,9 +140,7 @@ class LocalExecutor:
         process.task = None
         self._busy.remove(process)
         self._idle.append(process)
-        error, reply, raised, used, made = (
-            line.get(name) for name in ("error", "reply", "raised", "usage", "published")
-        )
+        error, reply, raised, used = (line.get(name) for name in ("error", "reply", "raised", "usage"))
         return Ended(
             ticket=task.ticket,
             seconds=float(str(line["seconds"])),
@@ -151,7 +149,6 @@ class LocalExecutor:
             error=from_json(error) if isinstance(error, dict) else None,
             raised=tuple(raised) if isinstance(raised, list) else (),
             usage=with_peak(used if isinstance(used, dict) else {}, process.peak),
-            published=made if isinstance(made, dict) else None,
         )
 
     def _bury(self, process: Process) -> list[Report]:

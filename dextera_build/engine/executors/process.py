@@ -97,9 +97,7 @@ class Process:
     def give(self, task: Task) -> None:
         """Give it a task; a worker that is dead already shows in `hear`."""
         self.task, self.began, self.peak = task, time.monotonic(), 0
-        message = task.message()
-        message["held"] = task.held
-        self._send(b"%b\n%b" % (json.dumps(message).encode(), task.document))
+        self._send(json.dumps(task.message()).encode())
 
     def _send(self, data: bytes) -> None:
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
