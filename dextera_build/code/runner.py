@@ -196,7 +196,7 @@ def _exchange(store: Store, project: str, listed: str) -> Exchange | None:
     from dextera_build.store.remotes.exchange import Exchange
 
     known = Project(Path(project))
-    used = known.remotes.used if known.config else []
+    used = known.used_remotes
     if not used:
         return None
     exchange = Exchange(store, [guarded(spec) for spec in used])

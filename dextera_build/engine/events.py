@@ -9,6 +9,8 @@ from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from typing import Any, ClassVar, Literal, TypeAlias, get_args, get_origin, get_type_hints
 
+from dextera_build.redact import redact
+
 Status: TypeAlias = Literal["cached", "ran", "fetched", "failed", "waits", "cancelled"]
 
 _spell = json.JSONEncoder(sort_keys=True, ensure_ascii=False, default=dict).encode
@@ -39,6 +41,10 @@ class RunStarted(Event):
     calls: int
     groups: int
     argv: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        # The command line may name remotes with passwords; logs and reports are sent around.
+        object.__setattr__(self, "argv", [redact(word) for word in self.argv])
 
 
 @dataclass(frozen=True)
