@@ -141,10 +141,6 @@ class Admission(Generic[T]):
         self._reserved = -1
         self._passers: set[T] = set()
 
-    def __len__(self) -> int:
-        """How many wait."""
-        return sum(len(line.waiting) for line in self._lines.values())
-
     def wait(self, task: T, needs: Needs) -> None:
         """Join the line; `needs` lack nothing of the capacity."""
         line = self._lines.get(needs)

@@ -22,8 +22,6 @@ from dextera_build.errors import DxbError
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.store import Store
 
-_FEW = 2000
-"""So many nodes that wait may hold their key documents."""
 _PATIENCE_S = 0.02
 """How often a key is looked at that another process builds [s]."""
 _REST_S = 0.1
@@ -55,11 +53,6 @@ class Dispatch:
         self._needs: dict[int, tuple[RuleFacts, Needs, Mapping[str, tuple[float, float]]]] = {}
         """By identity, since rules cannot be hashed; an entry keeps its rule alive."""
         self._store_name = str(self.store.root)
-
-    @property
-    def is_long(self) -> bool:
-        """Whether so many nodes wait that each shall take little room."""
-        return len(self._admission) + len(self.states.queue) > _FEW
 
     def start(self) -> None:
         """Start queued nodes as long as there is room for one of them."""
@@ -138,7 +131,6 @@ class Dispatch:
         assert key is not None
         if not self.store.locks.take(key):
             self.said(node, "log", {"text": self._who_builds(key)})
-            node.document = b""
             self.states.set(node, State.LOCKED)
             return False
         forced = self.forced(node)

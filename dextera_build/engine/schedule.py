@@ -183,8 +183,7 @@ class Scheduler:
         try:
             self._find(node)
         finally:
-            if node.state is not State.QUEUED or self.dispatch.is_long:
-                node.document = b""  # it is spelled again when the node runs
+            node.document = b""  # it is spelled again when the node has run, since thousands may wait
             if self.policy.dry:
                 node.rest()
 
