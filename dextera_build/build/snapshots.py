@@ -44,9 +44,6 @@ def save(
 
     A file that was changed after `seen` was made keeps the snapshot from being written, so it may be noted here.
     """
-    from dextera_build.engine.memory import give_back
-
-    give_back(len(result.nodes))
     outputs = _placed(lines)
     watch, path = seen.watch, place(project, fingerprint)
     note(project, watch, plan)

@@ -14,7 +14,6 @@ from dextera_build.cli import options
 from dextera_build.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.graph import Address
     from dextera_build.engine.records import RunResult
     from dextera_build.engine.snapshot import Head
@@ -124,7 +123,6 @@ def _run(
     seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
     session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
     place = fresh.place(project, fingerprint)
-    session.nursery = _nursery(args, project)
     plan = session.plan(options.request(args, project.profile))
     wanted = [address for target in targets for address in addresses(plan.graph, target)]
     args.locking.refuse(session, plan, wanted)
@@ -140,20 +138,6 @@ def _run(
         fingerprint["lock"] = args.locking.state(recipe)
         args.notes.add(recipe, place, fresh.save(project, fingerprint, seen, plan, result, lines))
     return 0 if result.ok else 1
-
-
-def _nursery(args: argparse.Namespace, project: Project) -> Nursery | None:
-    """What makes workers: begun already, or a fork of this process as long as it has opened nothing; else None."""
-    from dextera_build.engine.executors.nursery import Nursery
-    from dextera_build.engine.nursery import is_alone
-
-    if args.check or project.executor != "local":
-        return None
-    made: Nursery | None = args.nursery
-    if made is None and args.own and is_alone():
-        made = Nursery(forked=True)
-    args.own, args.nursery = False, None  # it may be once
-    return made
 
 
 def _make(args: argparse.Namespace, session: Session, plan: Plan, wanted: list[Address]) -> tuple[RunResult, list[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import marshal
 import os
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping
@@ -26,7 +27,6 @@ _LENGTH = 20
 _LONGEST = (1 << _LENGTH) - 1
 _OPEN, _CLOSE = b'"nodes": {\n', b"}}"
 """Between them stands a row a line."""
-_spell = digests.speller(separators=(", ", ": "), ensure_ascii=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,13 +115,13 @@ class History:
         return _Packed()
 
     def _write(self, entries: Mapping[str, Entry]) -> bool:
-        head = _spell({"form": _FORM, "project": self._project})[:-1]
+        head = json.dumps({"form": _FORM, "project": self._project})[:-1]
         try:
             with files.new_file(str(self._path), 0o644) as target:
                 files.write_all(target, f'{head}, "nodes": {{\n'.encode())
                 text, comma = "", ""
                 for address, entry in entries.items():
-                    text += f"{comma}{_spell(address)}: {_spell(_row(entry))}"
+                    text += f"{comma}{json.dumps(address)}: {json.dumps(_row(entry))}"
                     comma = ",\n"
                     if len(text) > _CHUNK:  # as one text it would take as much memory as the graph
                         files.write_all(target, text.encode())
