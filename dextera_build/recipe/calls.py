@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -272,6 +273,11 @@ def _fits(wanted: Any, given: Any) -> bool:
     return wanted.__name__ in names or wanted.__name__ == "Artifact"
 
 
+_BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
+_UNIT = re.compile(r"\[([^\[\]]+)\]")
+"""The unit in an option's docstring: `Wall thickness of a vessel [m].`"""
+
+
 def _options(decl: CallDecl, kind: Any, given: Mapping[str, Node]) -> dict[str, Any]:
     from pydantic import ValidationError
 
@@ -284,19 +290,26 @@ def _options(decl: CallDecl, kind: Any, given: Mapping[str, Node]) -> dict[str, 
         location = tuple(first["loc"])
         name = str(location[0]) if location else ""
         where = given[name].at(location[1:]) if name in given else decl.place
+        text = _meanings(kind).get(name)
         raise RecipeError(
-            f"`{'.'.join(str(part) for part in location)}` of `{decl.rule}`: {first['msg']}",
+            f"`{'.'.join(str(part) for part in location)}` of `{decl.rule}` {_demand(first, text or '')}",
             code="DXB-R109",
             where=where,
             facts={"given": repr(first["input"])[:120]},
-            hint=_option_hint(kind, name),
+            hint=f"`{name}`: {text}" if text else None,
         ) from None
     dumped: dict[str, Any] = options.model_dump(mode="json")
     return dumped
 
 
-def _option_hint(kind: Any, name: str) -> str | None:
+def _meanings(kind: Any) -> dict[str, str]:
     from dextera_build.artifacts.meanings import meanings
 
-    text = meanings(kind).get(name)
-    return f"`{name}`: {text}" if text else None
+    return meanings(kind)
+
+
+def _demand(error: Mapping[str, Any], meaning: str) -> str:
+    """What pydantic asks of a value as the end of a sentence, a bound with its unit: `must be greater than 0 m`."""
+    text = str(error["msg"]).replace("Input should", "must", 1)
+    unit = _UNIT.search(meaning) if error["type"] in _BOUNDS and len(error["loc"]) == 1 else None
+    return (text if text.startswith("must") else f"is refused: {text}") + (f" {unit[1]}" if unit else "")
