@@ -65,6 +65,8 @@ def test_artifacts_say_what_they_hold() -> None:
 
 
 class Bounded(BaseModel):
+    """Options with bounds of every form."""
+
     free: float = 0.0
     wall_m: PositiveFloat = 0.003
     held_out: float = Field(0.1, ge=0, lt=1)
