@@ -14,7 +14,7 @@ from dextera_build.engine.graph import Call, Graph, Input, Pack, RuleFacts
 from dextera_build.engine.retries import Retries, name_of
 from dextera_build.errors import MachineError, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.recipe import matrix
-from dextera_build.recipe.schema import CallDecl, PackedCall
+from dextera_build.recipe.schema import CallDecl
 from dextera_build.recipe.scope import Scope, type_name
 from dextera_build.recipe.settings import Setting
 from dextera_build.recipe.strict_yaml import Node
@@ -44,7 +44,7 @@ class CallMaker:
         """Those of all calls that were made."""
         return tuple(self._facts.values())
 
-    def rule_file(self, decl: CallDecl | PackedCall) -> RuleFile:
+    def rule_file(self, decl: CallDecl) -> RuleFile:
         """The rule that a declaration names."""
         return self._library.find(decl.rule, decl.place)
 

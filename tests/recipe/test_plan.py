@@ -7,15 +7,8 @@ import pytest
 from dextera_build.engine.graph import Gather, Group, Item, Leaf, Output
 from dextera_build.engine.reach import copy_of
 from dextera_build.errors import DxbError, MachineError, RecipeError, UsageError
-from dextera_build.recipe import settings, strict_yaml
+from dextera_build.recipe import settings
 from dextera_build.recipe.plan import Request, plan
-
-
-@pytest.fixture(autouse=True, params=["loose", "packed"])
-def calls_are(request, monkeypatch):
-    """Of a large recipe calls are packed; that changes no plan and no error."""
-    if request.param == "packed":
-        monkeypatch.setattr(strict_yaml, "_MOST_LOOSE", 0)
 
 
 def planned(space, address="say/words", **request):
