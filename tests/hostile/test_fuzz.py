@@ -24,7 +24,7 @@ from dextera_build.artifacts.table import Table
 from dextera_build.digest import canonical, of_bytes
 from dextera_build.errors import ArtifactError, DxbError, RecipeError, StoreError
 from dextera_build.project import Project
-from dextera_build.recipe import content, schema, strict_yaml
+from dextera_build.recipe import schema, strict_yaml
 from dextera_build.recipe.plan import plan
 from dextera_build.recipe.settings import parse as parse_setting
 from dextera_build.store import header, reapi
@@ -117,7 +117,6 @@ def planned(good: Good, text: str, folder: Path) -> None:
     """Read and resolve a recipe."""
     file = folder / "x.yaml"
     file.write_text(text, encoding="utf-8", errors="surrogatepass")
-    content.content(file)
     recipe = schema.read(file, "x")
     plan("x", lambda address: recipe if address == "x" else None, good.project.library, good.project.root)
 
