@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.image import DepthImage, Image
@@ -17,9 +16,9 @@ from .sensor import ColourNoiseOptions, DepthNoiseOptions, measure_colour, measu
 class ReferenceOptions(Options):
     """Options of capture.reference."""
 
-    seed: NonNegativeInt = 0
+    seed: int = 0
     """Seed of the noise."""
-    supersample: PositiveInt = 2
+    supersample: int = 2
     """Samples per pixel edge of the colour render."""
     depth_noise: DepthNoiseOptions = DepthNoiseOptions()
     """Faults of the depth stream."""

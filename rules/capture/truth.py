@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import PositiveInt
 
 from dextera_build.artifacts.image import DepthImage, Image, LabelImage
 from dextera_build.artifacts.robot import RobotModel
@@ -17,7 +16,7 @@ from . import solids
 class TruthOptions(Options):
     """Options of capture.truth."""
 
-    supersample: PositiveInt = 2
+    supersample: int = 2
     """Samples per pixel edge of the colour render."""
 
 

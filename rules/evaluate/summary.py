@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import Field, NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.table import Cell, Column, Table
@@ -13,11 +12,11 @@ from dextera_build.rule import Context, Options, rule
 class SummaryOptions(Options):
     """Options of evaluate.summary."""
 
-    draws: PositiveInt = 10000
+    draws: int = 10000
     """Bootstrap samples."""
-    confidence: float = Field(0.95, gt=0.0, lt=1.0)
+    confidence: float = 0.95
     """Probability that the interval covers."""
-    seed: NonNegativeInt = 0
+    seed: int = 0
     """Seed of the bootstrap."""
 
 

@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-from pydantic import Field, NonNegativeInt, PositiveInt
-
 from dextera_build.artifacts.object import Body, Collision
-from dextera_build.rule import Context, Fraction, Options, rule
+from dextera_build.rule import Context, Options, rule
 
 
 class CollisionOptions(Options):
     """Options of factorize.collision."""
 
-    convexity: Fraction = 0.97
+    convexity: float = 0.97
     """A link whose solid fills this part of its convex hull becomes that hull."""
-    cavity_fill: Fraction = 0.05
+    cavity_fill: float = 0.05
     """Largest part of a cavity's volume that pieces may cover."""
-    pieces: PositiveInt = 96
+    pieces: int = 96
     """Largest number of pieces of one link."""
-    corners: int = Field(192, ge=4)
+    corners: int = 192
     """Largest number of corners of one piece."""
-    threshold: float = Field(0.06, ge=0.01, le=1.0)
+    threshold: float = 0.06
     """Concavity at which CoACD stops, as a part of the link's size."""
-    faces: int = Field(1500, ge=4)
+    faces: int = 1500
     """CoACD works on a mesh simplified to about this many faces."""
-    attempts: PositiveInt = 3
+    attempts: int = 3
     """How often a container is cut finer until `cavity_fill` is met. Attempts, not seconds: results must repeat."""
-    seed: NonNegativeInt = 0
+    seed: int = 0
     """Seed of CoACD."""
 
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from dextera_build.errors import listing
-from dextera_build.store.bundle import checked_stream, oci, provenance
-from dextera_build.store.bundle.errors import BundleRefused
-from dextera_build.store.bundle.importer import Opened
-from dextera_build.store.bundle.sign import Envelope, PublicKey
+from dextera_build.store.bundle import checked, oci, provenance
+from dextera_build.store.bundle.oci import Descriptor, Manifest
+from dextera_build.store.bundle.receive import Opened
+from dextera_build.store.bundle.refusal import BundleRefused, ill_formed
+from dextera_build.store.bundle.signing import Envelope, PublicKey
 
 State: TypeAlias = Literal["trusted", "unknown", "unsigned"]
 _MOST = 64 << 20
@@ -36,23 +37,17 @@ class Voucher:
 
 
 def judge(bundle: Opened, keys: Sequence[PublicKey]) -> Voucher:
-    """Read and check the provenance of a bundle.
+    """Read and check all that is said of a bundle.
 
     Raises:
         BundleRefused: A signature is wrong, or about another bundle.
     """
-    layer = bundle.manifest.provenance
-    if layer is None:
-        return Voucher("unsigned")
-    content = checked_stream.whole(bundle.source, layer, "the provenance", _MOST)
-    if layer.media_type == oci.IN_TOTO:
-        return Voucher("unsigned", (), _statement(bundle, content))
-    envelope = Envelope.read(content)
-    signers = _signers(envelope, keys)
-    statement = _statement(bundle, envelope.payload)
-    if signers:
-        return Voucher("trusted", tuple(signers), statement)
-    return Voucher("unknown", tuple(name for name, _ in envelope.signatures), statement)
+    found = Voucher("unsigned")
+    for descriptor in bundle.said:
+        vouched = _judge(bundle, descriptor, keys)
+        if found.state == "unsigned" or vouched.state == "trusted":
+            found = vouched
+    return found
 
 
 def require(bundle: Opened, voucher: Voucher, keys: Sequence[PublicKey]) -> None:
@@ -81,6 +76,28 @@ def require(bundle: Opened, voucher: Voucher, keys: Sequence[PublicKey]) -> None
     )
 
 
+def _judge(bundle: Opened, descriptor: Descriptor, keys: Sequence[PublicKey]) -> Voucher:
+    data = checked.whole(bundle.source, descriptor, "the manifest of the provenance", oci.MOST_MANIFEST)
+    manifest = Manifest.read(data)
+    if len(manifest.layers) != 1:
+        raise ill_formed("the manifest of the provenance", "it does not have one layer")
+    layer = manifest.layers[0]
+    content = checked.whole(bundle.source, layer, "the provenance", _MOST)
+    if layer.media_type == oci.IN_TOTO:
+        subject, statement = provenance.subject_of(content)
+        _refuse_other(bundle, subject)
+        return Voucher("unsigned", (), statement)
+    if layer.media_type != oci.DSSE:
+        raise ill_formed("the manifest of the provenance", f"`{layer.media_type}` is no provenance")
+    envelope = Envelope.read(content)
+    signers = _signers(envelope, keys)
+    subject, statement = provenance.subject_of(envelope.payload)
+    _refuse_other(bundle, subject)
+    if signers:
+        return Voucher("trusted", tuple(signers), statement)
+    return Voucher("unknown", tuple(name for name, _ in envelope.signatures), statement)
+
+
 def _signers(envelope: Envelope, keys: Sequence[PublicKey]) -> list[str]:
     """Trusted keys that signed; a wrong signature in the name of one of them is not passed over."""
     names = []
@@ -98,13 +115,11 @@ def _signers(envelope: Envelope, keys: Sequence[PublicKey]) -> list[str]:
     return names
 
 
-def _statement(bundle: Opened, payload: bytes) -> dict[str, Any]:
-    subject, statement = provenance.subject_of(payload)
-    if subject != bundle.digest:
+def _refuse_other(bundle: Opened, subject: str) -> None:
+    if subject != bundle.descriptor.digest:
         raise BundleRefused(
             "the provenance is that of another bundle",
             code="DXB-S311",
-            facts={"about": f"sha256:{subject}", "bundle": f"sha256:{bundle.digest}"},
+            facts={"about": f"sha256:{subject}", "bundle": f"sha256:{bundle.descriptor.digest}"},
             hint="get the bundle again from where it came",
         )
-    return statement
