@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -11,27 +10,23 @@ from typing import TYPE_CHECKING
 from dextera_build.errors import UsageError, listing
 
 if TYPE_CHECKING:
-    from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.executors.ray_worker import Setup
     from dextera_build.engine.graph import RuleFacts
     from dextera_build.engine.tasks import Executor
     from dextera_build.project import Project
     from dextera_build.session import Session
 
-RUNNER = "dextera_build.code.runner:run_task"
+RUNNER = "dextera_build.code.entry:run_task"
 
 
 @contextmanager
-def executor(
-    session: Session, rules: Iterable[RuleFacts], *, idle: bool = False, soon: bool = False
-) -> Iterator[Executor]:
+def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False) -> Iterator[Executor]:
     """What runs the nodes of one build, as the settings say.
 
     Args:
         session: The recipe that is built.
         rules: Those that may run.
         idle: Nothing will run, so that no cluster and no device is looked for.
-        soon: Something will run, so that a worker is started at once.
     """
     kind, _, address = session.project.executor.partition(":")
     if kind == "ray" and not idle:
@@ -42,32 +37,18 @@ def executor(
         project = session.project
         wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
         capacity = project.capacity(gpus=wants_gpu)
-        nursery, session.nursery = session.nursery, None
-        with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity, nursery=nursery) as workers:
-            if soon:
-                workers.warm()
+        with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity) as workers:
             yield workers
 
 
-def load(nursery: Nursery, project: Project | None = None) -> None:
-    """Have a nursery load what workers need, those of a project or of any."""
-    environment = _environment(project) if project else _everywhere()
-    nursery.load(RUNNER, environment, [entry for entry in sys.path if entry])
-
-
 def _environment(project: Project) -> dict[str, str]:
-    environment = _everywhere()
-    environment["DXB_CALLS"] = project.calls
-    if listed := project.remotes.listed:
-        environment["DXB_REMOTES"] = listed
-    return environment
-
-
-def _everywhere() -> dict[str, str]:
     # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     # No rule needs plug-ins of pydantic, and a look for some goes through all that is installed.
     environment["PYDANTIC_DISABLE_PLUGINS"] = os.environ.get("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    environment["DXB_CALLS"] = project.calls
+    if listed := project.remotes.listed:
+        environment["DXB_REMOTES"] = listed
     return environment
 
 

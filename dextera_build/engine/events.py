@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import types
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from typing import Any, ClassVar, Literal, TypeAlias, get_args, get_origin, get_type_hints
 
-from dextera_build import digest as digests
 from dextera_build.redact import redact
 
 Status: TypeAlias = Literal["cached", "ran", "fetched", "failed", "waits", "cancelled"]
 
-_SPELL = digests.speller(separators=(", ", ": "), sort_keys=True, default=dict)
+_spell = json.JSONEncoder(sort_keys=True, ensure_ascii=False, default=dict).encode
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Event:
 
     def to_line(self) -> str:
         """One JSON line with the event's kind under `event`."""
-        return _SPELL({"event": self.kind, **self.__dict__})
+        return _spell({"event": self.kind, **self.__dict__})
 
 
 @dataclass(frozen=True)
@@ -194,18 +194,6 @@ class Uploaded(Event):
     """How many results were not uploaded."""
     reason: str
     """Why the first of them was not."""
-
-
-@dataclass(frozen=True)
-class NodesKept(Event):
-    """So many nodes stand above nothing that changed since `run`: they are cached, with what its log says of them.
-
-    `eventlog.read` puts a `node_finished` for each in place of this.
-    """
-
-    kind: ClassVar[str] = "nodes_kept"
-    run: str
-    nodes: int
 
 
 @dataclass(frozen=True)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeAlias
 
-from dextera_build.engine.memory import hold_large_apart
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 from dextera_build.recipe import limits, matrix, strict_yaml
 from dextera_build.recipe.strict_yaml import Node
 
-_LARGE = 1 << 20
-"""A file of this size declares ten thousand nodes or more [bytes]."""
 _NAME = "abcdefghijklmnopqrstuvwxyz0123456789_"
 
 
@@ -45,25 +41,6 @@ class CallDecl:
     def keys(self) -> dict[str, Place]:
         """Where each key stands."""
         return self.node.keys
-
-
-@dataclass(frozen=True, slots=True)
-class PackedCall:
-    """A call as a recipe holds it: checked, and packed where there are many; there may be a hundred thousand."""
-
-    name: str
-    rule: str
-    node: Node
-
-    @property
-    def decl(self) -> CallDecl:
-        """The call, made anew each time."""
-        return _call(self.name, self.node.opened())
-
-    @property
-    def place(self) -> Place:
-        """Where its rule stands."""
-        return self.decl.place
 
 
 @dataclass(frozen=True)
@@ -99,7 +76,7 @@ class MatrixDecl:
     place: Place
 
 
-Decl: TypeAlias = PackedCall | UseDecl | GroupDecl | MatrixDecl
+Decl: TypeAlias = CallDecl | UseDecl | GroupDecl | MatrixDecl
 
 
 @dataclass(frozen=True)
@@ -141,11 +118,8 @@ def read(file: Path, address: str, shown: str | None = None) -> Recipe:
         RecipeError: With the place of what is wrong.
     """
     try:
-        size = file.stat().st_size
-        if size > limits.MOST_BYTES:
+        if file.stat().st_size > limits.MOST_BYTES:
             raise OSError(f"it is larger than {limits.MOST_BYTES >> 20} MiB")
-        if size > _LARGE:
-            hold_large_apart()
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise RecipeError(f"cannot read the recipe: {error}", code="DXB-R100", where=Place(str(file))) from None
@@ -230,11 +204,7 @@ def _nodes(node: Node | None, where: Place) -> dict[str, Decl]:
     return found
 
 
-def _node(name: str, held: Node, place: Place) -> Decl:
-    rule = _rule_of(held)
-    if rule is not None:
-        return PackedCall(name, sys.intern(rule), held)
-    node = held.opened()
+def _node(name: str, node: Node, place: Place) -> Decl:
     if not isinstance(node.value, dict):
         raise RecipeError(f"the node `{name}` is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
     kinds = [kind for kind in ("rule", "recipe", "each", "matrix") if kind in node.value]
@@ -254,16 +224,7 @@ def _node(name: str, held: Node, place: Place) -> Decl:
     if kinds == ["recipe"]:
         _text(node.value["recipe"], "recipe")
         return UseDecl(name, node.value["recipe"], _arguments(node), place)
-    return PackedCall(name, sys.intern(_call(name, node).rule), held)
-
-
-def _rule_of(held: Node) -> str | None:
-    """The rule of a packed call of which nothing is wrong here; None of all else, which is to be looked at in full."""
-    found = held.outline()
-    if found is None or not found.keys().isdisjoint(("recipe", "each", "matrix")):
-        return None
-    texts = (found.get("rule"), found.get("salt", ""), found.get("backend", ""))
-    return found["rule"] if all(type(text) is str for text in texts) else None
+    return _call(name, node)
 
 
 def _call(name: str, node: Node) -> CallDecl:

@@ -131,7 +131,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[_Here]:
     monkeypatch.setattr("dextera_build.engine.executors.ray._LOOK_S", 0.1)
     yield _Here()
     for place in ray_worker._here:
-        place._pool.close()
+        place._pool.stop()
     ray_worker._here.clear()
 
 

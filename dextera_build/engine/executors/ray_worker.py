@@ -78,8 +78,8 @@ class Place:
         self._staging.bring(task.inputs.values())
         if fresh and task.key:
             self._store.keep.drop(task.key)
-        # Ray has made the folder with the project's code the current one. The driver publishes the result.
-        task = replace(task, store=str(self._store.root), project=os.getcwd(), devices=_devices(), document=b"")
+        # Ray has made the folder with the project's code the current one.
+        task = replace(task, store=str(self._store.root), project=os.getcwd(), devices=_devices())
         self._pool.submit(task)
         again = True
         end: Ended | None = None
