@@ -39,6 +39,8 @@ EXECUTORS = ("local", "ray")
 PROFILES = ("stub", "cpu", "gpu", "cloud")
 CONSOLES = ("live", "plain", "jsonl", "none")
 """What a build may show; `auto`, the default, chooses between the first two."""
+_OVER = ("environment", "command line")
+"""Origins of settings that are no file's."""
 _ON, _OFF = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
 """What a setting that is true or false may be spelled as, in a file or in the environment."""
 _BARE = "settings stand here without `tool.dxb`: `[resources]`, not `[tool.dxb.resources]`"
@@ -123,6 +125,12 @@ class Project:
         return str(self.config["profile"].value)
 
     @property
+    def own_profile(self) -> str:
+        """The profile of the files, whatever the environment and the command line say."""
+        named = [values["profile"] for origin, values in self._layers() if "profile" in values and origin not in _OVER]
+        return str(named[-1] if named else _DEFAULTS["profile"])
+
+    @property
     def jobs(self) -> int:
         """Cores to share out among nodes; 0 in the settings means all that this process may use."""
         value = self.config["jobs"].value
@@ -176,7 +184,7 @@ class Project:
         from dextera_build.engine.capacity import measure
 
         said = dict(self.config["resources"].value)
-        if self.config["jobs"].origin in ("command line", "environment"):
+        if self.config["jobs"].origin in _OVER:
             said.pop("cpu", None)
         return measure(self.jobs, said, gpus=gpus)
 
@@ -317,10 +325,10 @@ class Project:
             if file.is_file():
                 yield self.shown(file), settings_file.read(file)
         yield (
-            "environment",
+            _OVER[0],
             {name: os.environ[f"DXB_{name.upper()}"] for name in _DEFAULTS if os.environ.get(f"DXB_{name.upper()}")},
         )
-        yield "command line", self._flags
+        yield _OVER[1], self._flags
 
 
 def find(start: Path | None = None, flags: Mapping[str, Any] | None = None) -> Project:

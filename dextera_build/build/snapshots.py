@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dextera_build import digest
+from dextera_build import __version__, digest
 from dextera_build.engine import snapshot
-from dextera_build.errors import DxbError, StoreError
-
-_DEEPEST = 30
-"""After so many builds that went on from one another comes one that looks at everything: its log stands alone."""
 
 if TYPE_CHECKING:
-    from dextera_build.engine.execute import RunResult
-    from dextera_build.engine.known import Known
-    from dextera_build.engine.snapshot import Head, Stale
+    from dextera_build.build.build import Order
+    from dextera_build.build.export import Placed
+    from dextera_build.build.lock import Locking
+    from dextera_build.engine.snapshot import Head
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
+    from dextera_build.session import Session
     from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
-    from dextera_build.store.store import Store
 
 
 @dataclass(frozen=True)
@@ -36,78 +31,54 @@ class Seen:
     presence: Presence
 
 
-@dataclass(frozen=True)
-class Near:
-    """A build to go on from."""
+def seen(session: Session, watch: Watch | None = None) -> Seen:
+    """Nothing yet, or what `watch` has noted of other recipes."""
+    from dextera_build.store.presence import Presence
+    from dextera_build.store.signature import Watch
 
-    stale: Stale
-    known: Known
-
-    @property
-    def idle(self) -> bool:
-        """Whether the files that changed hold what they held."""
-        return not self.known.cone
-
-    @property
-    def placed(self) -> bool:
-        """Whether all that was written is there."""
-        return snapshot.is_placed(self.stale.head)
+    return Seen(watch or Watch(), Presence(str(session.store.root)))
 
 
-def load(project: Project, fingerprint: Mapping[str, object]) -> Stale | None:
-    """What is remembered of the same request, if nothing that it saw has changed since but files.
+def load(session: Session, order: Order, locking: Locking) -> Head | None:
+    """The snapshot of the same request, if nothing that it rests on has changed since.
 
-    The `lines` of its head are the number of nodes and what it printed.
+    Its `lines` are the number of nodes and what was placed.
     """
-    return snapshot.load_if_near(place(project, fingerprint), dict(fingerprint))
+    return snapshot.load_if_fresh(place(session, order, locking), _request(session, order, locking))
 
 
-def save(
-    project: Project, fingerprint: Mapping[str, object], seen: Seen, plan: Plan, result: RunResult, lines: list[str]
-) -> Head | None:
-    """Remember a build that went well; None where that cannot be.
-
-    A file that was changed after `seen` was made keeps the snapshot from being written, so it may be noted here.
-    """
-    from dextera_build.engine import known
-    from dextera_build.engine.memory import give_back
-    from dextera_build.recipe.content import content
-
-    give_back(len(result.nodes))
-    outputs = _placed(lines)
-    watch, path = seen.watch, place(project, fingerprint)
-    fixed = note(project, watch, plan)
-    watch.blobs(outputs)
-    store = (str(project.cache), seen.presence)
-    snapshot.forget(path)
-    assert result.wiring is not None
-    with suppress(StoreError):
-        if not known.write(path, plan.graph, result.wiring, result.run, result.peak_gb):
-            snapshot.forget(path.with_suffix(".plan"))
-    contents = {str(file): content(file) for file in plan.recipes}
-    contents |= {str(file): said for file, said in project.library.code.contents().items()}
-    more = {"fixed": fixed, "contents": contents, "nodes": str(len(result.nodes))}
-    return snapshot.save(path, dict(fingerprint), watch, [str(len(result.nodes)), *lines], store, more)
+def save(session: Session, order: Order, locking: Locking, seen: Seen, nodes: int, placed: Placed) -> Head | None:
+    """Remember a build that went well; None where that cannot be."""
+    seen.watch.present = placed.present
+    lines = [str(nodes), *(f"{node}\t{path}" for node, path in placed.paths.items())]
+    store = (str(session.project.cache), seen.presence)
+    return snapshot.save(place(session, order, locking), _request(session, order, locking), seen.watch, lines, store)
 
 
-def note(project: Project, watch: Watch, plan: Plan) -> list[str]:
-    """Note what planning read, and return it: recipes, code, configuration, and folders in which a new one would lie.
+def place(session: Session, order: Order, locking: Locking) -> Path:
+    """Where the snapshot of a request lies."""
+    asked = _request(session, order, locking)
+    # Pins change with what is built; the request is the same.
+    pins = asked["lock"]
+    asked["lock"] = pins[:2] if isinstance(pins, list) else None
+    return session.project.cache / "local" / "snapshots" / digest.of_value(asked)[:32]
+
+
+def note(project: Project, watch: Watch, plan: Plan) -> None:
+    """Note what planning read: recipes, code, configuration, and folders in which a new one would lie.
 
     Packages that are installed are noted, too.
     """
     from dextera_build.code.loader import bundled
 
     configuration = [project.root / name for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml")]
-    noted = [os.fspath(file) for file in (*plan.recipes, *project.library.code.files(), *configuration)]
-    for file in noted:
+    for file in (*plan.recipes, *project.library.code.files(), *configuration):
         watch.file(file)
     # A new rule, backend or recipe: all change the names in a folder.
     for folder in (*project.library.folders(), project.root / "recipes", bundled("recipes")):
         if folder.is_dir():
             watch.folder(folder)
-            noted.append(os.fspath(folder))
     note_packages(watch)
-    return noted
 
 
 def note_packages(watch: Watch) -> None:
@@ -116,94 +87,21 @@ def note_packages(watch: Watch) -> None:
         watch.modules(entry or os.getcwd())
 
 
-def near(project: Project, fingerprint: Mapping[str, object], stale: Stale, store: Store) -> Near | None:
-    """What the last build of a request knew, if nothing changed since but files that nodes read, and comments."""
-    try:
-        return _known(project, place(project, fingerprint), stale, store)
-    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError):
-        return None  # it was damaged, or another version wrote it
-    except DxbError:
-        return None  # a file cannot be read; planning says it better
-
-
-def _known(project: Project, path: Path, stale: Stale, store: Store) -> Near | None:
-    from dextera_build.engine import known
-    from dextera_build.store.traces.look import Look
-
-    leaves = store.leaves
-    said = [name for name in stale.changed if name in stale.head["fixed"]]
-    if not all(_says_the_same(name, stale.head, store) for name in said):
-        return None
-    found = known.read(path)
-    if found.depth >= _DEEPEST or not (project.cache / "runs" / found.run).is_dir():
-        return None
-    files = [name for name in stale.changed if name not in said or name in found.leaves]
-    nodes, others = found.reread.changed(stale.changed, Look(project.root, leaves, store.root))
-    tops = {name: _leaf_of(name, found.head["leaves"]) for name in files}
-    declared = {top for top in tops.values() if top is not None}
-    if any(tops[name] is None for name in files if name in others) or not all(
-        _is_whole(top, stale.head) for top in declared
-    ):
-        return None
-    changed = [top for top in declared if leaves.digest_leaf(Path(top)) != found.leaves[top]]
-    return Near(stale, found) if found.spread(changed, nodes) else None
-
-
-def renew(project: Project, fingerprint: Mapping[str, object], seen: Seen, near: Near, lines: list[str]) -> Head | None:
-    """Remember a build that went on from another; None where that cannot be."""
-    path = place(project, fingerprint)
-    seen.watch.blobs(file for file in _placed(lines) if file not in seen.watch.present)
-    with suppress(StoreError, OSError, ValueError):
-        near.known.write_state(path)
-        near.stale.head["request"] = dict(fingerprint)
-        return snapshot.renew(path, near.stale, seen.watch, [near.stale.head["nodes"], *lines], seen.presence)
-    return None
-
-
-def told(lines: Sequence[str]) -> str:
-    """What a build prints of what it placed: paths below the current folder are relative to it."""
-    here = f"{os.getcwd()}/"
-    text = "".join([f"{line}\n" for line in lines])
-    if text.count("\t") == len(lines):  # no path has one
-        return text.replace(f"\t{here}", "\t")
-    said = (line.partition("\t") for line in lines)
-    return "".join(f"{node}\t{path.removeprefix(here)}\n" for node, _, path in said)
-
-
-def _placed(lines: list[str]) -> list[str]:
-    return [line.partition("\t")[2] for line in lines]
-
-
-def _says_the_same(name: str, head: Mapping[str, Mapping[str, str | None]], store: Store) -> bool:
-    """Whether only comments and layout of a recipe or of a rule's source changed."""
-    if store.leaves.watch is not None:
-        store.leaves.watch.file(name)
-    if name.endswith(".yaml"):
-        from dextera_build.recipe.content import content
-    else:
-        from dextera_build.code.code_digest import content
-    known = head["contents"].get(name)
-    return known is not None and content(Path(name)) == known
-
-
-def _leaf_of(name: str, leaves: Mapping[str, object]) -> str | None:
-    """The declared file or folder that a watched one is or lies in."""
-    while name not in leaves:
-        above = os.path.dirname(name)
-        if above == name:
-            return None
-        name = above
-    return name
-
-
-def _is_whole(leaf: str, head: Mapping[str, Mapping[str, object]]) -> bool:
-    """Whether a declared file is a file still, and a folder a folder: the plan depends on that."""
-    return os.path.isdir(leaf) if leaf in head["folders"] else os.path.isfile(leaf)
-
-
-def place(project: Project, fingerprint: Mapping[str, object]) -> Path:
-    """Where a request is remembered."""
-    # Pins change with what is built; the request is the same.
-    locking = fingerprint.get("lock")
-    asked = {**fingerprint, "lock": locking[:2] if isinstance(locking, list) else None}
-    return project.cache / "local" / "snapshots" / digest.of_value(asked)[:32]
+def _request(session: Session, order: Order, locking: Locking) -> dict[str, object]:
+    """Everything but files that the answer depends on."""
+    added = session.added
+    return {
+        "dxb": __version__,
+        "python": sys.version,
+        "path": sys.path,
+        "root": str(session.project.root),
+        "recipe": session.recipe,
+        "targets": list(order.targets),
+        "profile": session.project.profile,
+        "variant": session.variant,
+        "input": {name: os.path.abspath(path) for name, path in added.inputs.items()},
+        "settings": list(added.settings),
+        "backends": dict(added.backends),
+        "whole": order.whole,
+        "lock": locking.state(session.recipe),
+    }

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from typing import TYPE_CHECKING
 
-from dextera_build import __version__
-from dextera_build.build import lock as locking
+from dextera_build.build import build, snapshots
+from dextera_build.build.build import Order
 from dextera_build.cli import options
-from dextera_build.errors import StoreError, UsageError
+from dextera_build.cli.shown import Shown, lines, tell
+from dextera_build.session import Session, addresses
 
 if TYPE_CHECKING:
-    from dextera_build.build.snapshots import Near
-    from dextera_build.engine.executors.nursery import Nursery
-    from dextera_build.engine.graph import Address
-    from dextera_build.engine.records import RunResult
-    from dextera_build.engine.snapshot import Head, Stale
-    from dextera_build.project import Project
-    from dextera_build.recipe.plan import Plan
-    from dextera_build.session import Session
+    from dextera_build.build.build import Built
+    from dextera_build.build.lock import Locking
+    from dextera_build.cli.notes import Notes
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,208 +42,65 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Build every recipe that is named, one after the other."""
+    from dextera_build.build.lock import Locking
     from dextera_build.cli.notes import Notes
 
     started = time.perf_counter()
-    args.notes = Notes(args.words)
-    project = options.project(args)
+    notes = Notes(args.words)
+    project, added = options.project(args), options.added(args)
     project.refuse_wrong_settings()
-    args.locking = locking.Locking(project, lock=args.lock, locked=args.locked, added=options.added(args))
+    locking = Locking(project, lock=args.lock, locked=args.locked, added=added)
     code = 0
     recipes = options.by_recipe(args.targets)
-    try:
-        for recipe, targets in recipes.items():
-            code = max(code, _build(args, project, recipe, targets, started))
-            started = time.perf_counter()
-            if code and not args.keep_going:
-                break
-    finally:
-        notice = args.locking.write()
-        if notice and project.console not in ("none", "jsonl"):
-            print(notice, file=sys.stderr)
+    for recipe, targets in recipes.items():
+        session = Session(project, recipe, added, makes=not args.check)
+        code = max(code, _build(args, session, _order(args, targets), locking, notes, started))
+        started = time.perf_counter()
+        if code and not args.keep_going:
+            break
     kind = project.console
     if not (code or args.force or args.lock or args.locked or project.asks_again or kind == "jsonl"):
-        args.notes.write(len(recipes), told=kind != "none")
+        notes.write(len(recipes), told=kind != "none")
     return code
 
 
-def _build(args: argparse.Namespace, project: Project, recipe: str, targets: list[str], started: float) -> int:
-    from dextera_build.build import snapshots as fresh
-
-    fingerprint = {
-        "dxb": __version__,
-        "python": sys.version,
-        "path": sys.path,
-        "root": str(project.root),
-        "recipe": recipe,
-        "targets": targets,
-        "profile": project.profile,
-        "input": {text: os.path.abspath(text.partition("=")[2]) for text in args.input},
-        "settings": args.settings,
-        "backends": args.backends,
-        "whole": args.whole,
-        "lock": args.locking.state(recipe),
-    }
-    stale = None if args.force or project.asks_again else fresh.load(project, fingerprint)
-    if stale is not None and stale.is_fresh:
-        args.notes.add(recipe, fresh.place(project, fingerprint), stale.head)
-        return _say_nothing_ran(project, recipe, stale.head, started)
-    return _run(args, project, recipe, targets, fingerprint, started, stale=stale)
+def _order(args: argparse.Namespace, targets: list[str]) -> Order:
+    return Order(targets, args.keep_going, args.force, args.whole, tuple(sys.argv[1:]))
 
 
-def _say_nothing_ran(project: Project, recipe: str, head: Head, started: float) -> int:
-    from dextera_build.build import snapshots as fresh
+def _build(
+    args: argparse.Namespace, session: Session, order: Order, locking: Locking, notes: Notes, started: float
+) -> int:
+    kind = session.project.console
+    built = build.answer(session, order, locking)
+    if built is not None:
+        _say_nothing_ran(session, built, time.perf_counter() - started)
+    elif args.check:
+        return _check(session, order, locking)
+    else:
+        with Shown(kind, verbose=args.verbose) as shown:
+            built = build.build(session, order, locking, shown)
+    notes.add(session, snapshots.place(session, order, locking), built.head)
+    tell(built, quiet=kind in ("none", "jsonl"))
+    print(lines(built.paths), end="")
+    return 0 if built.ok else 1
 
-    nodes, *lines = head["lines"]
-    seconds = time.perf_counter() - started
-    kind = project.console
+
+def _check(session: Session, order: Order, locking: Locking) -> int:
+    from dextera_build.cli.stale import check
+
+    plan = session.plan()
+    wanted = [address for target in order.targets for address in addresses(plan.graph, target)]
+    locking.refuse(session, plan, wanted)
+    return check(session, plan.graph, wanted)
+
+
+def _say_nothing_ran(session: Session, built: Built, seconds: float) -> None:
+    kind = session.project.console
     if kind == "jsonl":
         from dextera_build.engine.events import RunFinished
 
-        print(RunFinished(time.time(), True, seconds, {"cached": int(nodes)}, 0.0).to_line(), file=sys.stderr)
+        print(RunFinished(time.time(), True, seconds, {"cached": built.nodes}, 0.0).to_line(), file=sys.stderr)
     elif kind != "none":
-        print(f"{recipe} is up to date   {nodes} node{'s' * (nodes != '1')}   {seconds:.2f} s", file=sys.stderr)
-    print(fresh.told(lines), end="")
-    return 0
-
-
-def _run(
-    args: argparse.Namespace,
-    project: Project,
-    recipe: str,
-    targets: list[str],
-    fingerprint: dict[str, object],
-    started: float,
-    *,
-    stale: Stale | None = None,
-) -> int:
-    """Build a recipe; `stale` is what is remembered of the same request, None where all is to be looked at."""
-    from dextera_build.build import snapshots as fresh
-    from dextera_build.engine.graph import Plan
-    from dextera_build.session import Session, addresses
-    from dextera_build.store.presence import Presence
-    from dextera_build.store.signature import Watch
-
-    session = Session(project, recipe, makes=not args.check)
-    seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
-    session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
-    quick = not (args.check or args.locked or project.console == "jsonl")
-    place = fresh.place(project, fingerprint)
-    near = fresh.near(project, fingerprint, stale, session.store) if stale and quick else None
-    if near is not None and near.idle:
-        _end_nursery(args)
-        head = near.stale.head
-        if not _is_placed(session, near):
-            return _run(args, project, recipe, targets, fingerprint, started)
-        args.notes.add(recipe, place, fresh.renew(project, fingerprint, seen, near, head["lines"][1:]))
-        return _say_nothing_ran(project, recipe, head, started)
-    session.nursery = _nursery(args, project, soon=near is not None)
-    plan = (
-        Plan(near.known.graph, (), tuple(near.known.rules))
-        if near
-        else session.plan(options.request(args, project.profile))
-    )
-    wanted = [address for target in targets for address in addresses(plan.graph, target)]
-    args.locking.refuse(session, plan, wanted)
-    if args.check:
-        from dextera_build.cli.stale import check
-
-        return check(session, plan.graph, wanted)
-    _refuse_unknown_force(args.force, plan)
-    made = _make(args, session, plan, wanted, near)
-    if made is None:
-        return _run(args, project, recipe, targets, fingerprint, started)
-    result, lines = made
-    print(fresh.told(lines), end="")
-    if result.ok:
-        args.locking.note(session, plan, wanted, result)
-        fingerprint["lock"] = args.locking.state(recipe)
-        if near is not None:
-            saved = fresh.renew(project, fingerprint, seen, near, lines)
-        else:
-            saved = fresh.save(project, fingerprint, seen, plan, result, lines)
-        args.notes.add(recipe, place, saved)
-    return 0 if result.ok else 1
-
-
-def _is_placed(session: Session, near: Near) -> bool:
-    """Whether all that was written is there, or could be written again."""
-    from dextera_build.build import export as results
-
-    if not near.placed:
-        nodes, *lines = near.stale.head["lines"]
-        written = results.restore(session, near.known, [line.partition("\t")[0] for line in lines])
-        if written is None:
-            return False
-        near.stale.head["lines"] = [nodes, *written]
-    return True
-
-
-def _nursery(args: argparse.Namespace, project: Project, *, soon: bool) -> Nursery | None:
-    """What makes workers: begun already, or a fork of this process as long as it has opened nothing; else None.
-
-    Args:
-        args: The command line.
-        project: For which workers would be.
-        soon: There will be some, so that it loads what they need.
-    """
-    from dextera_build.build import executors
-    from dextera_build.engine.executors.nursery import Nursery
-    from dextera_build.engine.nursery import is_alone
-
-    if args.check or project.executor != "local":
-        return None
-    made: Nursery | None = args.nursery
-    if made is None and args.own and is_alone():
-        made = Nursery(forked=True)
-    args.own, args.nursery = False, None  # it may be once
-    if made is not None and soon:
-        executors.load(made, project)
-    return made
-
-
-def _end_nursery(args: argparse.Namespace) -> None:
-    """Nothing will run."""
-    if args.nursery is not None:
-        args.nursery.end()
-        args.nursery = None
-
-
-def _make(
-    args: argparse.Namespace, session: Session, plan: Plan, wanted: list[Address], near: Near | None
-) -> tuple[RunResult, list[str]] | None:
-    """Build, and place what was asked for; None where what was known is not there, and all must be looked at."""
-    from dextera_build.build import export as results
-    from dextera_build.cli import execution
-    from dextera_build.store.cas import MissingBlob
-
-    # Until its results are placed nobody may collect them.
-    with session.store.running.announced():
-        result = execution.execute(session, plan, wanted, args, near.known if near else None)
-        if result.ok:
-            args.locking.refuse(session, plan, wanted)
-        try:
-            return result, results.place(session, result, near.stale.head if near else None)
-        except StoreError as error:
-            if error.code != MissingBlob.CODE:
-                if any(failed.code == error.code for failed in result.own.errors().values()):
-                    return result, []  # a node failed of the same, and that was said
-                raise
-            if near is not None:
-                return None
-            # A blob was damaged on disk. All such are set aside, so building again makes them anew.
-            for node in result.targets:
-                session.store.actions.verify(result.nodes[node].key or "")
-            result = execution.execute(session, plan, wanted, args)
-            return result, results.place(session, result)
-
-
-def _refuse_unknown_force(names: list[str], plan: Plan) -> None:
-    from dextera_build.session import addresses
-
-    for name in names:
-        try:
-            addresses(plan.graph, name.partition(":")[2] or name)
-        except UsageError as error:
-            error.message = f"`--force {name}`: {error.message}"
-            raise
+        many = "s" * (built.nodes != 1)
+        print(f"{session.recipe} is up to date   {built.nodes} node{many}   {seconds:.2f} s", file=sys.stderr)

@@ -40,6 +40,8 @@ class RunStarted(Event):
     calls: int
     groups: int
     argv: list[str] = field(default_factory=list)
+    variant: str = ""
+    """What tells the request from the recipe's own."""
 
 
 @dataclass(frozen=True)

@@ -57,10 +57,12 @@ class History:
         store: Holds the file, in its machine-local part.
         recipe: Address of the recipe.
         project: Folder of the project; two projects may share a store and have recipes of one name.
+        variant: What tells the request from the recipe's own; "" for that.
     """
 
-    def __init__(self, store: Store, recipe: str, project: str = "") -> None:
-        name = digests.of_value([project, recipe])[:16]
+    def __init__(self, store: Store, recipe: str, project: str = "", variant: str = "") -> None:
+        name = digests.of_value([project, recipe, variant] if variant else [project, recipe])[:16]
+        self._base = History(store, recipe, project) if variant else None
         stem = "".join(c if c.isalnum() else "-" for c in recipe)[-40:]
         self._path = store.local / "history" / f"{stem}-{name}.json"
         self._project = project
@@ -72,11 +74,11 @@ class History:
         """Write what is new beside what is known, so that a small build need not read all of it."""
 
     def get(self, address: str) -> Entry | None:
-        """The entry of a node, or None where it was never made here."""
-        return self._load().entry(address)
+        """The entry of a node, else that of the recipe's own request; None where it was never made here."""
+        return self._load().entry(address) or (self._base.get(address) if self._base else None)
 
     def all(self) -> dict[str, Entry]:
-        """Every entry."""
+        """Every entry of this request."""
         return dict(self._load())
 
     def note(self, address: str, entry: Entry) -> None:
