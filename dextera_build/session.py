@@ -125,7 +125,6 @@ class Session:
         Raises:
             UsageError: No recipe is called so.
         """
-        from dextera_build.engine.memory import give_back
         from dextera_build.recipe import settings
         from dextera_build.recipe.plan import Request, plan
 
@@ -141,7 +140,6 @@ class Session:
         request = Request(self.project.profile, added.inputs, tuple(texts), added.backends)
         made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
         self.project.forget_recipes()
-        give_back(len(made.graph.members))
         return made
 
     @cached_property
