@@ -140,7 +140,7 @@ class Project(settings_of.Project):
         locking = Locking(here, lock=lock, locked=locked, added=session.added)
         built = building.build(session, order, locking, listen or (lambda event: None))
         result = built.run_result
-        paths = {node: Path(path) for node, path in built.paths.items()}
+        paths = {node: Path(path) for node, path in built.placed.paths.items()}
         errors = {**result.errors, **result.own.errors()}
         return Result(result.ok, built.run, result.nodes, result.targets, paths, errors, session)
 

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 from dextera_build import __version__
 from dextera_build.build import fetch, snapshots
+from dextera_build.build.snapshots import Placed
 from dextera_build.errors import DxbError, StoreError, UsageError
 from dextera_build.session import Session, addresses
 
 if TYPE_CHECKING:
-    from dextera_build.build.export import Out, Placed
+    from dextera_build.build.export import Out
     from dextera_build.build.lock import Locking
     from dextera_build.build.snapshots import Seen
     from dextera_build.engine.dryrun import Planned
@@ -48,18 +49,16 @@ class Order:
 class Built:
     """What became of an order."""
 
-    paths: dict[str, str]
-    """Address of every target that was placed -> whole path of its main file."""
     nodes: int
     """How many the targets need."""
+    placed: Placed = field(default_factory=Placed)
+    """The targets in `out/`."""
     result: RunResult | None = None
     """What became of every node; None where a snapshot answered, so that nothing was looked at."""
     run: str = ""
     """Id of the run; "" where there was none, or the store cannot be written."""
     lost: int = 0
     """How many events had no room in the log of the run."""
-    kept: dict[str, str] = field(default_factory=dict)
-    """Address of a target whose files somebody changed -> folder in which these are now."""
     notice: str = ""
     """What changed in `dxb.lock`."""
     head: Head | None = None
@@ -86,8 +85,8 @@ def answer(session: Session, order: Order, locking: Locking) -> Built | None:
         return None
     session.note_last()
     nodes, *lines = head["lines"]
-    paths = dict(line.split("\t", 1) for line in lines)
-    return Built(paths, int(nodes), notice=locking.write(), head=head)
+    placed = Placed(dict(line.split("\t", 1) for line in lines))
+    return Built(int(nodes), placed, notice=locking.write(), head=head)
 
 
 def build(session: Session, order: Order, locking: Locking, listen: Listener, seen: Seen | None = None) -> Built:
@@ -119,96 +118,98 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, se
     locking.refuse(session, plan, wanted)
     # Until its results are placed nobody may collect them.
     with store.running.announced():
-        built = _run(session, order, plan, wanted, listen)
+        build = _Build(session, order, plan, wanted, listen)
+        built = build.run()
         if built.ok:
             locking.refuse(session, plan, wanted)
         out = Out(session)
         with out.held():
-            built, placed = _place(out, built, session, order, plan, wanted, listen)
-            built = replace(built, paths=placed.paths, kept=placed.kept)
+            built = build.place(out, built)
             if not built.ok:
                 return built
             locking.note(session, plan, wanted, built.run_result)
-            notice = locking.write()
-            return replace(
-                built, notice=notice, head=snapshots.save(session, order, locking, seen, built.nodes, placed)
+            built = replace(built, notice=locking.write())
+            return replace(built, head=snapshots.save(session, order, locking, seen, built))
+
+
+@dataclass(frozen=True)
+class _Build:
+    session: Session
+    order: Order
+    plan: Plan
+    wanted: Sequence[Address]
+    listen: Listener
+
+    def run(self) -> Built:
+        """Run what is stale, with the executor and the remotes of the settings, and an event log."""
+        from dextera_build.build.executors import executor
+        from dextera_build.engine.eventlog import EventLog
+        from dextera_build.engine.events import fan_out
+        from dextera_build.engine.execute import RunInfo, build
+
+        session, order, project = self.session, self.order, self.session.project
+        brings = order.bring_from is not None
+        with executor(session, self.plan.rules, idle=brings) as workers, EventLog(session.store, gathers=True) as log:
+            info = RunInfo(log.run, str(project.root), project.profile, __version__, tuple(order.argv), session.variant)
+            result = build(
+                self.plan.graph,
+                self.wanted,
+                store=session.store,
+                executor=workers,
+                listen=fan_out(log, self.listen),
+                info=info,
+                keep_going=order.keep_going,
+                force=order.forced,
+                # What is only brought runs nowhere.
+                only=frozenset() if brings or project.remotes.local == "r" else None,
+                exchange=order.bring_from or fetch.usable(session),
+                recall=project.asks_again and not brings,
+                whole=order.whole or brings,
+                pause=log.flush,
             )
+        session.note_last()
+        return Built(result=result, nodes=len(result.nodes), run=log.run, lost=log.lost)
+
+    def place(self, out: Out, built: Built) -> Built:
+        """Place the targets; where bytes of one were damaged on disk, build once more."""
+        from dextera_build.store.cas import MissingBlob
+
+        result = built.run_result
+        try:
+            placed = out.place(result, self._out_of_date(out, result) if built.ok else ())
+        except StoreError as error:
+            if error.code != MissingBlob.CODE:
+                if any(failed.code == error.code for failed in result.own.errors().values()):
+                    return built  # a node failed of the same, and that was said
+                raise
+            # All damaged blobs are set aside, so building again makes them anew.
+            for node in result.targets:
+                self.session.store.actions.verify(result.nodes[node].key or "")
+            built = self.run()
+            placed = out.place(built.run_result)
+        return replace(built, placed=placed)
+
+    def _out_of_date(self, out: Out, result: RunResult) -> list[str]:
+        """Nodes whose copies in `out/` are not what the recipe makes now: gone, or of an earlier capture."""
+        others = {node: output for node, output in out.nodes().items() if node not in result.targets}
+        if not others:
+            return []
+        from dextera_build.engine.dryrun import plan as dry
+        from dextera_build.engine.graph import Address, parse_address
+
+        # The snapshot of this build does not rest on what is looked at here.
+        store, graph = self.session.store, self.plan.graph
+        store.leaves.watch = store.actions.presence = None
+        there = {call for call, _ in graph.calls()}
+        calls = dict.fromkeys(call for node in others if (call := parse_address(node).call) in there)
+        try:
+            now = {node.address: node for node in dry(graph, [Address(call) for call in calls], store)}
+        except DxbError:
+            return []  # the next build of these nodes says it
+        return [node for node, output in others.items() if node not in now or not _makes(now[node], output)]
 
 
-def _run(session: Session, order: Order, plan: Plan, wanted: Sequence[Address], listen: Listener) -> Built:
-    """Run what is stale, with the executor and the remotes of the settings, and an event log."""
-    from dextera_build.build.executors import executor
-    from dextera_build.engine.eventlog import EventLog
-    from dextera_build.engine.events import fan_out
-    from dextera_build.engine.execute import RunInfo, build
-
-    project, brings = session.project, order.bring_from is not None
-    with (
-        executor(session, plan.rules, idle=brings) as workers,
-        EventLog(session.store, gathers=True) as log,
-    ):
-        result = build(
-            plan.graph,
-            wanted,
-            store=session.store,
-            executor=workers,
-            listen=fan_out(log, listen),
-            info=RunInfo(log.run, str(project.root), project.profile, __version__, tuple(order.argv), session.variant),
-            keep_going=order.keep_going,
-            force=order.forced,
-            # What is only brought runs nowhere.
-            only=frozenset() if brings or project.remotes.local == "r" else None,
-            exchange=order.bring_from or fetch.usable(session),
-            recall=project.asks_again and not brings,
-            whole=order.whole or brings,
-            pause=log.flush,
-        )
-    session.note_last()
-    return Built({}, len(result.nodes), result, log.run, log.lost)
-
-
-def _place(
-    out: Out, built: Built, session: Session, order: Order, plan: Plan, wanted: Sequence[Address], listen: Listener
-) -> tuple[Built, Placed]:
-    """Place the targets; where bytes of one were damaged on disk, build once more."""
-    from dextera_build.build.export import Placed
-    from dextera_build.store.cas import MissingBlob
-
-    try:
-        return built, out.place(built.run_result, _out_of_date(out, built, session, plan))
-    except StoreError as error:
-        if error.code != MissingBlob.CODE:
-            if any(failed.code == error.code for failed in built.run_result.own.errors().values()):
-                return built, Placed()  # a node failed of the same, and that was said
-            raise
-    # All damaged blobs are set aside, so building again makes them anew.
-    for node in built.run_result.targets:
-        session.store.actions.verify(built.run_result.nodes[node].key or "")
-    built = _run(session, order, plan, wanted, listen)
-    return built, out.place(built.run_result)
-
-
-def _out_of_date(out: Out, built: Built, session: Session, plan: Plan) -> list[str]:
-    """Nodes whose copies in `out/` are not what the recipe makes now: gone, or of an earlier capture."""
-    result = built.run_result
-    others = {node: output for node, output in out.nodes().items() if node not in result.targets} if built.ok else {}
-    if not others:
-        return []
-    from dextera_build.engine.dryrun import plan as dry
-    from dextera_build.engine.graph import Address, parse_address
-
-    # The snapshot of this build does not rest on what is looked at here.
-    session.store.leaves.watch = session.store.actions.presence = None
-    there = {call for call, _ in plan.graph.calls()}
-    calls = dict.fromkeys(call for node in others if (call := parse_address(node).call) in there)
-    try:
-        now = {node.address: node for node in dry(plan.graph, [Address(call) for call in calls], session.store)}
-    except DxbError:
-        return []  # the next build of these nodes says it
-    return [node for node, output in others.items() if node not in now or not _is(now[node], output)]
-
-
-def _is(node: Planned, output: str) -> bool:
+def _makes(node: Planned, output: str) -> bool:
     return node.output == output or node.bare
 
 

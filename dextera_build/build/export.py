@@ -8,12 +8,13 @@ import re
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 from dextera_build import digest as digests
+from dextera_build.build.snapshots import Placed, Signatures
 from dextera_build.errors import DxbError
 from dextera_build.session import Session
 from dextera_build.store import durable, failpoints, files, header, sharing, signature
@@ -29,20 +30,6 @@ _SMALL = 1 << 20
 """Files up to this size [bytes] are written at once; larger ones never lie whole in memory."""
 _OLD_S = 3600.0
 """Unfinished folders of this age [s] go also where locks do not work."""
-Signatures: TypeAlias = dict[str, Signature]
-"""Path below a folder -> signature of the file."""
-
-
-@dataclass
-class Placed:
-    """What a build placed or found in place."""
-
-    paths: dict[str, str] = field(default_factory=dict)
-    """Address of a target -> whole path of its main file."""
-    present: Signatures = field(default_factory=dict)
-    """Whole path -> signature of every file of the targets, as it was written."""
-    kept: dict[str, str] = field(default_factory=dict)
-    """Address of a target whose files somebody changed -> folder in which these are now."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +85,7 @@ class Out:
         try:
             if stale or gone:
                 self._replace(table, {node: outputs[node] for node in outputs if node in stale}, gone, result)
+                self._placed.removed = gone
             elif self._session.project.durable and "ran" in result.own.statuses():
                 durable.settle(self._session.store.root)
         except OSError as error:
@@ -171,18 +159,18 @@ class Out:
     def _is_changed(self, folder: str, node: str, old: _Copy, rule: Callable[[str], str]) -> bool:
         """Whether a folder holds what dxb did not write; another time stamp of the same bytes is no change."""
         names = {*_files(folder)}
-        missing = old.files.keys() - names
-        if names <= old.files.keys() and (not names or (not missing and old.is_intact(folder))):
-            return False
         if not names <= old.files.keys():
             return True
+        touched = [name for name in names if signature.look(f"{folder}/{name}") != old.files[name]]
+        if not touched:
+            return False
         import filecmp  # seldom needed
 
         scratch = f"{self._scratch}/={_name(node)}"
         with suppress(DxbError, OSError):
             os.mkdir(scratch)
             self._restore(scratch, node, rule, old.output)
-            return any(not filecmp.cmp(f"{scratch}/{name}", f"{folder}/{name}", shallow=False) for name in names)
+            return not all(filecmp.cmp(f"{scratch}/{name}", f"{folder}/{name}", shallow=False) for name in touched)
         return True
 
     def _folder(self, node: str) -> str:

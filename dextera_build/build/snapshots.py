@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from dextera_build import __version__, digest
 from dextera_build.engine import snapshot
+from dextera_build.store.signature import Signature
 
 if TYPE_CHECKING:
-    from dextera_build.build.build import Order
-    from dextera_build.build.export import Placed
+    from dextera_build.build.build import Built, Order
     from dextera_build.build.lock import Locking
     from dextera_build.engine.snapshot import Head
     from dextera_build.project import Project
@@ -21,6 +21,24 @@ if TYPE_CHECKING:
     from dextera_build.session import Session
     from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
+
+
+Signatures: TypeAlias = dict[str, Signature]
+"""Path -> signature of the file."""
+
+
+@dataclass
+class Placed:
+    """What a build placed or found in place."""
+
+    paths: dict[str, str] = field(default_factory=dict)
+    """Address of a target -> whole path of its main file."""
+    present: Signatures = field(default_factory=dict)
+    """Whole path -> signature of every file of the targets, as it was written."""
+    kept: dict[str, str] = field(default_factory=dict)
+    """Address of a target whose files somebody changed -> folder in which these are now."""
+    removed: list[str] = field(default_factory=list)
+    """Addresses of nodes whose copies were out of date."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +65,10 @@ def load(session: Session, order: Order, locking: Locking) -> Head | None:
     return snapshot.load_if_fresh(place(session, order, locking), _request(session, order, locking))
 
 
-def save(session: Session, order: Order, locking: Locking, seen: Seen, nodes: int, placed: Placed) -> Head | None:
+def save(session: Session, order: Order, locking: Locking, seen: Seen, built: Built) -> Head | None:
     """Remember a build that went well; None where that cannot be."""
-    seen.watch.present = placed.present
-    lines = [str(nodes), *(f"{node}\t{path}" for node, path in placed.paths.items())]
+    seen.watch.present = built.placed.present
+    lines = [str(built.nodes), *(f"{node}\t{path}" for node, path in built.placed.paths.items())]
     store = (str(session.project.cache), seen.presence)
     return snapshot.save(place(session, order, locking), _request(session, order, locking), seen.watch, lines, store)
 

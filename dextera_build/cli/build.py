@@ -82,7 +82,7 @@ def _build(
             built = build.build(session, order, locking, shown)
     notes.add(session, snapshots.place(session, order, locking), built.head)
     tell(built, quiet=kind in ("none", "jsonl"))
-    print(lines(built.paths), end="")
+    print(lines(built.placed.paths), end="")
     return 0 if built.ok else 1
 
 

@@ -11,7 +11,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dextera_build import __version__
 from dextera_build.cli import quick
@@ -21,11 +21,11 @@ from dextera_build.errors import StoreError
 from dextera_build.project import deciding_files
 from dextera_build.store import files, presence, signature
 
-_MOST = 64
-"""So many notes are kept; each stands for one command line in one folder."""
 if TYPE_CHECKING:
     from dextera_build.session import Session
 
+_MOST = 64
+"""So many notes are kept; each stands for one command line in one folder."""
 Rows: TypeAlias = list[list[str]]
 
 

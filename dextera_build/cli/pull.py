@@ -58,7 +58,7 @@ def _bring(session: Session, target: str, args: argparse.Namespace) -> RunResult
     order = Order([target], keep_going=True, argv=sys.argv[1:], bring_from=fetch.exchange(session, "r", args.source))
     built = build(session, order, Locking(session.project, lock=False, locked=False, added=session.added), _Shown())
     tell(built)
-    print(lines(built.paths), end="", flush=True)
+    print(lines(built.placed.paths), end="", flush=True)
     return built.run_result
 
 
