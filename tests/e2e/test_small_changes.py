@@ -187,16 +187,6 @@ def test_a_target_above_no_change_is_written_again_where_its_file_is_gone(built:
     assert output(built, "c") == "one.txtTWO.TXT"
 
 
-def test_what_another_request_placed_is_placed_anew(built: Space) -> None:
-    built.write("other.txt", "TWO.TXT")
-    time.sleep(0.05)
-    build(built, "--input", "two=other.txt")
-    assert output(built, "c") == "one.txtTWO.TXT"
-    assert set((build(built)[1] or {}).values()) == {"cached"}
-    assert output(built, "c") == "one.txttwo.txt"
-    assert build(built)[1] is None
-
-
 HEAVY = ("numpy", "pydantic", "yaml", "rich", "dextera_build.recipe", "dextera_build.rule", "dextera_build.code.loader")
 LOADED = """
 import sys
