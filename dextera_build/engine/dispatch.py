@@ -22,7 +22,7 @@ from dextera_build.engine.states import State, States
 from dextera_build.engine.tasks import Ended, Executor, Queues, Report, Said, Task
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 
 _FEW = 2000

@@ -12,8 +12,7 @@ from dextera_build.engine.reading import Reading
 from dextera_build.engine.tasks import Ended
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError, RuleError, StoreError
-from dextera_build.store.actions import ActionResult
-from dextera_build.store.reapi import OutputFile
+from dextera_build.store.entry import ActionResult, File
 from dextera_build.store.store import Store
 from dextera_build.store.traces import tree
 
@@ -41,7 +40,7 @@ def result_of(store: Store, node: Node, report: Ended, reading: Reading) -> Acti
     store.keep.drop(key)
     result = _spelled(report, made)
     result.know(made["result"])
-    store.actions.rely(key, [OutputFile("", digest, size) for digest, size in made["needs"]])
+    store.actions.rely(key, [File("", digest, size) for digest, size in made["needs"]])
     return result
 
 

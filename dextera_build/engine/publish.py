@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dextera_build.errors import RuleError
-from dextera_build.store import inside
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 
 
@@ -46,9 +45,9 @@ def publish(
     result, sizes = result_from(store, reply, seconds, log, key)
     more: dict[str, Any] = {}
     if held:
-        entry, named = store.actions.spell(result, sizes=sizes, document=document)
-        needs = inside.blobs(named)
-        more["entry"] = entry.decode("latin-1")
+        entry = store.actions.made(result, sizes=sizes, document=document)
+        needs = entry.files
+        more["entry"] = entry.spell().decode("latin-1")
     else:
         needs = store.actions.write(key, result, sizes=sizes, document=document)
     return more | {
