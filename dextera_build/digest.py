@@ -5,53 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from json import encoder as _json
 from pathlib import Path
 from typing import Any
 
 _CHUNK = 1 << 20
 
 
-def speller(
-    *,
-    separators: tuple[str, str] = (",", ":"),
-    sort_keys: bool = False,
-    ensure_ascii: bool = False,
-    allow_nan: bool = True,
-    default: Callable[[Any], object] | None = None,
-) -> Callable[[object], str]:
-    """What spells plain data as JSON in one line; `json.JSONEncoder` makes all that it needs anew for each text.
-
-    Args:
-        separators: Between items, and between a key and its value.
-        sort_keys: Write mappings in the order of their keys.
-        ensure_ascii: Write other characters as escapes: also half a character, which file names may hold.
-        allow_nan: Write numbers that JSON does not have.
-        default: Makes plain data of what is none; without, that is a `TypeError`.
-    """
-    maker: Any = getattr(_json, "c_make_encoder", None)  # only CPython has it
-    plain = json.JSONEncoder(
-        separators=separators, sort_keys=sort_keys, ensure_ascii=ensure_ascii, allow_nan=allow_nan, default=default
-    )
-    if maker is None:
-        return plain.encode
-    between, behind_key = separators
-    # None: no note of what it is in the middle of, which an error would leave behind for the next text.
-    text = _json.encode_basestring_ascii if ensure_ascii else quoted
-    encode = maker(None, plain.default, text, None, behind_key, between, sort_keys, False, allow_nan)
-
-    def spell(value: object) -> str:
-        try:
-            return "".join(encode(value, 0))
-        except RecursionError:
-            raise ValueError("nested too deeply") from None
-
-    return spell
-
-
-quoted: Callable[[str], str] = _json.encode_basestring
+quoted: Callable[[str], str] = json.encoder.encode_basestring
 """A text as JSON has it."""
-_spell_canonical = speller(sort_keys=True, allow_nan=False)
+_spell_canonical = json.JSONEncoder(separators=(",", ":"), sort_keys=True, ensure_ascii=False, allow_nan=False).encode
 
 
 def of_bytes(data: bytes) -> str:
@@ -74,10 +36,13 @@ def canonical(value: object) -> bytes:
     1, 1.0 and "1" have different bytes; NaN and infinities are refused.
 
     Raises:
-        ValueError: `value` holds NaN or an infinity.
+        ValueError: `value` holds NaN or an infinity, or is nested deeper than can be written.
         TypeError: `value` holds something that is not plain data.
     """
-    return _spell_canonical(value).encode()
+    try:
+        return _spell_canonical(value).encode()
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
 
 
 def plain(text: bytes | str) -> Any:

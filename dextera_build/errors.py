@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from dextera_build.redact import redact
+
 
 @dataclass(frozen=True, slots=True)
 class Place:
@@ -46,12 +48,13 @@ class DxbError(Exception):
         facts: Mapping[str, object] | None = None,
         hint: str | None = None,
     ) -> None:
-        super().__init__(message)
-        self.message = message
+        # What failed is often an address, and that may hold a password.
+        self.message = redact(message)
+        super().__init__(self.message)
         self.code = code or f"DXB-{self.family}000"
         self.where = where
-        self.facts = {name: str(value) for name, value in (facts or {}).items()}
-        self.hint = hint
+        self.facts = {name: redact(str(value)) for name, value in (facts or {}).items()}
+        self.hint = redact(hint) if hint else hint
 
     def to_json(self) -> dict[str, object]:
         """Plain data that crosses a process border; `from_json` turns it back."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build import settings_file
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.store.remotes.choice import Choice
+from dextera_build.store.remotes.spec import Spec
 
 if TYPE_CHECKING:
     # A build that does nothing reads the settings and no recipe; it need not wait for these.
@@ -169,7 +170,7 @@ class Project:
         Raises:
             UsageError: A value is none that its setting can have.
         """
-        _ = self.jobs, self.executor, self.console, self.calls, self.durable, self.remotes.used
+        _ = self.jobs, self.executor, self.console, self.calls, self.durable, self.used_remotes
 
     def capacity(self, *, gpus: bool) -> Capacity:
         """What this machine has to share out, or what the settings say that it has; `gpus`: look for devices."""
@@ -225,8 +226,34 @@ class Project:
 
     @property
     def require_signed(self) -> bool:
-        """Whether bundles are refused that no trusted key signed."""
+        """Whether results from elsewhere are refused that no trusted key signed."""
         return self._is_on("require_signed")
+
+    @property
+    def used_remotes(self) -> list[Spec]:
+        """The remotes that a build uses, in the order in which they are asked.
+
+        Raises:
+            UsageError: The settings name none that can be, or none that may be.
+        """
+        return self.allowed(self.remotes.used if self.config else [])
+
+    def allowed(self, remotes: list[Spec]) -> list[Spec]:
+        """The same remotes, where the settings allow to use them.
+
+        Raises:
+            UsageError: Signatures are required, and results of one of them, which have none, would be read.
+        """
+        read = [spec.name for spec in remotes if "r" in spec.mode]
+        if read and self.require_signed:
+            raise UsageError(
+                "`require_signed` is set, and results of remotes are not signed",
+                code="DXB-U138",
+                facts={"read": listing(read), "from": self.config["require_signed"].origin},
+                hint="use no remote (`--cache local:rw`), or only write to them (mode `w`); "
+                "`dxb bundle import FILE` brings signed results",
+            )
+        return remotes
 
     def _is_on(self, name: str) -> bool:
         setting = self.config[name]

@@ -13,7 +13,6 @@ from dextera_build.store.store import Store
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
-    from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.history import Entry, History
     from dextera_build.recipe.plan import Plan, Request
 
@@ -45,8 +44,6 @@ class Session:
         self.project = project
         self.recipe = recipe
         self._makes = makes
-        self.nursery: Nursery | None = None
-        """What makes workers, where it was begun before there was anything to run."""
 
     @cached_property
     def store(self) -> Store:
@@ -59,7 +56,6 @@ class Session:
         Raises:
             UsageError: No recipe is called so.
         """
-        from dextera_build.engine.memory import give_back
         from dextera_build.recipe.plan import plan
 
         if self.project.recipe(self.recipe) is None:
@@ -72,7 +68,6 @@ class Session:
             )
         made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
         self.project.forget_recipes()
-        give_back(len(made.graph.members))
         return made
 
     @cached_property

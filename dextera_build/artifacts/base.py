@@ -38,6 +38,7 @@ from dextera_build.artifacts.arrays import Array as Array
 from dextera_build.artifacts.arrays import array_bytes, array_in, array_of, check_array, is_array, save_arrays
 from dextera_build.artifacts.content import SMALL, Content, Get, OnDisk, Put, Stored
 from dextera_build.artifacts.hints import arguments, first
+from dextera_build.artifacts.labels import check_labels, check_paths, path_fault
 from dextera_build.errors import ArtifactError, StoreError
 
 
@@ -97,7 +98,10 @@ class Artifact(BaseModel):
         if header["artifact"] != cls.name():
             raise ArtifactError(f"a {cls.name()} is needed here, but a {header['artifact']} came", code="DXB-A102")
         declared = _hints(cls)
-        return cls(**{name: _decode(raw, declared.get(name), get) for name, raw in header["fields"].items()})
+        made = cls.__new__(cls)
+        # What a subclass checks of values that people make does not apply to files of a project, which exist already.
+        Artifact.__init__(made, **{n: _decode(raw, declared.get(n), get) for n, raw in header["fields"].items()})
+        return made
 
     @classmethod
     def restore(cls, key: str, get: Get, folder: Path, stem: str) -> list[Path]:
@@ -146,6 +150,10 @@ class Collection(Artifact, Generic[T]):
 
     items: dict[str, T]
     """Label -> artifact. The label is not part of the item: renaming one leaves the item's digest alone."""
+
+    def __init__(self, **fields: Any) -> None:
+        super().__init__(**fields)
+        check_labels(self.name(), self.items)
 
 
 _FILE = re.compile(
@@ -259,6 +267,10 @@ class Folder(Artifact):
     files: dict[str, bytes]
     """Relative POSIX path -> content."""
 
+    def __init__(self, **fields: Any) -> None:
+        super().__init__(**fields)
+        check_paths(self.name(), self.files)
+
     def export(self, folder: Path, stem: str) -> list[Path]:
         """Write the tree below `folder`; the first path is the file that stands highest and first by name."""
         written = []
@@ -291,8 +303,9 @@ def _depth(name: str) -> tuple[int, str]:
 
 
 def _inside(folder: Path, name: str) -> Path:
-    if name.startswith("/") or ".." in name.split("/") or "\0" in name:
-        raise StoreError(f"`{name}` leads out of the folder that holds it", code="DXB-S404")
+    wrong = path_fault(name)
+    if wrong:
+        raise StoreError(f"`{name}` cannot be written below `{folder}`: {wrong}", code="DXB-S404")
     return folder / name
 
 

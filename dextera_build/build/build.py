@@ -44,7 +44,7 @@ class Done:
 
 def exchange(session: Session) -> Exchange | None:
     """The remotes that the settings let a build use, or None where there are none."""
-    used = session.project.remotes.used
+    used = session.project.used_remotes
     if not used or session.project.remotes.local == "r":
         return None
     from dextera_build.store.remotes.connect import guarded

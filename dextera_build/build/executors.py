@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -11,7 +10,6 @@ from typing import TYPE_CHECKING
 from dextera_build.errors import UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.executors.ray_worker import Setup
     from dextera_build.engine.graph import RuleFacts
     from dextera_build.engine.tasks import Executor
@@ -42,32 +40,20 @@ def executor(
         project = session.project
         wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
         capacity = project.capacity(gpus=wants_gpu)
-        nursery, session.nursery = session.nursery, None
-        with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity, nursery=nursery) as workers:
+        with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity) as workers:
             if soon:
                 workers.warm()
             yield workers
 
 
-def load(nursery: Nursery, project: Project | None = None) -> None:
-    """Have a nursery load what workers need, those of a project or of any."""
-    environment = _environment(project) if project else _everywhere()
-    nursery.load(RUNNER, environment, [entry for entry in sys.path if entry])
-
-
 def _environment(project: Project) -> dict[str, str]:
-    environment = _everywhere()
-    environment["DXB_CALLS"] = project.calls
-    if listed := project.remotes.listed:
-        environment["DXB_REMOTES"] = listed
-    return environment
-
-
-def _everywhere() -> dict[str, str]:
     # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     # No rule needs plug-ins of pydantic, and a look for some goes through all that is installed.
     environment["PYDANTIC_DISABLE_PLUGINS"] = os.environ.get("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    environment["DXB_CALLS"] = project.calls
+    if listed := project.remotes.listed:
+        environment["DXB_REMOTES"] = listed
     return environment
 
 

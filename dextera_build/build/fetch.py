@@ -43,6 +43,7 @@ def exchange(session: Session, mode: str, named: str | None = None) -> Exchange:
             facts={"remotes": listing(f"{name} ({spec.mode})" for name, spec in known.items())},
             hint=f"name one: `{flag} NAME`, or `{flag} https://host/prefix`",
         )
+    session.project.allowed([replace(spec, mode=mode) for spec in used])
     for spec in used:
         open_remote(spec).close()  # what is wrong with the address or the packages is said before anything is done
     return Exchange(session.store, [guarded(replace(spec, mode=mode)) for spec in used])
@@ -50,7 +51,7 @@ def exchange(session: Session, mode: str, named: str | None = None) -> Exchange:
 
 def held(session: Session, nodes: Sequence[Planned]) -> set[str]:
     """Addresses of the stale nodes whose results a remote has; only entries are asked for, no blobs."""
-    used = [spec for spec in session.project.remotes.used if "r" in spec.mode]
+    used = [spec for spec in session.project.used_remotes if "r" in spec.mode]
     if not used or session.project.remotes.local == "r":
         return set()
     stale = [node for node in nodes if node.status == "stale" and node.key is not None]

@@ -70,10 +70,8 @@ def save(
     A file that was changed after `seen` was made keeps the snapshot from being written, so it may be noted here.
     """
     from dextera_build.engine import known
-    from dextera_build.engine.memory import give_back
     from dextera_build.recipe.content import content
 
-    give_back(len(result.nodes))
     outputs = _placed(lines)
     watch, path = seen.watch, place(project, fingerprint)
     fixed = note(project, watch, plan)

@@ -15,7 +15,6 @@ from dextera_build.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
     from dextera_build.build.snapshots import Near
-    from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.engine.graph import Address
     from dextera_build.engine.records import RunResult
     from dextera_build.engine.snapshot import Head, Stale
@@ -136,13 +135,11 @@ def _run(
     place = fresh.place(project, fingerprint)
     near = fresh.near(project, fingerprint, stale, session.store) if stale and quick else None
     if near is not None and near.idle:
-        _end_nursery(args)
         head = near.stale.head
         if not _is_placed(session, near):
             return _run(args, project, recipe, targets, fingerprint, started)
         args.notes.add(recipe, place, fresh.renew(project, fingerprint, seen, near, head["lines"][1:]))
         return _say_nothing_ran(project, recipe, head, started)
-    session.nursery = _nursery(args, project, soon=near is not None)
     plan = (
         Plan(near.known.graph, (), tuple(near.known.rules))
         if near
@@ -182,36 +179,6 @@ def _is_placed(session: Session, near: Near) -> bool:
             return False
         near.stale.head["lines"] = [nodes, *written]
     return True
-
-
-def _nursery(args: argparse.Namespace, project: Project, *, soon: bool) -> Nursery | None:
-    """What makes workers: begun already, or a fork of this process as long as it has opened nothing; else None.
-
-    Args:
-        args: The command line.
-        project: For which workers would be.
-        soon: There will be some, so that it loads what they need.
-    """
-    from dextera_build.build import executors
-    from dextera_build.engine.executors.nursery import Nursery
-    from dextera_build.engine.nursery import is_alone
-
-    if args.check or project.executor != "local":
-        return None
-    made: Nursery | None = args.nursery
-    if made is None and args.own and is_alone():
-        made = Nursery(forked=True)
-    args.own, args.nursery = False, None  # it may be once
-    if made is not None and soon:
-        executors.load(made, project)
-    return made
-
-
-def _end_nursery(args: argparse.Namespace) -> None:
-    """Nothing will run."""
-    if args.nursery is not None:
-        args.nursery.end()
-        args.nursery = None
 
 
 def _make(

@@ -15,25 +15,23 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import NoReturn
 
-    from dextera_build.engine.executors.nursery import Nursery
     from dextera_build.errors import DxbError
 
 _YOUNG = 20_000
 """So many new objects are there before those that nobody reaches are looked for."""
 
 
-def main(argv: "Sequence[str] | None" = None, *, own: bool = False) -> int:
+def main(argv: "Sequence[str] | None" = None) -> int:
     """Run one command and return its exit code.
 
     Args:
         argv: The command line; None is that of this process.
-        own: This process does nothing else, so it may be forked.
     """
     words = list(sys.argv[1:] if argv is None else argv)
     if "_ARGCOMPLETE" in os.environ:
         return _complete()
     try:
-        code = 0 if quick.answer(words) else _run(words, own)
+        code = 0 if quick.answer(words) else _run(words)
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
@@ -51,20 +49,7 @@ def main(argv: "Sequence[str] | None" = None, *, own: bool = False) -> int:
 
 def entry() -> "NoReturn":
     """The console script."""
-    code = main(own=True)
-    if "dextera_build.cli.grammar" in sys.modules:
-        import atexit
-        import threading
-
-        if threading.active_count() > 1:
-            sys.exit(code)
-        atexit._run_exitfuncs()
-    # Else `quick` answered, and nothing was opened. Taking the interpreter down is work as well.
-    try:
-        sys.stdout.flush()
-        sys.stderr.flush()
-    finally:
-        os._exit(code)
+    sys.exit(main())
 
 
 def _complete() -> int:
@@ -78,20 +63,20 @@ def _complete() -> int:
     return 0
 
 
-def _run(words: list[str], own: bool) -> int:
+def _run(words: list[str]) -> int:
+    import gc
     import importlib
 
-    nursery = _ahead(words) if own else None
     from dextera_build.cli.grammar import parser
 
     verb = next((word for word in words if not word.startswith("-")), "")
     args = parser(verb).parse_args(words)
-    args.words, args.own, args.nursery = words, own, nursery
+    args.words = words
+    # What a command makes it keeps. To look for circles in it at every 700 objects takes a tenth of a small build.
+    gc.set_threshold(_YOUNG)
     try:
         code: int = importlib.import_module(f"dextera_build.cli.{args.verb}").run(args)
     finally:
-        if args.nursery is not None:
-            args.nursery.end()
         if "dextera_build.session" in sys.modules:
             from dextera_build.session import absent_stores
 
@@ -99,16 +84,6 @@ def _run(words: list[str], own: bool) -> int:
                 print(f"warning: there is no store at `{folder}` yet (from: {origin})", file=sys.stderr)
             absent_stores.clear()
     return code
-
-
-def _ahead(words: list[str]) -> "Nursery | None":
-    import gc
-
-    from dextera_build.cli import ahead
-
-    # What a command makes it keeps. To look for circles in it at every 700 objects takes a tenth of a small build.
-    gc.set_threshold(_YOUNG)
-    return ahead.begin(words)
 
 
 def _refuse(error: "DxbError") -> int:

@@ -33,13 +33,6 @@ def answer(words: list[str]) -> bool:
     return True
 
 
-def is_known(words: list[str]) -> bool:
-    """Whether there is a note of a command line, whatever became of what it rests on."""
-    from dextera_build.version import __version__
-
-    return os.path.exists(place(request(words, __version__)))
-
-
 def request(words: list[str], version: str) -> str:
     """All that is asked, but for files, spelled out."""
     said = [(name, value) for name, value in os.environ.items() if name.startswith("DXB_") or name in _PLACES]

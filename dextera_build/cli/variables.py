@@ -23,12 +23,13 @@ SETTINGS = {
     "DXB_CALLS": "how calls of services are treated",
     "DXB_DURABLE": "whether the end of a build waits for the disk",
     "DXB_TRUSTED_KEYS": "a file or folder with the public keys of those whose bundles are believed",
-    "DXB_REQUIRE_SIGNED": "whether bundles are refused that no trusted key signed",
+    "DXB_REQUIRE_SIGNED": "whether results from elsewhere are refused that no trusted key signed",
 }
 """Those that stand for a setting of `dxb.toml`; `dxb show --config` names the ones in force."""
 OTHERS = {
     "DXB_NO_PROGRESS": "any text: whole lines at a terminal, too",
     "DXB_KEY_PASSPHRASE": "opens the private key that `--sign` names",
+    "DXB_SERVE_SECRET": "the password that `dxb cache serve` asks for, of the user `dxb`",
     "DXB_NODE_STORE": "the store's folder of a Ray worker",
     "DXB_VLM_URL": "where backend `vlm` asks",
     "DXB_VLM_API_KEY": "the key that backend `vlm` asks with",

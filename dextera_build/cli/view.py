@@ -20,7 +20,17 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("target", metavar="RECIPE[:NODE]", help="a recipe that was built, or one node of it")
-    parser.add_argument("--port", type=int, default=8080, help="port on localhost (8080, or the next free one)")
+    parser.add_argument("--port", type=int, default=8080, help="port to listen on (8080, or the next free one)")
+    parser.add_argument(
+        "--host", default="127.0.0.1", metavar="ADDRESS", help="address to listen on (127.0.0.1: this machine alone)"
+    )
+    parser.add_argument(
+        "--allow-origin",
+        action="append",
+        default=[],
+        metavar="ORIGIN",
+        help="admit pages of this origin, too: a notebook's proxy or a tunnel, https://hub.example.org",
+    )
     parser.add_argument("--no-open", action="store_true", help="do not open the browser")
     options.project_arguments(parser)
 
@@ -33,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     wanted = options.wish(args.target)
     session = Session(options.project(args), wanted.recipe)
     fill = _one(session, wanted.target) if wanted.target else _scene(session)
-    viewer, url = server.start(args.port)
+    viewer, url = server.start(args.port, args.host, args.allow_origin)
     fill(viewer)
     print(url, flush=True)
     print("Ctrl-C ends it", file=sys.stderr)

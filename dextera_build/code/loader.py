@@ -57,6 +57,8 @@ class Root:
 
     def rules(self, stage: str, name: str) -> list[Path]:
         """The files of a stage and of its folders that hold a rule of this name; `*` stands for any."""
+        if not all(part == "*" or part.isidentifier() for part in (stage, name)):
+            return []  # a path, or a pattern of somebody else's
         found = [*self.path.glob(f"{stage}/{name}.py"), *self.path.glob(f"{stage}/*/{name}.py")]
         return [file for file in sorted(found) if _holds_rule(file)]
 

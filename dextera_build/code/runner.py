@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import json
 import os
 import tempfile
 import traceback
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from dextera_build.store.remotes.exchange import Exchange
 
 Emit = Callable[[str, Mapping[str, object]], None]
-_SPELL = digests.speller(ensure_ascii=True)
 
 
 def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
@@ -54,7 +54,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
             with header.reading(f"the input `{name}`"):
                 inputs[name] = slot.annotation.decode(task["inputs"][name], store.recent)
     # JSON mode takes a list for a tuple, and the engine speaks JSON.
-    options = rule.options.model_validate_json(_SPELL(task["options"]))
+    options = rule.options.model_validate_json(json.dumps(task["options"]))
     calls, reads = _Calls(task, store, emit), ProjectReads(Path(task["project"]), store) if rule.discovers else None
     with _FullDiskSaid(store), ExitStack() as folders, _FullDiskSaid(store):
         # Most calls need no folder, and making one takes longer than a small call.
@@ -194,7 +194,7 @@ def _exchange(store: Store, project: str, listed: str) -> Exchange | None:
     from dextera_build.store.remotes.exchange import Exchange
 
     known = Project(Path(project))
-    used = known.remotes.used if known.config else []
+    used = known.used_remotes
     if not used:
         return None
     exchange = Exchange(store, [guarded(spec) for spec in used])

@@ -4,8 +4,6 @@ Tasks that need the same stand in one line, the eldest at its head, so that what
 however many tasks wait. The eldest head that fits starts. One that does not fit may be passed by younger ones, a few
 times; then it has a reservation: from there on a younger one starts only if the two fit beside each other, so that the
 elder starts at the latest when all that ran at that moment has ended.
-
-A task may also be taken to follow one that runs, with what that was given, as if it were a part of it.
 """
 
 from __future__ import annotations
@@ -13,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import deque
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
@@ -70,16 +68,6 @@ class Ledger:
         if not devices:
             return None if devices is None else grant
         return Grant(grant.amounts, devices)
-
-    def covers(self, grant: Grant, needs: Needs) -> bool:
-        """Whether a task with these needs, none of them devices, has enough of what another was given."""
-        if needs.gpus or needs.gpu_gb or grant.devices:
-            return False
-        wanted = self._plain(needs)
-        if wanted is grant:
-            return True
-        given = dict(grant.amounts)
-        return all(given.get(name, 0) >= amount for name, amount in wanted.amounts)
 
     def take(self, grant: Grant) -> None:
         """No longer free."""
@@ -153,14 +141,6 @@ class Admission(Generic[T]):
         self._reserved = -1
         self._passers: set[T] = set()
 
-    def __len__(self) -> int:
-        """How many wait."""
-        return sum(len(line.waiting) for line in self._lines.values())
-
-    def waiting(self) -> Iterator[T]:
-        """All that wait."""
-        return (task for line in self._lines.values() for _, task in line.waiting)
-
     def wait(self, task: T, needs: Needs) -> None:
         """Join the line; `needs` lack nothing of the capacity."""
         line = self._lines.get(needs)
@@ -183,23 +163,6 @@ class Admission(Generic[T]):
                 return self._start(line, grant, passes=reserved is not None)
         return None
 
-    def follower(self, task: T, suits: Callable[[T], bool]) -> T | None:
-        """Take the task that is to start when `task` ends, with what that has; None where there is none.
-
-        It is the eldest of all that wait, so that nobody is passed; it needs no devices, and no more than `task` has.
-        """
-        eldest = min(self._lines.values(), key=lambda line: line.place, default=None)
-        if eldest is None or not self._ledger.covers(self._running[task], eldest.needs):
-            return None
-        return self._take_head(eldest) if suits(eldest.waiting[0][1]) else None
-
-    def hand_on(self, task: T, follower: T) -> None:
-        """`task` is over, and its follower has what it had."""
-        self._running[follower] = self._running.pop(task)
-        if task in self._passers:
-            self._passers.remove(task)
-            self._passers.add(follower)
-
     def end(self, task: T) -> None:
         """What `task` had is free again."""
         self._ledger.give_back(self._running.pop(task))
@@ -210,21 +173,16 @@ class Admission(Generic[T]):
         return tuple(self.capacity.gpus[device].id for device, _ in self._running[task].devices)
 
     def _start(self, line: _Line[T], grant: Grant, passes: bool) -> T:
-        place = line.place
-        task = self._take_head(line)
+        place, task = line.waiting.popleft()
+        line.passed = 0
+        if not line.waiting:
+            del self._lines[line.needs]
         for other in self._lines.values():
             other.passed += other.place < place
         self._ledger.take(grant)
         self._running[task] = grant
         if passes:
             self._passers.add(task)
-        return task
-
-    def _take_head(self, line: _Line[T]) -> T:
-        _, task = line.waiting.popleft()
-        line.passed = 0
-        if not line.waiting:
-            del self._lines[line.needs]
         return task
 
     def _reserve(self, place: int) -> None:

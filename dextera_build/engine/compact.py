@@ -18,11 +18,9 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from dextera_build.digest import speller
 from dextera_build.engine.graph import Call, Fixed, Gather, Graph, Group, Input, Item, Leaf, Output, Pack, RuleFacts
 from dextera_build.errors import Place
 
-_spell = speller(ensure_ascii=True)
 _scan = json.JSONDecoder().raw_decode
 _AT_ONCE = 20_000
 """So many hashes are sorted in one go at most."""
@@ -251,7 +249,7 @@ class Writer:
 
     def add(self, member: Call | Group) -> None:
         """Take one more member."""
-        self.copy(member.name, _spell(self._member(member)).encode())
+        self.copy(member.name, json.dumps(self._member(member)).encode())
 
     def copy(self, name: str, text: bytes) -> None:
         """Take one more member, which has a text already."""

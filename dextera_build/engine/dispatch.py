@@ -4,29 +4,24 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from dextera_build.engine.admission import Admission, estimate, lacks
 from dextera_build.engine.capacity import Capacity, Needs
-from dextera_build.engine.finish import log_of, result_of
 from dextera_build.engine.graph import RuleFacts
 from dextera_build.engine.policy import Policy
+from dextera_build.engine.publish import log_of, publish
 from dextera_build.engine.reading import Reading
-from dextera_build.engine.seats import LONG_S, Pace, Seat, nap_s
 from dextera_build.engine.sharing import Sharing
 from dextera_build.engine.states import State, States
-from dextera_build.engine.tasks import Ended, Executor, Queues, Report, Said, Task
+from dextera_build.engine.tasks import Ended, Executor, Report, Said, Task
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 
-_FEW = 2000
-"""So many nodes that wait may hold their key documents."""
 _PATIENCE_S = 0.02
 """How often a key is looked at that another process builds [s]."""
 _REST_S = 0.1
@@ -55,94 +50,24 @@ class Dispatch:
         self._tickets = itertools.count()
         self._resting: list[Node] = []
         self._admission: Admission[Node] = Admission(self.executor.capacity if self.executor else Capacity())
-        self._seats: dict[Node, Seat] = {}
-        """By the node that runs."""
-        self._pace = Pace(self.policy.took)
         self._needs: dict[int, tuple[RuleFacts, Needs, Mapping[str, tuple[float, float]]]] = {}
         """By identity, since rules cannot be hashed; an entry keeps its rule alive."""
         self._store_name = str(self.store.root)
-        self._queues = self.executor if isinstance(self.executor, Queues) else None
 
-    @property
-    def is_long(self) -> bool:
-        """Whether so many nodes wait that each shall take little room."""
-        return len(self._admission) + len(self.states.queue) > _FEW
-
-    def start(self, *, stopping: bool) -> None:
-        """Start queued nodes as long as there is room for one of them, and have short ones stand behind.
-
-        Where the run is stopping nothing starts, and what was handed over and has not begun is taken back.
-        """
+    def start(self) -> None:
+        """Start queued nodes as long as there is room for one of them."""
         if self.executor is None:
             return
-        if stopping:
-            for seat in list(self._seats.values()):
-                self._take_back(seat)
-            return
         self._line_up()
-        while (node := self._next()) is not None:
+        while (node := self._admission.next()) is not None:
             if not self._claim(node):
                 self._admission.end(node)
                 continue
-            expected_s = self._pace.expected_s(node)
-            self._seats[node] = Seat(deque([(node, expected_s)]), expected_s)
-            self._hand_over(node)
+            node.ticket, node.tries = next(self._tickets), node.tries + 1
+            self._running[node.ticket] = node
+            self.states.set(node, State.RUNNING)
             self.started(node)
             self.executor.submit(self._task(node, self._admission.devices(node)))
-        if self._queues is not None:
-            self._line_up_behind(self._queues)
-
-    def _next(self) -> Node | None:
-        """The node that starts now, None where there is none; what is brief stands behind others first."""
-        if self._queues is not None and self._is_brief(self._queues):
-            self._line_up_behind(self._queues)
-        return self._admission.next()
-
-    def _hand_over(self, node: Node) -> None:
-        node.ticket, node.tries = next(self._tickets), node.tries + 1
-        self._running[node.ticket] = node
-        self.states.set(node, State.RUNNING)
-
-    def _line_up_behind(self, executor: Queues) -> None:
-        """Have short nodes stand behind those that run, as evenly as can be."""
-        seats = [seat for seat in self._seats.values() if seat.fits(0.0)]
-        while seats:
-            seat = min(seats, key=lambda seat: len(seat.nodes))
-            node = self._admission.follower(seat.first, partial(self._fits, seat))
-            if node is None:
-                seats.remove(seat)
-            elif self._claim(node):
-                seat.add(node, self._pace.expected_s(node))
-                self._hand_over(node)
-                executor.submit_behind(self._task(node, ()), seat.first.ticket)
-
-    def _fits(self, seat: Seat, node: Node) -> bool:
-        return seat.fits(self._pace.expected_s(node))
-
-    def _is_brief(self, executor: Queues) -> bool:
-        """Whether the workers that run do all that waits before a new one could begin."""
-        if executor.spare or not self._seats:
-            return False
-        rooms = [seat.room for seat in self._seats.values()]
-        if not 0 < len(self._admission) <= sum(count for count, _ in rooms):
-            return False
-        return sum(map(self._pace.expected_s, self._admission.waiting())) <= sum(seconds for _, seconds in rooms)
-
-    def _take_back(self, seat: Seat) -> None:
-        if self._queues is None or len(seat.nodes) == 1:
-            return
-        tickets = frozenset(self._queues.take_back(seat.first.ticket))
-        back = [node for node, _ in seat.nodes if node.ticket in tickets]
-        first = seat.first
-        seat.drop(back)
-        if seat.first is not first:
-            self._admission.hand_on(first, seat.first)
-            self._seats[seat.first] = self._seats.pop(first)
-        for node in back:
-            del self._running[node.ticket]
-            node.ticket, node.tries = -1, node.tries - 1
-            self.store.locks.release(node.key or "")
-            self.states.set(node, State.QUEUED)
 
     def _line_up(self) -> None:
         """Let queued nodes stand in line for what they need; those that rest before another try do so later."""
@@ -174,9 +99,8 @@ class Dispatch:
         busy = self.states.locked or self.states.fetching
         patience = 0.0 if not idle else _PATIENCE_S if busy else _REST_S if self._resting else None
         if self._running and self.executor is not None:
-            for report in self.executor.poll(self._nap(patience)):
+            for report in self.executor.poll(patience):
                 self._take(report)
-            self._look_after_seats()
         elif self.states.fetching:
             self.sharing.wait(patience or 0.0)
         elif patience:
@@ -184,30 +108,6 @@ class Dispatch:
         else:
             return not idle
         return True
-
-    def _nap(self, patience: float | None) -> float | None:
-        """Let workers go on that have enough to do, so that what they report is taken together; returns `patience`."""
-        if patience == 0.0 or self._queues is None or all(len(seat.nodes) == 1 for seat in self._seats.values()):
-            return patience
-        if nap := nap_s(self._seats.values()):
-            time.sleep(nap)
-        return LONG_S if patience is None else min(patience, LONG_S)
-
-    def _look_after_seats(self) -> None:
-        """Say who began, and let nobody stand behind one that takes long."""
-        if self._queues is None:
-            return
-        late = time.monotonic() - LONG_S
-        for seat in list(self._seats.values()):
-            self._tell(seat)
-            if seat.began < late:
-                seat.is_late = True
-                self._take_back(seat)
-
-    def _tell(self, seat: Seat) -> None:
-        if not seat.is_told:
-            seat.is_told = True
-            self.started(seat.first)
 
     def retry_locked(self) -> None:
         """Look again at what other processes were building."""
@@ -231,7 +131,6 @@ class Dispatch:
         assert key is not None
         if not self.store.locks.take(key):
             self.said(node, "log", {"text": self._who_builds(key)})
-            node.document = b""
             self.states.set(node, State.LOCKED)
             return False
         forced = self.forced(node)
@@ -248,10 +147,6 @@ class Dispatch:
 
     def _task(self, node: Node, devices: tuple[str, ...]) -> Task:
         rule = node.rule
-        # Which key it has, and which of two results of a forced node stays, is judged here.
-        judged = bool(rule.discovers) or self.forced(node)
-        document = b"" if judged else node.document or self.reading.document(node)
-        node.document = b""
         return Task(
             ticket=node.ticket,
             rule=rule.path,
@@ -264,16 +159,12 @@ class Dispatch:
             needs=self._needs_of(rule)[0],
             devices=devices,
             key=node.key or "",
-            document=document,
-            # And so is whether a file changed meanwhile.
-            held=bool(node.leaves),
         )
 
     def _take(self, report: Report) -> None:
         node = self._running.get(report.ticket)
         if node is None:
             return
-        self._tell(self._seats[node])
         if isinstance(report, Said):
             if report.kind == "read":
                 self.reading.watch(node, report.data.get("steps"))
@@ -281,7 +172,7 @@ class Dispatch:
                 self.said(node, report.kind, report.data)
             return
         del self._running[report.ticket]
-        self._leave(node)
+        self._admission.end(node)
         node.ticket = -1
         key = node.key or ""  # what the node read gives it another
         try:
@@ -289,26 +180,15 @@ class Dispatch:
         finally:
             self.store.locks.release(key)
 
-    def _leave(self, node: Node) -> None:
-        """The seat of a node is the next one's, or free."""
-        seat = self._seats.pop(node)
-        seat.advance()
-        if seat.nodes:
-            self._admission.hand_on(node, seat.first)
-            self._seats[seat.first] = seat
-        else:
-            self._admission.end(node)
-
     def _end(self, node: Node, report: Ended) -> None:
         node.seconds, node.usage = report.seconds, report.usage
         node.calls = tuple((report.reply or {}).get("calls") or ())
-        self._pace.note(node.rule, report.seconds)
         retries = node.rule.retries
         if report.error is not None and retries.again(node.tries, report.error, report.raised):
             self._rest(node, report, report.error)
             return
         try:
-            result = result_of(self.store, node, report, self.reading)
+            result = publish(self.store, node, report, self.reading)
         except DxbError as error:
             self.broke(node, error)
         else:

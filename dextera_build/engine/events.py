@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import types
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from typing import Any, ClassVar, Literal, TypeAlias, get_args, get_origin, get_type_hints
 
-from dextera_build import digest as digests
+from dextera_build.redact import redact
 
 Status: TypeAlias = Literal["cached", "ran", "fetched", "failed", "waits", "cancelled"]
 
-_SPELL = digests.speller(separators=(", ", ": "), sort_keys=True, default=dict)
+_spell = json.JSONEncoder(sort_keys=True, ensure_ascii=False, default=dict).encode
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Event:
 
     def to_line(self) -> str:
         """One JSON line with the event's kind under `event`."""
-        return _SPELL({"event": self.kind, **self.__dict__})
+        return _spell({"event": self.kind, **self.__dict__})
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,10 @@ class RunStarted(Event):
     calls: int
     groups: int
     argv: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        # The command line may name remotes with passwords; logs and reports are sent around.
+        object.__setattr__(self, "argv", [redact(word) for word in self.argv])
 
 
 @dataclass(frozen=True)

@@ -104,7 +104,7 @@ class _Run:
         self.known = policy.known
         self.history.lean = self.known is not None
         if self.known is not None:
-            policy = replace(policy, peak_gb=self.known.peak_gb, took=self.known.took)
+            policy = replace(policy, peak_gb=self.known.peak_gb)
         else:
             policy = replace(policy, peak_gb=self.history.peak_gb)
         self.scheduler = Scheduler(graph, store, executor, policy, hooks, uplink.exchange)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import marshal
 import os
 import re
@@ -30,7 +31,6 @@ _OPEN, _CLOSE = b'"nodes": {\n', b"}}"
 """Between them stands a row a line."""
 _WRITING = re.compile(rb'{"writing": "([0-9a-f]+)"')
 """How the file of all nodes begins: which writing of it this is. What stands beside it says to which it belongs."""
-_spell = digests.speller(separators=(", ", ": "), ensure_ascii=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,13 +143,13 @@ class History:
         return _Packed()
 
     def _write(self, path: Path, mark: Mapping[str, str], entries: Mapping[str, Entry]) -> bool:
-        head = _spell({**mark, "form": _FORM, "project": self._project})[:-1]
+        head = json.dumps({**mark, "form": _FORM, "project": self._project})[:-1]
         try:
             with files.new_file(str(path), 0o644) as target:
                 files.write_all(target, f'{head}, "nodes": {{\n'.encode())
                 text, comma = "", ""
                 for address, entry in entries.items():
-                    text += f"{comma}{_spell(address)}: {_spell(_row(entry))}"
+                    text += f"{comma}{json.dumps(address)}: {json.dumps(_row(entry))}"
                     comma = ",\n"
                     if len(text) > _CHUNK:  # as one text it would take as much memory as the graph
                         files.write_all(target, text.encode())

@@ -33,8 +33,6 @@ class Policy:
     profile: str = ""
     peak_gb: Callable[[str], float | None] = lambda address: None
     """Memory that a node took the last time [GiB], where that is known."""
-    took: Callable[[str], float | None] = lambda address: None
-    """How long it took then [s]."""
 
 
 @dataclass

@@ -1,91 +1,77 @@
-"""From what a rule returned to a result in the store: what a worker does itself, so that the scheduler need not."""
+"""From what an executor reports to a published result, or to the error that the node ends with.
+
+The process that runs a call stores blobs and nothing else. The entry that makes them a result is written here, by the
+scheduler, once it has judged what was made; so a worker may die at any moment and leaves at most blobs that no entry
+names.
+"""
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
-from dextera_build.errors import RuleError
+from dextera_build.engine.reading import Reading
+from dextera_build.engine.tasks import Ended
+from dextera_build.engine.units import Node
+from dextera_build.errors import DxbError, RuleError, StoreError
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
+from dextera_build.store.traces import tree
 
 
-def publish(
-    store: Store,
-    key: str,
-    reply: Mapping[str, Any],
-    seconds: float,
-    log: bytes,
-    document: bytes,
-    *,
-    held: bool = False,
-) -> dict[str, Any] | None:
-    """Store the result of `key`, its entry last; None where the key has one already, which only the scheduler judges.
+def publish(store: Store, node: Node, report: Ended, reading: Reading) -> ActionResult:
+    """Publish what the node made, unless a file that it reads changed meanwhile; then drop what it kept for a next try.
 
-    Args:
-        store: Takes it.
-        key: Digest of the key document.
-        reply: What the runner returned.
-        seconds: How long that took [s].
-        log: What was printed.
-        document: The key document.
-        held: Store all but the entry, and return that.
+    Where the key has a result with another output already, the divergence is noted, and the first one stays, unless it
+    is bare: then its bytes are nowhere.
 
     Returns:
-        Plain data: the digests `result`, `log` and `key_document`, `needs`: (digest, size) of its blobs, and the
-        `entry`, one character for a byte, where it is not stored.
+        The result that the key has now.
 
     Raises:
-        DxbError: The result cannot be stored.
+        DxbError: The node failed, read a file that changed, or its result cannot be stored.
     """
-    # Entries of recorded calls come before that of the result, and are the scheduler's then.
-    if (held and reply.get("calls")) or (store.actions.has(key) and store.actions.outline(key) is not None):
-        return None
-    result, sizes = result_from(store, reply, seconds, log, key)
-    more: dict[str, Any] = {}
-    if held:
-        entry = store.actions.made(result, sizes=sizes, document=document)
-        needs = entry.files
-        more["entry"] = entry.spell().decode("latin-1")
-    else:
-        needs = store.actions.write(key, result, sizes=sizes, document=document)
-    return more | {
-        "result": result.digest,
-        "log": result.log,
-        "key_document": result.key_document,
-        "needs": [(file.digest, file.size) for file in needs],
-    }
+    if report.error is not None:
+        node.log = log_of(store, report)
+        raise report.error
+    kept = node.key
+    assert kept is not None
+    assert report.reply is not None
+    _check_leaves(store, node)
+    if node.rule.discovers:
+        reading.ran(node, report.reply)
+    document = node.document or reading.document(node)
+    result, first = _result(store, report, node.key or ""), _first(store, node, report.reply)
+    if node.rule.discovers:
+        # A blob: entries that lead to others name the key documents of these.
+        store.blobs.put(document)
+        tree.publish(store, result.key_document, first or result)
+    elif first is None:
+        sizes: dict[str, int] = dict(report.reply.get("sizes") or {})
+        if result.log:
+            sizes[result.log] = len(report.log)
+        store.actions.put(result.key_document, result, sizes=sizes, document=document)
+    store.keep.drop(kept)
+    return first or result
 
 
-def result_from(
-    store: Store, reply: Mapping[str, Any], seconds: float, log: bytes, document: str
-) -> tuple[ActionResult, dict[str, int]]:
-    """What a reply comes to, and the sizes of blobs that were stored for it; its log is stored.
+def log_of(store: Store, report: Ended) -> str | None:
+    """Digest of what a failed run printed, None where it printed nothing or its log has no room."""
+    with suppress(StoreError):  # what the node failed of says more than that
+        return store.blobs.put(report.log) if report.log else None
+    return None
 
-    Args:
-        store: Takes the log.
-        reply: What the runner returned.
-        seconds: How long that took [s].
-        log: What was printed.
-        document: Digest of the key document.
+
+def _result(store: Store, report: Ended, key: str) -> ActionResult:
+    """What a reply comes to; its log is stored.
 
     Raises:
         DxbError: A metric is not finite, or the store cannot be written.
     """
-    sizes: dict[str, int] = dict(reply.get("sizes") or {})
-    kept = store.blobs.put(log) if log else None
-    if kept is not None:
-        sizes[kept] = len(log)
-    return spelled(reply, seconds, kept, document), sizes
-
-
-def spelled(reply: Mapping[str, Any], seconds: float, log: str | None, document: str) -> ActionResult:
-    """What a reply comes to, with the digests of its log and of its key document.
-
-    Raises:
-        RuleError: A metric is not finite.
-    """
+    reply: Mapping[str, Any] = report.reply or {}
     metrics = {}
     for name, (value, unit) in (reply.get("metrics") or {}).items():
         metrics[name] = (float(value), str(unit))
@@ -96,8 +82,35 @@ def spelled(reply: Mapping[str, Any], seconds: float, log: str | None, document:
         line=str(reply.get("line", "")),
         previews=tuple((str(caption), str(blob)) for caption, blob in reply.get("previews") or ()),
         metrics=metrics,
-        seconds=round(seconds, 6),
-        log=log,
-        key_document=document,
+        seconds=round(report.seconds, 6),
+        log=store.blobs.put(report.log) if report.log else None,
+        key_document=key,
         calls=tuple(dict.fromkeys((call["call"], call["result"]) for call in reply.get("calls") or ())),
     )
+
+
+def _first(store: Store, node: Node, reply: Mapping[str, Any]) -> ActionResult | None:
+    """The result with another output that the key of the node has and keeps."""
+    key = node.key or ""
+    known = store.actions.outline(key)
+    if known is None or known[0] == reply["output"]:
+        return None
+    if any(call["how"] == "replaced" for call in reply.get("calls") or ()):
+        return None
+    store.divergent.note(key, node.address, known[0], reply["output"], time.time())
+    return store.actions.get(key)  # None: bytes of it were lost
+
+
+def _check_leaves(store: Store, node: Node) -> None:
+    for leaf, digest in node.leaves:
+        try:
+            now = store.leaves.digest_leaf(leaf.path)
+        except DxbError as error:
+            now = error.message
+        if now != digest:
+            raise RuleError(
+                f"`{leaf.path}` changed while `{node.address}` ran",
+                code="DXB-B304",
+                where=leaf.where,
+                hint="build again; nothing of this run of the node was kept",
+            )

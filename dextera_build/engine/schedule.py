@@ -114,7 +114,8 @@ class Scheduler:
         while True:
             more = self._settle()
             self._measure()
-            self.dispatch.start(stopping=self.stopping)
+            if not self.stopping:
+                self.dispatch.start()
             if not self.dispatch.wait(idle=self.stopping or not (more or self.states.ready)):
                 break
             if self.stopping and not self.states.running:
@@ -182,8 +183,7 @@ class Scheduler:
         try:
             self._find(node)
         finally:
-            if node.state is not State.QUEUED or self.dispatch.is_long:
-                node.document = b""  # it is spelled again when the node runs
+            node.document = b""  # it is spelled again when the node has run, since thousands may wait
             if self.policy.dry:
                 node.rest()
 

@@ -8,13 +8,11 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import Any, Protocol, TypeAlias
 
 from dextera_build.engine.capacity import Capacity, Needs
 from dextera_build.errors import DxbError, RuleError
 
-PACKET = 1 << 15
-"""A task that takes more is not sent to a worker as one message [bytes]."""
 _LITTLE = Needs()
 _LOG_MOST = 1 << 20
 """A longer log is kept from its end [bytes]."""
@@ -38,10 +36,6 @@ class Task:
     """GPUs that it may use, as `CUDA_VISIBLE_DEVICES` calls them."""
     key: str = ""
     """Names the folder in which the call keeps its progress; "" where it shall have a fresh one."""
-    document: bytes = b""
-    """The key document; whoever runs the task may store its result. b"" where only the scheduler may."""
-    held: bool = False
-    """Whether the entry of the result is left to the scheduler, which judges first."""
 
     def message(self) -> dict[str, object]:
         """What the runner gets."""
@@ -81,8 +75,6 @@ class Ended:
     """The exception that the rule let escape, with its bases."""
     usage: Mapping[str, float] = field(default_factory=dict)
     """See `usage.Usage`."""
-    published: Mapping[str, Any] | None = None
-    """What `publish.publish` returned, where the worker has stored the result; then `log` is b""."""
 
 
 Report: TypeAlias = Said | Ended
@@ -106,27 +98,6 @@ class Executor(Protocol):
 
     def stop(self) -> None:
         """End everything that runs, at once; what was running is never reported."""
-        ...
-
-
-@runtime_checkable
-class Queues(Executor, Protocol):
-    """An executor whose workers take tasks that stand behind one another without asking in between."""
-
-    @property
-    def spare(self) -> int:
-        """How many workers have nothing to do; with none, a task that is submitted has to wait for a new one."""
-        ...
-
-    def submit_behind(self, task: Task, ticket: int) -> None:
-        """Have the worker that has the task of this ticket begin `task` when it has ended all that it has."""
-        ...
-
-    def take_back(self, ticket: int) -> list[int]:
-        """Take back what the worker that has this task has not begun, but for one task; returns the tickets.
-
-        The task itself is among them where one behind it was begun while others were taken back.
-        """
         ...
 
 

@@ -180,7 +180,7 @@ class Node(Unit):
     inputs = Rare[dict[str, str]](_NOTHING)
     """Slot -> digest; until it is done."""
     document = Rare[bytes](b"")
-    """The key document, while it is looked up, and until it runs where few nodes wait."""
+    """The key document, while it is looked up, and when it has run."""
     ticket = Rare[int](-1)
     """Names its run at the executor."""
     result = Rare[ActionResult | None](None)

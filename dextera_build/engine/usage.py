@@ -103,7 +103,11 @@ class Meter:
 class Watched(Protocol):
     """A worker as the sampler sees it."""
 
-    pid: int
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        ...
+
     began: float
     """When its task began, by `time.monotonic`."""
     peak: int
@@ -122,15 +126,16 @@ class Sampler:
             return timeout_s
         return PERIOD_S if timeout_s is None else min(timeout_s, PERIOD_S)
 
-    def look(self, workers: Iterable[Watched]) -> None:
-        """Note the peaks of `workers`, where it is time."""
+    def look(self, workers: Iterable[Watched]) -> bool:
+        """Note the peaks of `workers`, where it is time; returns whether it was."""
         now = time.monotonic()
         if now < self._next:
-            return
+            return False
         self._next = now + PERIOD_S
         for worker in workers:
             if now - worker.began >= PERIOD_S:
                 worker.peak = max(worker.peak, tree_bytes(worker.pid))
+        return True
 
 
 def with_peak(usage: Mapping[str, float], seen: int) -> Usage:

@@ -1,12 +1,10 @@
 """A worker process: takes one task after another, hands each to the runner, and answers with JSON lines.
 
-    python -m dextera_build.engine.worker <module:function> <descriptors of tasks, file and replies> <process id>
+    python -m dextera_build.engine.worker <module:function> <descriptor of a socket> <process id>
 
 Standard output and error belong to the node that runs; the pool gives a file for them and reads it when a worker has
-died. Each message of the socket is a task: a line with its ticket, which the pool alone reads, a line of JSON, and its
-key document; where there is one, the worker stores the result itself, without the entry of a task that is `held`.
-Behind the ticket, `@<size>` stands for what is too large, and lies in the file. Tasks that the worker has not
-taken from the socket the pool may take back. It ends when the socket closes and when its parent dies.
+died. The first line of the socket is the pool's module search path, each further one a task. What the runner returns is
+passed on: the worker enters no result. It ends when the socket closes and when its parent dies.
 """
 
 from __future__ import annotations
@@ -19,6 +17,7 @@ import io
 import json
 import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -26,14 +25,11 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from dextera_build import digest as digests
 from dextera_build.engine.retries import names_of
-from dextera_build.engine.tasks import PACKET, escaped, printed
+from dextera_build.engine.tasks import escaped, printed
 from dextera_build.engine.usage import Meter
 from dextera_build.errors import DxbError, MachineError
 
-_SPELL = digests.speller(ensure_ascii=True, default=str)
-_READ = json.JSONDecoder().decode
 _PR_SET_PDEATHSIG = 1
 _PROGRESS_S = 0.05
 """Progress is passed on at most this often [s]."""
@@ -44,17 +40,13 @@ class Worker:
 
     Args:
         runner: `module:function`.
-        tasks: Descriptor of a socket to take from.
-        large: Descriptor of the file for what is too large for it.
-        replies: Descriptor to write to.
+        pool: Connected to the pool.
     """
 
-    def __init__(self, runner: str, tasks: int, large: int, replies: int) -> None:
+    def __init__(self, runner: str, pool: socket.socket) -> None:
         self._runner_name = runner
         self._runner: Callable[..., Mapping[str, Any]] | None = None
-        self._tasks = tasks
-        self._large = large
-        self._replies = replies
+        self._pool = pool
         self._writing = threading.Lock()
         self._last_progress = 0.0
         self._libc = ctypes.CDLL(None)
@@ -62,17 +54,16 @@ class Worker:
 
     def serve(self) -> None:
         """Answer every task, one after another."""
-        while packet := os.read(self._tasks, PACKET):
-            ticket, _, packet = packet.partition(b"\n")
-            if packet.startswith(b"@"):
-                packet = os.pread(self._large, int(packet[1:]), 0)
-            line, _, document = packet.partition(b"\n")
-            self._answer(int(ticket), _READ(line.decode()), document)
+        with self._pool.makefile("rb") as told:
+            sys.path += [entry for entry in json.loads(told.readline() or b"[]") if entry not in sys.path]
+            with contextlib.suppress(Exception):  # the first task is answered with what is wrong
+                load(self._runner_name)
+            for line in told:
+                self._answer(json.loads(line))
 
-    def _answer(self, ticket: int, task: Mapping[str, Any], document: bytes) -> None:
+    def _answer(self, task: Mapping[str, Any]) -> None:
         if os.fstat(1).st_size:
             os.ftruncate(1, 0)
-            os.lseek(1, 0, os.SEEK_SET)  # else what is printed next stands behind as many zeros
         self._last_progress = 0.0
         self._meter.begin(at_once=True)
         began = time.perf_counter()
@@ -86,28 +77,12 @@ class Worker:
             with contextlib.suppress(OSError):  # where the log's disk is full the error still goes out
                 traceback.print_exc()
             answer = {"error": escaped(error).to_json(), "raised": names_of(error)}
-        answer |= {"ticket": ticket, "seconds": time.perf_counter() - began}
+        answer["seconds"] = time.perf_counter() - began
         self._flush()
-        if document and "reply" in answer:
-            self._publish(task, document, answer)
-        if not answer.get("published") and (log := printed(1)):
+        if log := printed(1):
             answer["log"] = log.decode("latin-1")  # any bytes; the next task writes over them
-        answer["usage"] = self._meter.end()  # to store a result is a part of making it
+        answer["usage"] = self._meter.end()
         self._write(answer)
-
-    def _publish(self, task: Mapping[str, Any], document: bytes, answer: dict[str, Any]) -> None:
-        from dextera_build.engine.publish import publish
-        from dextera_build.store.store import opened
-
-        store, reply = opened(task["store"]), answer["reply"]
-        try:
-            made = publish(store, task["key"], reply, answer["seconds"], printed(1), document, held=task["held"])
-            if made is not None:
-                reply.pop("sizes", None)
-                answer["published"] = made
-        except DxbError as error:
-            del answer["reply"]
-            answer["error"] = error.to_json()
 
     def _load(self) -> Callable[..., Mapping[str, Any]]:
         if self._runner is None:
@@ -139,11 +114,8 @@ class Worker:
         self._libc.fflush(None)
 
     def _write(self, answer: Mapping[str, object]) -> None:
-        data = _SPELL(answer).encode() + b"\n"
         with self._writing:
-            done = 0
-            while done < len(data):
-                done += os.write(self._replies, data[done:])
+            self._pool.sendall(json.dumps(answer, default=str).encode() + b"\n")
 
 
 def load(runner: str) -> Callable[..., Mapping[str, Any]]:
@@ -163,18 +135,17 @@ def live_with(parent: int) -> None:
 
 def main(arguments: list[str]) -> None:
     """Entry point; see the module's text."""
-    runner, tasks, large, replies, parent = arguments[0], *map(int, arguments[1:])
+    runner, descriptor, parent = arguments[0], *map(int, arguments[1:])
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
     live_with(parent)
-    for descriptor in (tasks, large, replies):
-        os.set_inheritable(descriptor, False)
+    os.set_inheritable(descriptor, False)
     faulthandler.enable()
     # Line by line, so that a worker that dies has said everything.
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)
-    with contextlib.suppress(BrokenPipeError, SystemExit):
-        Worker(runner, tasks, large, replies).serve()
+    with contextlib.suppress(ConnectionError, SystemExit):
+        Worker(runner, socket.socket(fileno=descriptor)).serve()
     # Threads and libraries that linger must not keep a worker alive that has nothing to do.
     os._exit(0)
 

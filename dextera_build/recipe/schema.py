@@ -8,13 +8,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeAlias
 
-from dextera_build.engine.memory import hold_large_apart
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 from dextera_build.recipe import limits, matrix, strict_yaml
 from dextera_build.recipe.strict_yaml import Node
 
-_LARGE = 1 << 20
-"""A file of this size declares ten thousand nodes or more [bytes]."""
 _NAME = "abcdefghijklmnopqrstuvwxyz0123456789_"
 
 
@@ -141,11 +138,8 @@ def read(file: Path, address: str, shown: str | None = None) -> Recipe:
         RecipeError: With the place of what is wrong.
     """
     try:
-        size = file.stat().st_size
-        if size > limits.MOST_BYTES:
+        if file.stat().st_size > limits.MOST_BYTES:
             raise OSError(f"it is larger than {limits.MOST_BYTES >> 20} MiB")
-        if size > _LARGE:
-            hold_large_apart()
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise RecipeError(f"cannot read the recipe: {error}", code="DXB-R100", where=Place(str(file))) from None

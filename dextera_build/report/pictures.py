@@ -35,6 +35,10 @@ LADDER = (
 """From fine to coarse: the report takes the first that fits its size."""
 
 
+_MOST_PIXELS = 50_000_000
+"""Larger pictures are left out before they are decoded."""
+
+
 class Pictures:
     """Pictures of the store at one quality; each is decoded and compressed once per size."""
 
@@ -78,12 +82,15 @@ class Pictures:
         raw = sources.blob(self._store, digest)
         if raw is None:
             return None
-        from PIL import Image, UnidentifiedImageError
+        from PIL import Image
 
         try:
-            with Image.open(io.BytesIO(raw)) as opened:
+            # By format: Pillow's other readers may run programs, as the one of EPS runs Ghostscript.
+            with Image.open(io.BytesIO(raw), formats=("PNG",)) as opened:
+                if opened.width * opened.height > _MOST_PIXELS:
+                    return None
                 picture = opened.convert("RGBA" if "A" in opened.getbands() else "RGB")
-        except (UnidentifiedImageError, OSError, ValueError):
+        except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
             return None
         picture.thumbnail((side, side), Image.Resampling.LANCZOS)
         buffer = io.BytesIO()

@@ -104,32 +104,13 @@ class Actions:
             StoreError: The disk is full, or the store cannot be written.
             ValueError: A number is not finite.
         """
-        self.rely(key, self.write(key, result, beside, sizes, document))
-        return result.digest
-
-    def write(
-        self,
-        key: str,
-        result: ActionResult,
-        beside: Iterable[str] = (),
-        sizes: Mapping[str, int] = _NONE,
-        document: bytes = b"",
-    ) -> tuple[File, ...]:
-        """Store the result of `key` as `put` does, and return the blobs that it needs; for who relies on nothing."""
         self._keep_calls(result)
         entry = self.made(result, beside, sizes, document)
-        self.enter(key, entry.spell())
-        return entry.files
-
-    def enter(self, key: str, message: bytes) -> None:
-        """Store the bytes of an entry.
-
-        Raises:
-            StoreError: The disk is full, or the store cannot be written.
-        """
         failpoints.reach("result.blobs")
-        files.write(self._file(key), message, workshop=self._workshop)
+        files.write(self._file(key), entry.spell(), workshop=self._workshop)
         failpoints.reach("result.published")
+        self.rely(key, entry.files)
+        return result.digest
 
     def rely(self, key: str, needs: Iterable[File]) -> None:
         """Note that a build stands on the result of `key`, which it has just found or made."""

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import contextlib
+import socket
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from dextera_build.errors import MachineError
+from dextera_build.errors import MachineError, UsageError
+from dextera_build.view.guard import Guard
 
 
-def start(port: int = 8080, host: str = "127.0.0.1") -> tuple[Any, str]:
+def start(port: int = 8080, host: str = "127.0.0.1", origins: Sequence[str] = ()) -> tuple[Any, str]:
     """Start a viser server with z up and return it with its URL; a taken port is replaced by the next free one.
 
     Args:
         port: Wanted TCP port.
         host: Address to listen on; the default is this machine alone.
+        origins: Origins whose pages may connect besides the viewer's own: those of a proxy or a tunnel.
 
     Raises:
+        UsageError: One of `origins` is not an origin, or `host` is not an address of this machine.
         MachineError: viser is not installed.
     """
     try:
@@ -28,14 +33,33 @@ def start(port: int = 8080, host: str = "127.0.0.1") -> tuple[Any, str]:
             code="DXB-E320",
             hint="`pip install 'dextera-build[view]'`",
         ) from None
+    _check_address(host)
     # Its banner belongs to people, and standard output to data.
-    with contextlib.redirect_stdout(sys.stderr):
+    with contextlib.redirect_stdout(sys.stderr), Guard(host, origins).installed():
         server = viser.ViserServer(host=host, port=port, label="dxb", verbose=False)
     server.scene.set_up_direction("+z")
     # viser's fog begins right at the camera and would bleach photographs.
     server.scene.configure_fog(near=50.0, far=100.0, enabled=False)
     server.gui.configure_theme(dark_mode=False, show_logo=False)
-    return server, f"http://{host}:{server.get_port()}"
+    shown = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(
+        host, f"[{host}]" if ":" in host else host
+    )
+    return server, f"http://{shown}:{server.get_port()}"
+
+
+def _check_address(host: str) -> None:
+    """Listen on any port for a moment: viser takes every failure for a port in use and tries a thousand others."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.bind(address)
+    except OSError as error:
+        raise UsageError(
+            f"`{host}` is not an address of this machine",
+            code="DXB-U322",
+            facts={"system": error.strerror or str(error)},
+            hint="`--host 127.0.0.1` serves this machine, `--host 0.0.0.0` every network that it is in",
+        ) from None
 
 
 def stop(server: Any) -> None:
@@ -47,7 +71,7 @@ def stop(server: Any) -> None:
 def static_export(server: Any, folder: Path) -> Path:
     """Write what the server shows to `folder/scene.viser` and return that file.
 
-    viser calls this export experimental, so it stands behind this one function. `viser-build-client` makes the web
+    viser calls this export experimental, so it is used in this one function. `viser-build-client` makes the web
     page that plays it.
     """
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,12 +1,31 @@
-"""Decoding of image files in a capture, with errors that name the file."""
+"""Image and array files of a capture. Headers can be read alone; every error names the file."""
 
 from __future__ import annotations
 
 import io
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from dextera_build.rule import Context
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+FORMATS = ("PNG", "JPEG")
+"""Pillow's other readers are never tried: some of them run programs, as the one of EPS runs Ghostscript."""
+
+
+def size(ctx: Context, data: bytes, name: str) -> tuple[int, int]:
+    """Width and height [px] from the header of an image file or an NPY file; no pixel is decoded."""
+    if name.endswith(".npy"):
+        header = _array_header(ctx, data, name)
+        return header.columns, header.rows
+    with _opened(ctx, data, name) as picture:
+        return picture.size
 
 
 def pixels(ctx: Context, data: bytes, name: str, mode: str | None = None) -> np.ndarray:
@@ -18,26 +37,9 @@ def pixels(ctx: Context, data: bytes, name: str, mode: str | None = None) -> np.
         name: Its name, for messages.
         mode: `RGB` turns any picture into red, green, blue; None keeps counts and palette indices as they are.
     """
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(io.BytesIO(data)) as picture:
-            picture.load()
-            return np.array(picture.convert(mode) if mode else picture)
-    except UnidentifiedImageError:
-        ctx.fail(
-            f"`{name}` is not an image",
-            size=f"{len(data):,} bytes",
-            begins=repr(data[:8]),
-            hint=f"check that `{name}` is a PNG or JPEG file and not a pointer of Git LFS",
-        )
-    except (OSError, SyntaxError, ValueError) as error:
-        ctx.fail(
-            f"`{name}` is truncated or damaged",
-            size=f"{len(data):,} bytes",
-            decoder=str(error),
-            hint=f"copy `{name}` from the camera again",
-        )
+    with _opened(ctx, data, name) as picture:
+        picture.load()
+        return np.array(picture.convert(mode) if mode else picture)
 
 
 def counts(ctx: Context, data: bytes, name: str) -> np.ndarray:
@@ -51,3 +53,75 @@ def counts(ctx: Context, data: bytes, name: str) -> np.ndarray:
             hint=f"write `{name}` as an 8 or 16 bit grey PNG",
         )
     return values.astype(np.int64)
+
+
+def metres(ctx: Context, data: bytes, name: str) -> np.ndarray:
+    """The (H, W) float32 numbers of an NPY file."""
+    header = _array_header(ctx, data, name)
+    needed = header.start + header.rows * header.columns * header.dtype.itemsize
+    if len(data) < needed:
+        ctx.fail(f"`{name}` is truncated or damaged", size=f"{len(data):,} bytes", needed=f"{needed:,} bytes")
+    values = np.frombuffer(data, header.dtype, header.rows * header.columns, header.start)
+    with np.errstate(over="ignore"):
+        return values.reshape((header.rows, header.columns), order=header.order).astype(np.float32)
+
+
+class _Header(NamedTuple):
+    rows: int
+    columns: int
+    dtype: np.dtype
+    order: Literal["C", "F"]
+    start: int
+    """Where the numbers begin [bytes]."""
+
+
+def _array_header(ctx: Context, data: bytes, name: str) -> _Header:
+    stream = io.BytesIO(data)
+    try:
+        version = np.lib.format.read_magic(stream)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, fortran, dtype = read(stream)
+    except Exception as error:  # whatever Python's own parser raises for the text of a header, MemoryError included
+        ctx.fail(
+            f"`{name}` is not an NPY file",
+            size=f"{len(data):,} bytes",
+            begins=repr(data[:8]),
+            reader=str(error) or type(error).__name__,
+            hint=f"write it with `np.save('{name}', depth)`; `np.savez` makes an archive, which is another format",
+        )
+    if len(shape) != 2 or not all(type(length) is int and length > 0 for length in shape) or dtype.kind != "f":
+        ctx.fail(
+            f"`{name}` must hold one number of metres per pixel",
+            shape=" x ".join(map(str, shape)) or "none",
+            dtype=str(dtype),
+            hint=f"write `{name}` as (height, width) float32",
+        )
+    return _Header(*shape, dtype, "F" if fortran else "C", stream.tell())
+
+
+@contextmanager
+def _opened(ctx: Context, data: bytes, name: str) -> Iterator[Image]:
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            opened = Image.open(io.BytesIO(data), formats=FORMATS)
+        with opened:
+            yield opened
+    except UnidentifiedImageError:
+        ctx.fail(
+            f"`{name}` is not a PNG or JPEG image",
+            size=f"{len(data):,} bytes",
+            begins=repr(data[:8]),
+            hint=f"save `{name}` as PNG or JPEG; a pointer of Git LFS is replaced by `git lfs pull`",
+        )
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
+        ctx.fail(f"`{name}` is too large", decoder=str(error), hint="resize the photograph before writing the capture")
+    except (OSError, SyntaxError, ValueError) as error:
+        ctx.fail(
+            f"`{name}` is truncated or damaged",
+            size=f"{len(data):,} bytes",
+            decoder=str(error),
+            hint=f"copy `{name}` from the camera again",
+        )

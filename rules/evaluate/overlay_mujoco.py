@@ -35,5 +35,5 @@ def _backed(pixels: np.ndarray, empty: np.ndarray, scene: Scene) -> np.ndarray:
     data = scene.model.files.get("assets/background.png")
     if data is None:
         return pixels
-    behind = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+    behind = np.asarray(Image.open(io.BytesIO(data), formats=("PNG",)).convert("RGB"))
     return np.where(empty[..., None], behind, pixels) if behind.shape == pixels.shape else pixels

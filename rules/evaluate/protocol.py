@@ -155,6 +155,6 @@ def robot_name(bundle: TaskBundle) -> str:
     """What the robot's own MJCF calls it."""
     try:
         root = ET.fromstring(bundle.robot.model.files.get("robot.xml", b"<mujoco/>"))
-    except ET.ParseError:
+    except (ET.ParseError, LookupError, ValueError):
         root = ET.Element("mujoco")
     return root.get("model") or "robot"

@@ -52,10 +52,12 @@ def parse(
 
 def _nothing(ctx: Context, capture: Capture, support: Support, found: tuple[Element, ...]) -> None:
     heights = relief(capture, support)
+    depth = capture.depth.depth > 0
     ctx.fail(
         "no object stands on the support",
         points_above=f"{int((heights.raised & heights.over).sum()):,} px over the support",
         threshold=f"{1000 * float(np.median(heights.threshold[heights.valid])):.1f} mm at the median depth",
         static=listing(element.name for element in found),
-        hint="look at the preview of `support`; things that reach out of the image count as static",
+        depth=f"{depth.mean():.0%} of the pixels, median {float(np.median(capture.depth.depth[depth])):.2f} m",
+        hint="look at the preview of `support` and at the depth's unit; things that the image border cuts are static",
     )

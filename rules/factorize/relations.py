@@ -64,7 +64,7 @@ def contacts(s: Surfaces, labels: np.ndarray) -> dict[tuple[int, int], Contact]:
         code = np.minimum(a, b).astype(np.int64) * 100000 + np.maximum(a, b)
         order = np.argsort(code, kind="stable")
         keys, starts = np.unique(code[order], return_index=True)
-        for key, part in zip(keys.tolist(), np.split(order, starts[1:]), strict=True):
+        for key, part in zip(keys.tolist(), np.split(order, starts)[1:], strict=True):
             gentle = meets[part] & (angle[part] > -CONCAVE_RAD)
             turn = float(angle[part][meets[part]].sum())
             contact = found.setdefault((key // 100000, key % 100000), Contact())

@@ -58,7 +58,7 @@ def _read(ctx: Context, model: str, files: dict[str, bytes]) -> list[str]:
             waiting += [_included(ctx, folder, path, part.get("file", "")) for part in documents[path].iter("include")]
     if documents[model].tag != "mujoco":
         ctx.fail(
-            f"`{model}` is no MJCF", element=f"<{documents[model].tag}>", hint="name a file that begins with <mujoco>"
+            f"`{model}` is not MJCF", element=f"<{documents[model].tag}>", hint="name a file that begins with <mujoco>"
         )
     settings = {
         name: value for root in documents.values() for part in root.iter("compiler") for name, value in part.items()
@@ -78,8 +78,8 @@ def _included(ctx: Context, folder: str, path: str, name: str) -> str:
 def _parsed(ctx: Context, path: str, data: bytes) -> ET.Element:
     try:
         return ET.fromstring(data)
-    except ET.ParseError as error:
-        ctx.fail(f"`{path}` is no XML: {error}")
+    except (ET.ParseError, LookupError, ValueError) as error:  # the last two: an encoding that Python lacks
+        ctx.fail(f"`{path}` is not valid XML", parser=str(error), hint=f"`xmllint --noout {path}` shows the place")
 
 
 def _named(roots: Iterable[ET.Element], settings: dict[str, str]) -> Iterator[str]:

@@ -131,10 +131,10 @@ class Raylets:
         psutil.wait_procs(family[1:], timeout=30)
 
     def workers(self) -> list[psutil.Process]:
-        """Processes that run calls of this cluster, and those that make them."""
+        """Processes that run calls of this cluster."""
         mine = [psutil.Process(root.pid) for root in self.started.values()]
         below = [child for root in mine for child in root.children(recursive=True)]
-        return [child for child in below if "dextera_build.engine.nursery" in " ".join(_command(child))]
+        return [child for child in below if "dextera_build.engine.worker" in " ".join(_command(child))]
 
 
 def _command(process: psutil.Process) -> list[str]:

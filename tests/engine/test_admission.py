@@ -28,12 +28,9 @@ class Job:
     comes: int = 0
 
 
-def simulate(
-    capacity: Capacity, jobs: Iterable[Job], *, followed: bool = False
-) -> Iterator[tuple[int, Job, tuple[str, ...], list[Job]]]:
-    """(when, job, its devices, all that run then) for every start, in order of time; with `followed` some follow."""
+def simulate(capacity: Capacity, jobs: Iterable[Job]) -> Iterator[tuple[int, Job, tuple[str, ...], list[Job]]]:
+    """(when, job, its devices, all that run then) for every start, in order of time."""
     line: Admission[Job] = Admission(capacity)
-    behind: dict[Job, Job] = {}
     coming = sorted(jobs, key=lambda job: (job.comes, job.name))
     ends: list[tuple[int, int, Job]] = []
     running: list[Job] = []
@@ -46,23 +43,13 @@ def simulate(
             running.append(started)
             heapq.heappush(ends, (now + started.lasts, started.name, started))
             yield now, started, line.devices(started), list(running)
-        for job in running if followed else ():
-            if job not in behind and (follower := line.follower(job, lambda job: job.lasts < 5)) is not None:
-                behind[job] = follower
         if not ends and not coming:
             return
         now = min([*(end for end, _, _ in ends[:1]), *(job.comes for job in coming[:1])])
         while ends and ends[0][0] <= now:
             _, _, over = heapq.heappop(ends)
             running.remove(over)
-            follower = behind.pop(over, None)
-            if follower is None:
-                line.end(over)
-                continue
-            line.hand_on(over, follower)
-            running.append(follower)
-            heapq.heappush(ends, (now + follower.lasts, follower.name, follower))
-            yield now, follower, line.devices(follower), list(running)
+            line.end(over)
 
 
 capacities = st.builds(
@@ -93,11 +80,11 @@ def works(draw: st.DrawFn) -> tuple[Capacity, list[Job]]:
 
 
 @settings(max_examples=300, deadline=None)
-@given(works(), st.booleans())
-def test_never_over_capacity_and_all_finish(work: tuple[Capacity, list[Job]], followed: bool) -> None:
+@given(works())
+def test_never_over_capacity_and_all_finish(work: tuple[Capacity, list[Job]]) -> None:
     capacity, jobs = work
     held: dict[int, tuple[str, ...]] = {}
-    for _, job, devices, running in simulate(capacity, jobs, followed=followed):
+    for _, job, devices, running in simulate(capacity, jobs):
         held[job.name] = devices
         if len(running) > 1:
             assert sum(max(one.needs.cpus, 1) for one in running) <= capacity.cpus
@@ -113,35 +100,16 @@ def test_never_over_capacity_and_all_finish(work: tuple[Capacity, list[Job]], fo
     assert sorted(held) == [job.name for job in jobs]
 
 
-@pytest.mark.parametrize("followed", [False, True])
 @pytest.mark.parametrize("seed", range(20))
-def test_a_large_task_does_not_starve_behind_endless_small_ones(seed: int, followed: bool) -> None:
+def test_a_large_task_does_not_starve_behind_endless_small_ones(seed: int) -> None:
     chance = random.Random(seed)
     cpus, longest = chance.randint(2, 6), chance.randint(2, 5)
     small = [Job(n, Needs(1), chance.randint(1, longest), comes=n // (2 * cpus)) for n in range(600)]
     big = Job(1000, Needs(cpus), 1, comes=1)
-    (began,) = [
-        when for when, job, _, _ in simulate(Capacity(cpus, 64), [*small, big], followed=followed) if job is big
-    ]
+    (began,) = [when for when, job, _, _ in simulate(Capacity(cpus, 64), [*small, big]) if job is big]
     # Those that came before it, eight that pass it, and what runs then.
     before = sum(job.lasts for job in small if job.comes <= 1)
     assert began <= 1 + before / cpus + (8 + 2) * longest
-
-
-def test_who_follows_is_the_eldest_and_needs_no_more() -> None:
-    line: Admission[str] = Admission(Capacity(3, 8, (Gpu("0"),)))
-    for name, needs in (("a", Needs(1, 2.0)), ("device", Needs(1, gpus=1)), ("b", Needs(1, 1.0)), ("c", Needs(1, 3.0))):
-        line.wait(name, needs)
-    assert [line.next(), line.next()] == ["a", "device"]
-    assert line.follower("device", lambda task: True) is None
-    assert line.follower("a", lambda task: False) is None
-    assert line.follower("a", lambda task: True) == "b"
-    line.wait("d", Needs(1, 1.0))
-    assert line.follower("a", lambda task: True) is None  # the eldest is one that needs more
-    line.hand_on("a", "b")
-    assert line.next() == "c"
-    assert line.follower("c", lambda task: True) == "d"
-    assert line.next() is None
 
 
 def test_small_tasks_go_on_while_a_large_one_waits() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine import dispatch, dryrun, known
+from dextera_build.engine import dryrun, known
 from dextera_build.engine.execute import RunResult
 from dextera_build.engine.graph import Graph
 from dextera_build.engine.key import Writer
@@ -24,19 +24,15 @@ def statuses(result: RunResult) -> set[str]:
     return {node.status for node in result.nodes.values()}
 
 
-@pytest.mark.parametrize(("few", "times"), [(2000, 2), (0, 3)])
-def test_a_key_document_is_kept_as_long_as_few_nodes_wait(
-    store: Store, monkeypatch: pytest.MonkeyPatch, few: int, times: int
-) -> None:
+def test_no_key_document_is_held_while_nodes_wait(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     spelled: list[str] = []
     document = Writer.document
-    monkeypatch.setattr(dispatch, "_FEW", few)
     monkeypatch.setattr(Writer, "document", lambda *words: spelled.append(words[1].name) or document(*words))
     names = [f"n{number}" for number in range(20)]
     result, _ = run(graph(*map(call, names), default=tuple(names)), store)
     assert statuses(result) == {"ran"}
-    # Once to look it up, and once to publish what ran in this process.
-    assert Counter(spelled) == Counter(dict.fromkeys(names, times))
+    # Once to look it up, and once to publish what ran.
+    assert Counter(spelled) == Counter(dict.fromkeys(names, 2))
     assert result.wiring is not None
     assert not any(node.document for node in result.wiring.nodes.values())
 

@@ -1,4 +1,4 @@
-"""What workers publish themselves: the same as the scheduler would, and only what it need not judge."""
+"""What is published of nodes that ran, in workers or in this process."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from dextera_build import digest
 from dextera_build.engine.execute import build
 from dextera_build.engine.executors.local import LocalExecutor
 from dextera_build.engine.graph import Graph
-from dextera_build.engine.publish import publish
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.presence import Presence
 from dextera_build.store.store import Store
-from tests.engine.tiny import RUNNER, Record, call, graph, inline, leaf, out, text_header
+from tests.engine.tiny import RUNNER, Record, call, graph, inline, leaf, out
 
 PLAN = graph(call("a", "blob"), call("b", "print", "hello", a=out("a")), call("c", a=out("a"), b=out("b")))
 
@@ -27,7 +26,7 @@ def made(root: Path, pool: bool, plan: Graph = PLAN) -> tuple[dict[str, ActionRe
     return {name: found.get(node.key or "") for name, node in result.nodes.items()}, presence, store
 
 
-def test_it_is_what_the_scheduler_would_store(tmp_path: Path) -> None:
+def test_workers_and_this_process_lead_to_the_same_results(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("a leaf")
     plan = graph(*PLAN.members.values(), call("d", "print", "read", x=leaf(tmp_path / "file"), c=out("c")))
     pooled, here = made(tmp_path / "pool", pool=True, plan=plan), made(tmp_path / "inline", pool=False, plan=plan)
@@ -48,7 +47,7 @@ def test_it_is_what_the_scheduler_would_store(tmp_path: Path) -> None:
     }
 
 
-def test_a_build_notes_what_its_workers_stored(tmp_path: Path) -> None:
+def test_a_build_notes_what_it_published(tmp_path: Path) -> None:
     results, presence, store = made(tmp_path, pool=True)
     parts: list[bytes] = []
     assert presence.freeze(parts.append) is not None
@@ -59,40 +58,6 @@ def test_a_build_notes_what_its_workers_stored(tmp_path: Path) -> None:
         assert {result.output, result.key_document} <= rows
     keys = list(store.actions.keys())
     assert set(keys) <= rows
-
-
-def test_a_key_that_has_a_result_keeps_it(tmp_path: Path) -> None:
-    store = Store(tmp_path)
-    key = digest.of_bytes(b"key")
-    replies = [{"output": store.blobs.put(text_header(text)), "line": text} for text in ("first", "second")]
-    first = publish(store, key, replies[0], 0.5, b"said", b"key")
-    assert first is not None
-    assert publish(store, key, replies[1], 0.5, b"", b"key") is None
-    kept = store.actions.get(key)
-    assert kept is not None
-    assert (kept.line, kept.digest) == ("first", first["result"])
-    assert {name for name, _ in first["needs"]} == {replies[0]["output"], kept.log}
-    assert store.blobs.get(key) == b"key"
-
-
-def test_an_entry_that_is_held_can_follow(tmp_path: Path) -> None:
-    store = Store(tmp_path)
-    key = digest.of_bytes(b"key")
-    reply = {"output": store.blobs.put(text_header("output")), "line": "a line"}
-    made = publish(store, key, reply, 0.5, b"said", b"key", held=True)
-    assert made is not None
-    assert store.actions.known(key) is None
-    store.actions.enter(key, made["entry"].encode("latin-1"))
-    found = store.actions.get(key)
-    assert found is not None
-    assert (found.output, found.line, found.digest) == (reply["output"], "a line", made["result"])
-    assert publish(store, key, reply, 0.5, b"", b"key", held=True) is None
-
-
-def test_the_calls_of_a_node_whose_entry_is_held_are_the_schedulers(tmp_path: Path) -> None:
-    store = Store(tmp_path)
-    reply = {"output": store.blobs.put(text_header("output")), "calls": [{"call": "a" * 64, "result": "b" * 64}]}
-    assert publish(store, digest.of_bytes(b"key"), reply, 0.5, b"", b"key", held=True) is None
 
 
 def test_nothing_is_published_of_a_node_whose_file_changed(tmp_path: Path) -> None:

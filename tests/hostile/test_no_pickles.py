@@ -102,6 +102,8 @@ def _call(node: ast.Call, name: str) -> Iterator[str]:
         isinstance(told["allow_pickle"], ast.Constant) and told["allow_pickle"].value is False
     ):
         yield f"{node.lineno}: allows pickles"
+    if name == "PIL.Image.open" and "formats" not in told:
+        yield f"{node.lineno}: opens pictures of every format, and Pillow starts Ghostscript for some"
     if name == "yaml.load":
         yield f"{node.lineno}: calls yaml.load"
 
@@ -130,6 +132,9 @@ def test_no_source_loads_a_pickle_or_runs_text(path):
         "import numpy as np\nnp.lib.format.read_array(x, allow_pickle=True)",
         "import yaml\nyaml.load(x, Loader=yaml.Loader)",
         "import yaml\nyaml.unsafe_load(x)",
+        "from PIL import Image\nImage.open(x)",
+        "from PIL import Image as Pillow\nPillow.open(x)",
+        "import PIL.Image\nPIL.Image.open(x)",
         "eval(x)",
         "exec(x)",
     ],
@@ -143,6 +148,7 @@ def test_the_search_finds_what_it_looks_for(text):
     [
         "import numpy as np\nnp.load(x, allow_pickle=False)",
         "import torch\ntorch.load(x, weights_only=True)",
+        "from PIL import Image\nImage.open(x, formats=('PNG',))",
         "a.eval()",
     ],
 )
@@ -175,7 +181,7 @@ def test_a_depth_image_that_is_a_pickle_does_not_run(tmp_path):
     from tests.rules.capture.test_folder import files
 
     captured = files(depth__png=None, depth__npy=npy(Trap(tmp_path / "ran")))
-    with pytest.raises(RuleError, match="truncated or damaged"):
+    with pytest.raises(RuleError, match="one number of metres per pixel"):
         RuleRunner(tmp_path / "runner").run("capture.folder", folder=captured)
     assert not (tmp_path / "ran").exists()
 

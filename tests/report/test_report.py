@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import re
+import zlib
 from collections import Counter
 from html.parser import HTMLParser
 from pathlib import Path
@@ -217,11 +218,17 @@ def test_a_store_that_lost_everything_still_gives_the_log(tmp_path: Path) -> Non
     assert "4 bodies, 1 hinge, 2.31 kg" in text
 
 
-def test_a_blob_that_is_no_picture_is_left_out(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["cut", "postscript", "large"])
+def test_a_blob_that_is_no_picture_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
+    """Nor is it given to a program: Pillow's reader of PostScript starts Ghostscript."""
+    eps = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 8 6\n%%EndComments\n"
+    monkeypatch.setattr("PIL.EpsImagePlugin.Ghostscript", lambda *_: pytest.fail("Ghostscript was started"))
     events, store = fabricate("cold")
     for name, data in store.blobs.data.items():
         if data.startswith(b"\x89PNG"):
-            store.blobs.data[name] = data[:200]
+            large = data[:16] + (30_000).to_bytes(4, "big") * 2 + data[24:]
+            large = large[:29] + zlib.crc32(large[12:29]).to_bytes(4, "big") + large[33:]
+            store.blobs.data[name] = {"cut": data[:200], "postscript": eps, "large": large}[kind]
     assert Page(report.build(events, store, tmp_path / "r.html").read_text()).all("img") == []
 
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import os
 import selectors
-import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from types import TracebackType
 from typing import Self
 
 from dextera_build.engine.capacity import Capacity, available_gb
-from dextera_build.engine.executors.nursery import Nursery
 from dextera_build.engine.executors.process import Process
 from dextera_build.engine.tasks import Ended, Report, Said, Task
 from dextera_build.engine.usage import Sampler, with_peak
@@ -33,7 +31,6 @@ class LocalExecutor:
         memory_gb: Memory to share out [GiB]; None is what is available now.
         environment: Variables that workers see beside those of this process.
         capacity: What to share out, over `jobs` and `memory_gb`.
-        nursery: What makes its workers; None: one is started with the first.
     """
 
     def __init__(
@@ -44,15 +41,13 @@ class LocalExecutor:
         memory_gb: float | None = None,
         environment: Mapping[str, str] | None = None,
         capacity: Capacity | None = None,
-        nursery: Nursery | None = None,
     ) -> None:
         self.capacity = capacity or Capacity(jobs or _cores(), memory_gb or available_gb())
         self._runner = runner
         self._environment = dict(environment or {})
         self._selector = selectors.DefaultSelector()
-        self._nursery = nursery
         self._idle: list[Process] = []
-        self._busy: dict[int, Process] = {}
+        self._busy: list[Process] = []
         self._sampler = Sampler()
 
     def __enter__(self) -> Self:
@@ -61,7 +56,7 @@ class LocalExecutor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        self.stop()
 
     def warm(self) -> None:
         """Start a worker, which loads what it needs while it is not known yet what it will run."""
@@ -69,85 +64,44 @@ class LocalExecutor:
 
     def submit(self, task: Task) -> None:
         """Hand the task to a worker that waits, or to a new one."""
-        self._give(self._take_idle(task.devices) or self._start(task.devices), [task])
-
-    @property
-    def spare(self) -> int:
-        """How many workers have nothing to do."""
-        return len(self._idle)
-
-    def submit_behind(self, task: Task, ticket: int) -> None:
-        """Hand the task to the worker that has the task of this ticket; it begins when that and others have ended."""
-        self._give(self._busy[ticket], [task])
-
-    def take_back(self, ticket: int) -> list[int]:
-        """Take back what the worker that has this task has not begun, but for one task; returns the tickets."""
-        process = self._busy[ticket]
-        back = process.take_back()
-        if not process.tasks:
-            self._give(process, [back.pop(0)])
-        for task in back:
-            del self._busy[task.ticket]
-        return [task.ticket for task in back]
+        process = self._take_idle(task.devices) or self._start(task.devices)
+        self._busy.append(process)
+        process.give(task)
 
     def poll(self, timeout_s: float | None) -> list[Report]:
         """What workers reported; a worker that died is reported as the failure of its node."""
         reports: list[Report] = []
-        self._sampler.look(self._busy.values())
-        if self._nursery is not None and self._nursery.has_news:
-            timeout_s = 0.0
         for key, _ in self._selector.select(self._sampler.patience(timeout_s, len(self._busy))):
-            if isinstance(key.data, Nursery):
-                key.data.hear()
-            elif key.data.alive:
-                reports += self._hear(key.data)
-        if self._nursery is not None and self._nursery.has_news:
-            reports += self._look_after(self._nursery)
+            reports += self._hear(key.data)
+        if self._sampler.look(self._busy):
+            for process in [process for process in self._busy if process.has_ended]:
+                reports += self._hear(process)
         return reports
 
     def stop(self) -> None:
-        """End all workers and whatever they started."""
-        workers = self._workers()
-        for process in workers:
+        """End all workers and everything that they started; those that run may clean up."""
+        for process in self._busy:
             process.ask_to_end()
         deadline = time.monotonic() + _GRACE_S
-        for process in workers:
+        for process in self._workers():
             self._forget(process)
-            process.end(max(0.0, deadline - time.monotonic()))
+            process.end(max(0.0, deadline - time.monotonic()) if process.task else 0.0)
         self._busy.clear()
         self._idle.clear()
-        self._end_nursery()
-
-    def close(self) -> None:
-        """Let idle workers go; those that still run are ended."""
-        if self._busy:
-            self.stop()
-        for process in self._idle:
-            process.hang_up()
-        for process in self._idle:
-            self._forget(process)
-            process.end(_GRACE_S)
-        self._idle.clear()
-        self._end_nursery()
 
     def pids(self) -> list[int]:
-        """Process ids of all workers; for those that are being made, the one of what makes them."""
-        return list(dict.fromkeys(process.pid or process.nursery.pid for process in self._workers()))
+        """Process ids of all workers."""
+        return [process.pid for process in self._workers()]
 
     def _workers(self) -> list[Process]:
-        return [*dict.fromkeys(self._busy.values()), *self._idle]
-
-    def _give(self, process: Process, tasks: Iterable[Task]) -> None:
-        for task in tasks:
-            self._busy[task.ticket] = process
-            process.give(task)
+        return [*self._busy, *self._idle]
 
     def _take_idle(self, devices: tuple[str, ...]) -> Process | None:
         for process in reversed(self._idle):
             if process.devices != devices and set(process.devices).isdisjoint(devices):
                 continue
             self._idle.remove(process)
-            if process.devices == devices and process.is_running():
+            if process.devices == devices and not process.has_ended:
                 return process
             # Dead, or it holds memory of a device that another worker needs now.
             self._forget(process)
@@ -156,75 +110,37 @@ class LocalExecutor:
 
     def _start(self, devices: tuple[str, ...]) -> Process:
         try:
-            process = Process(self._nurse(), devices)
+            process = Process(self._runner, self._environment, devices)
         except OSError as error:
-            raise self._refused(error.strerror) from None
+            raise MachineError(
+                "a worker process cannot be started",
+                code="DXB-E202",
+                facts={"system says": error.strerror, "workers": len(self._busy)},
+                hint="build with `--jobs 1`",
+            ) from None
         self._selector.register(process.descriptor, selectors.EVENT_READ, process)
         return process
-
-    def _nurse(self) -> Nursery:
-        """What makes workers; told what to load with the first."""
-        if self._nursery is not None and not self._nursery.is_running():
-            self._end_nursery()
-        if self._nursery is None:
-            self._nursery = Nursery()
-        if self._nursery.fileno() not in self._selector.get_map():
-            self._selector.register(self._nursery, selectors.EVENT_READ, self._nursery)
-        self._nursery.load(self._runner, self._environment, [entry for entry in sys.path if entry])
-        return self._nursery
-
-    def _end_nursery(self) -> None:
-        if self._nursery is not None:
-            self._forget_nursery(self._nursery)
-            self._nursery.end()
-            self._nursery = None
-
-    def _look_after(self, nursery: Nursery) -> list[Report]:
-        """Look which workers ended or cannot be made."""
-        reports: list[Report] = []
-        nursery.has_news = False
-        if not nursery.is_running():
-            self._forget_nursery(nursery)
-        for process in self._workers():
-            if process.refused:
-                raise self._refused(os.strerror(process.refused))
-            if process.alive and process.has_ended:
-                reports += self._hear(process)
-        return reports
-
-    def _refused(self, reason: str | None) -> MachineError:
-        return MachineError(
-            "a worker process cannot be started",
-            code="DXB-E202",
-            facts={"system says": reason, "workers": len(self._busy)},
-            hint="build with `--jobs 1`",
-        )
 
     def _hear(self, process: Process) -> list[Report]:
         lines, ended = process.hear()
         reports: list[Report] = []
         for line in lines:
-            if not process.tasks:
+            if process.task is None:  # something that a task left behind goes on talking
                 continue
             if "said" in line:
                 kind, data = line["said"]
-                reports.append(Said(process.tasks[0].ticket, kind, data))
+                reports.append(Said(process.task.ticket, kind, data))
             else:
-                reports.append(self._end(process, line))
+                reports.append(self._end(process, process.task, line))
         if ended:
             reports += self._bury(process)
         return reports
 
-    def _end(self, process: Process, line: Mapping[str, object]) -> Ended:
-        peak = process.peak
-        task = process.advance()
-        assert line["ticket"] == task.ticket, "an answer belongs to another task"
-        del self._busy[task.ticket]
-        if not process.tasks:
-            self._idle.append(process)
-        error, reply, raised, used, made = (
-            line.get(name) for name in ("error", "reply", "raised", "usage", "published")
-        )
+    def _end(self, process: Process, task: Task, line: Mapping[str, object]) -> Ended:
+        process.task = None
+        self._busy.remove(process)
+        self._idle.append(process)
+        error, reply, raised, used = (line.get(name) for name in ("error", "reply", "raised", "usage"))
         return Ended(
             ticket=task.ticket,
             seconds=float(str(line["seconds"])),
@@ -232,42 +148,23 @@ class LocalExecutor:
             reply=reply if isinstance(reply, dict) else None,
             error=from_json(error) if isinstance(error, dict) else None,
             raised=tuple(raised) if isinstance(raised, list) else (),
-            usage=with_peak(used if isinstance(used, dict) else {}, peak),
-            published=made if isinstance(made, dict) else None,
+            usage=with_peak(used if isinstance(used, dict) else {}, process.peak),
         )
 
     def _bury(self, process: Process) -> list[Report]:
-        """A worker is dead: what it had begun has failed, what stood behind goes to another."""
-        process.nursery.hear()
-        if process.refused:
-            raise self._refused(os.strerror(process.refused))
-        rest = process.take_back()
+        """A worker is dead: the task that it had has failed."""
         self._forget(process)
         process.end(_GRACE_S)
-        if process in self._idle:
+        if process.task is None:
             self._idle.remove(process)
-        reports: list[Report] = []
-        if not process.tasks and rest and not process.answered:
-            # One that dies before it has done anything would do so again.
-            process.tasks.append(rest.pop(0))
-        if process.tasks:
-            seconds = time.monotonic() - process.began
-            log = process.log()
-            ticket = process.tasks[0].ticket
-            del self._busy[ticket]
-            usage = with_peak({}, process.peak)
-            reports.append(Ended(ticket, seconds, log, error=process.death(log), usage=usage))
-        if rest:
-            self._give(self._take_idle(rest[0].devices) or self._start(rest[0].devices), rest)
-        return reports
+            return []
+        self._busy.remove(process)
+        seconds, log = time.monotonic() - process.began, process.log()
+        usage = with_peak({}, process.peak)
+        return [Ended(process.task.ticket, seconds, log, error=process.death(log), usage=usage)]
 
     def _forget(self, process: Process) -> None:
-        if process.descriptor in self._selector.get_map():
-            self._selector.unregister(process.descriptor)
-
-    def _forget_nursery(self, nursery: Nursery) -> None:
-        if nursery.fileno() in self._selector.get_map():
-            self._selector.unregister(nursery)
+        self._selector.unregister(process.descriptor)
 
 
 def _cores() -> int:

@@ -1,8 +1,4 @@
-"""One worker process, seen from the pool: what it was given, what it says, and how it died.
-
-Tasks go through a socket that keeps messages apart, and the pool holds both of its ends: so it can take back what the
-worker has not taken yet, and the system sees to it that each task is taken once.
-"""
+"""One worker process, seen from the pool: what it was given, what it says, and how it died."""
 
 from __future__ import annotations
 
@@ -12,216 +8,144 @@ import json
 import os
 import signal
 import socket
+import subprocess
+import sys
 import tempfile
 import time
-from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-from dextera_build import digest as digests
-from dextera_build.engine.executors.nursery import Nursery
-from dextera_build.engine.tasks import PACKET, Task, printed
+from dextera_build.engine import worker
+from dextera_build.engine.tasks import Task, printed
 from dextera_build.errors import RuleError
-from dextera_build.store.files import write_all
 
-_SPELL = digests.speller(ensure_ascii=True)
-_READ = json.JSONDecoder().decode
 _TAIL_LINES = 12
-_NAME = 32
-"""No ticket takes more [bytes]."""
+_ROOT = Path(__file__).resolve().parents[3]
+"""Where this package lies."""
+_LOOK_S = 0.001
 
 
 class Process:
-    """A running worker.
+    """A running worker: an interpreter of its own, which shares nothing with this process but the module search path.
 
-    It is the leader of its own process group, so that a Ctrl-C at the terminal does not reach it and that it can be
-    ended with all that it started.
-
-    It can be given tasks before it is there.
+    It leads a session and a process group of its own, so that a Ctrl-C at the terminal does not reach it and that it
+    can be ended with everything that it started. It can be given a task while it is still loading.
 
     Args:
-        nursery: What makes it.
+        runner: `module:function` that carries out a task.
+        environment: Variables beside those of this process.
         devices: GPUs that it may use.
 
     Raises:
-        OSError: No more files can be opened.
+        OSError: No process can be started, or no file opened.
     """
 
-    def __init__(self, nursery: Nursery, devices: tuple[str, ...] = ()) -> None:
-        self.nursery = nursery
-        self.tasks: deque[Task] = deque()
-        """What it was given and has not answered; the first is the one that it has, the others stand behind."""
-        self.answered = 0
-        """How many tasks it has answered."""
-        self._sent = 0
-        """How many of `tasks` lie in the socket or are with the worker."""
+    def __init__(self, runner: str, environment: Mapping[str, str], devices: tuple[str, ...] = ()) -> None:
+        self.task: Task | None = None
+        """What it was given and has not answered."""
         self.devices = devices
         self.began = 0.0
         self.peak = 0
-        self.alive = True
         self._buffer = b""
         # Without a name, so that nothing is left behind however this ends.
         self._log = tempfile.TemporaryFile(mode="w+b", buffering=0)  # noqa: SIM115
         # What is printed after the file was cut goes to its beginning.
         fcntl.fcntl(self._log.fileno(), fcntl.F_SETFL, os.O_APPEND)
-        self._sending, self._taking = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._sending.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 * PACKET)
-        # For a task that is too large for the socket.
-        self._large = os.memfd_create("task")
-        self._hearing, writing = os.pipe()
-        os.set_blocking(self._hearing, False)
-        self.pid = 0
-        """0 until it is there."""
-        self.refused = 0
-        """The error number, where it cannot be made."""
-        try:
-            # CUDA looks at this once in a process, so a worker stays with its devices.
-            environment = {"CUDA_VISIBLE_DEVICES": ",".join(devices)}
-            passed = (self._taking.fileno(), self._large, writing, self._log.fileno())
-            nursery.make(passed, environment, self._born)
-        except OSError:
-            self.hang_up()
-            os.close(self._hearing)
-            raise
-        finally:
-            os.close(writing)
+        self._socket, theirs = socket.socketpair()
+        with theirs:
+            try:
+                self._child = subprocess.Popen(
+                    [sys.executable, "-m", worker.__name__, runner, str(theirs.fileno()), str(os.getpid())],
+                    stdin=subprocess.DEVNULL,
+                    stdout=self._log,
+                    stderr=self._log,
+                    pass_fds=[theirs.fileno()],
+                    start_new_session=True,
+                    # CUDA looks at its variable once in a process, so a worker stays with its devices.
+                    env={
+                        **os.environ,
+                        **environment,
+                        "CUDA_VISIBLE_DEVICES": ",".join(devices),
+                        "PYTHONPATH": _search_path(),
+                    },
+                )
+            except OSError:
+                self._socket.close()
+                raise
+        self._send(json.dumps([entry for entry in sys.path if entry]).encode())
 
-    def _born(self, pid: int) -> None:
-        if pid < 0:
-            self.refused = -pid
-        elif self.alive:
-            self.pid = pid
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._child.pid
 
     @property
     def descriptor(self) -> int:
-        """What becomes readable when the worker speaks; -1 when it has ended."""
-        return self._hearing
+        """What becomes readable when the worker speaks or ends; -1 when it was ended."""
+        return self._socket.fileno()
 
     @property
     def has_ended(self) -> bool:
-        """Whether the nursery said so; the pipe need not, as something that it started may hold the other end."""
-        return self.nursery.ended(self.pid) is not None
+        """Whether it is dead; the socket need not say so, as something that it started may hold the other end."""
+        try:
+            # Its process id stays its own until `end` has killed its group.
+            return os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+        except ChildProcessError:  # the program around the build does not want to know of its children
+            return True
 
     def give(self, task: Task) -> None:
-        """Give it a task, behind those that it has; a worker that is dead already shows in `hear`."""
-        self.tasks.append(task)
-        if len(self.tasks) == 1:
-            self._begin()
-        self._send()
+        """Give it a task; a worker that is dead already shows in `hear`."""
+        self.task, self.began, self.peak = task, time.monotonic(), 0
+        self._send(json.dumps(task.message()).encode())
 
-    def advance(self) -> Task:
-        """It has answered its first task, and begins the next."""
-        task = self.tasks.popleft()
-        self.answered, self._sent = self.answered + 1, self._sent - 1
-        self._begin()
-        self._send()
-        return task
-
-    def take_back(self) -> list[Task]:
-        """Take back all tasks that it has not begun, the first as well where it has not.
-
-        It goes on meanwhile, so what it has begun may have stood behind one that is taken back.
-        """
-        tickets = self._taken_back()
-        begun = [task for task in list(self.tasks)[: self._sent] if task.ticket not in tickets]
-        back = [task for task in self.tasks if task not in begun]
-        self.tasks, self._sent = deque(begun), len(begun)
-        return back
-
-    def _begin(self) -> None:
-        self.began, self.peak = time.monotonic(), 0
-
-    def _send(self) -> None:
-        """Put into the socket what it has room for."""
-        while self._sent < len(self.tasks):
-            packet = self._packet(self.tasks[self._sent])
-            if packet is None:
-                return
-            try:
-                self._sending.send(packet, socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                return
-            self._sent += 1
-
-    def _packet(self, task: Task) -> bytes | None:
-        """What stands for a task in the socket; None for a large one whose turn has not come."""
-        name = b"%d\n" % task.ticket
-        message = task.message()
-        message["held"] = task.held
-        data = b"%b\n%b" % (_SPELL(message).encode(), task.document)
-        if len(name) + len(data) <= PACKET:
-            return name + data
-        if self._sent:
-            return None
-        os.ftruncate(self._large, 0)
-        os.lseek(self._large, 0, os.SEEK_SET)
-        write_all(self._large, data)
-        return name + b"@%d" % len(data)
-
-    def _taken_back(self) -> set[int]:
-        """Tickets of the tasks that were taken out of the socket."""
-        tickets = set()
-        with contextlib.suppress(BlockingIOError):
-            while packet := self._taking.recv(_NAME, socket.MSG_DONTWAIT):
-                tickets.add(int(packet.partition(b"\n")[0]))
-        return tickets
+    def _send(self, data: bytes) -> None:
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+            self._socket.sendall(data + b"\n")
 
     def hear(self) -> tuple[list[dict[str, Any]], bool]:
         """(what it said, whether it is dead)."""
         ended = self.has_ended
-        while True:
-            try:
-                part = os.read(self._hearing, 1 << 16)
-            except BlockingIOError:
-                break
-            self._buffer += part
-            if len(part) < 1 << 16:
-                ended = ended or not part
-                break
+        with contextlib.suppress(BlockingIOError):
+            while part := self._receive():
+                self._buffer += part
+            ended = True
         *lines, self._buffer = self._buffer.split(b"\n")
-        return [_READ(line.decode()) for line in lines], ended
+        return [json.loads(line) for line in lines], ended
 
-    def is_running(self) -> bool:
-        """Whether the process lives, or is being made."""
-        self.nursery.hear()
-        return not (self.refused or self.has_ended)
+    def _receive(self) -> bytes:
+        """What has arrived, b"" at the end.
 
-    def hang_up(self) -> None:
-        """Close the socket: the worker ends when it has nothing to do."""
-        self._sending.close()
-        self._taking.close()
-        if self._large >= 0:
-            os.close(self._large)
-            self._large = -1
+        Raises:
+            BlockingIOError: Nothing has.
+        """
+        try:
+            return self._socket.recv(1 << 16, socket.MSG_DONTWAIT)
+        except ConnectionResetError:  # it died with a task unread
+            return b""
 
     def ask_to_end(self) -> None:
         """Ask it to clean up and end."""
-        if self.pid and self.is_running():
+        if not self.has_ended:
             os.kill(self.pid, signal.SIGTERM)
 
     def end(self, patience_s: float) -> None:
-        """Wait at most `patience_s` [s] for its end, then kill it; what it started is killed at once.
-
-        One that is not there yet ends when it is, since it will have nothing to do.
-        """
-        self.hang_up()
-        self.nursery.hear()
-        if self.pid:
-            self.nursery.wait(self.pid, patience_s)
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(self.pid, signal.SIGKILL)
-            self.nursery.wait(self.pid, None)
-            self.nursery.forget(self.pid)
-        self.alive = False
-        os.close(self._hearing)
-        self._hearing = -1
+        """Wait at most `patience_s` [s] for its end, then kill it; what it started is killed at once."""
+        deadline = time.monotonic() + patience_s
+        while not self.has_ended and time.monotonic() < deadline:
+            time.sleep(_LOOK_S)
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, signal.SIGKILL)
+        self._child.wait()
+        self._socket.close()
 
     def log(self) -> bytes:
         """What the node printed so far."""
         return printed(self._log.fileno())
 
     def death(self, log: bytes) -> RuleError:
-        """What to say of a worker that died in the middle of a node."""
-        code = self.nursery.ended(self.pid) or 0
+        """What to say of a worker that died in the middle of a node, once it was ended."""
+        code = self._child.returncode
         if code < 0:
             try:
                 name = signal.Signals(-code).name
@@ -242,3 +166,8 @@ class Process:
             facts=facts,
             hint="build again, with `--jobs 1` where memory is short",
         )
+
+
+def _search_path() -> str:
+    inherited = os.environ.get("PYTHONPATH")
+    return os.pathsep.join([str(_ROOT), *([inherited] if inherited else [])])

@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections import Counter, OrderedDict, defaultdict, deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Self, TypeAlias
@@ -191,9 +191,7 @@ class RayExecutor:
     def _begin(self, slot: _Slot, task: Task) -> None:
         slot.task = task
         self._tries[task.ticket] += 1
-        # The result is published where the build is: a node's store keeps blobs alone.
-        told = replace(task, document=b"")
-        slot.hand.run(told, self._is_fresh(task), self._hearing(slot, task.ticket))
+        slot.hand.run(task, self._is_fresh(task), self._hearing(slot, task.ticket))
 
     def _is_fresh(self, task: Task) -> bool:
         """Whether nothing that an earlier build kept may be used.

@@ -72,7 +72,8 @@ class RayWorker:
         self._announced = self._store.running.announced()
         self._announced.__enter__()
         spec = Spec("driver", setup.driver, "rw", _PATIENCE_S)
-        self._staging = Staging(self._store, open_remote(spec))
+        # The password is made for one build, and the network is the cluster's own.
+        self._staging = Staging(self._store, open_remote(spec, trusted_network=True))
         self._devices = devices()
         self._pool: LocalExecutor | None = None
         self._project = ""

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build.errors import UsageError, listing
-from dextera_build.store.remotes.spec import EVERY, LOCAL, MODES, Spec, from_table, mask, named
+from dextera_build.redact import redact
+from dextera_build.store.remotes.spec import EVERY, LOCAL, MODES, Spec, from_table, named, refuse_clear
 
 _USE = re.compile(rf"(?P<what>.+):(?P<mode>{'|'.join(MODES)})")
 
@@ -60,9 +61,12 @@ class Choice:
         """The remotes that are used, in the order in which they are asked.
 
         Raises:
-            UsageError: The list is malformed, or names what is not known.
+            UsageError: The list is malformed, names what is not known, or would send a password in the clear.
         """
-        return self._chosen()[1]
+        used = self._chosen()[1]
+        for spec in used:
+            refuse_clear(spec.address)
+        return used
 
     @property
     def listed(self) -> str:
@@ -73,7 +77,7 @@ class Choice:
         """Setting -> (value without secrets, origin)."""
         rows = {f"remotes.{name}": (str(spec), self._origins[name]) for name, spec in self.known.items()}
         if self._list is not None:
-            rows["use"] = (",".join(mask(part) for part in self._list[0].split(",")), self._list[1])
+            rows["use"] = (redact(self._list[0]), self._list[1])
         return rows or {"remotes": ("none", "default")}
 
     def _chosen(self) -> tuple[str, list[Spec]]:
@@ -104,9 +108,11 @@ def choose(text: str, known: Mapping[str, Spec]) -> tuple[str, list[Spec]]:
         match = _USE.fullmatch(part)
         if match is None:
             name = part.rpartition(":")[0]
-            use = name if name in (LOCAL, EVERY, *known) else mask(part)
+            # A password with a comma is cut in two, and the halves do not look like secrets.
+            shown = part if redact(text) == text else redact(text)
+            use = name if name in (LOCAL, EVERY, *known) else shown
             raise UsageError(
-                f"`{mask(part)}` does not say how to use a store",
+                f"`{shown}` does not say how to use a store",
                 code="DXB-U132",
                 facts={"form": "`NAME:MODE` or `URL:MODE`", "modes": listing(MODES)},
                 hint=f"`{use}:r` reads from it",

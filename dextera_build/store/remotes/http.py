@@ -15,6 +15,7 @@ import httpx
 
 from dextera_build.store.remotes.crew import Crew
 from dextera_build.store.remotes.remote import MOST_ENTRY, Digest, RemoteFault
+from dextera_build.store.remotes.spec import is_loopback
 
 _CHUNK = 1 << 18
 _CONNECTIONS = 16
@@ -31,17 +32,24 @@ class HttpCache:
     """One server.
 
     Args:
-        url: `https://user:password@host/prefix`; what stands before `@` is used and never shown.
+        url: `https://user:password@host/prefix?token=...`; user, password and query are used and never shown.
         timeout_s: How long to wait for the next bytes [s].
+
+    Raises:
+        ValueError: The address is malformed.
     """
 
     def __init__(self, url: str, *, timeout_s: float = 10.0) -> None:
-        parsed = httpx.URL(url)
-        self.address = str(parsed.copy_with(username=None, password=None)).rstrip("/")
+        try:
+            parsed = httpx.URL(url)
+        except httpx.InvalidURL:  # its message quotes the address
+            raise ValueError("a password has `/`, `?`, `#`, `@` and `:` as %2F, %3F, %23, %40 and %3A") from None
+        self.address = str(parsed.copy_with(username=None, password=None, query=None)).rstrip("/")
         self._crew = Crew(_CONNECTIONS - 1, f"dxb {parsed.host}")
         self._timeout_s = timeout_s
         self._client = httpx.Client(
-            auth=(parsed.username, parsed.password) if parsed.username else _netrc(),
+            auth=(parsed.username, parsed.password) if parsed.username else _netrc(parsed),
+            params=parsed.params,
             # What is compressed on the way has another size than its digest says.
             headers={"Accept-Encoding": "identity"},
             timeout=httpx.Timeout(timeout_s, connect=min(_CONNECT_S, timeout_s), pool=None),
@@ -154,7 +162,9 @@ def _plain(error: Exception) -> str:
     return re.sub(r"^\[Errno -?\d+\] ", "", said) or type(error).__name__
 
 
-def _netrc() -> httpx.NetRCAuth | None:
+def _netrc(url: httpx.URL) -> httpx.NetRCAuth | None:
+    if url.scheme != "https" and not is_loopback(url.host):
+        return None  # it goes over TLS or nowhere
     try:
         return httpx.NetRCAuth(os.environ.get("NETRC"))
     except (OSError, SyntaxError):

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import BinaryIO, NamedTuple, Protocol
 
+from dextera_build.redact import redact
+
 MOST_ENTRY = 64 << 20
 """A result under a key that is longer is not taken [bytes]; one blob takes about 150 bytes there."""
 
@@ -26,15 +28,14 @@ class RemoteFault(Exception):  # noqa: N818 - says what happened, as `MissingBlo
     """A remote did not do what it was asked: no connection, a time-out, an answer that makes no sense.
 
     Args:
-        address: The remote, without secrets.
-        reason: What happened, for people.
+        address: The remote.
+        reason: What happened, for people; both are shown without secrets.
         refused: The remote works and said no (no right to, no such method): to ask again does not help.
     """
 
     def __init__(self, address: str, reason: str, *, refused: bool = False) -> None:
-        super().__init__(f"{address}: {reason}")
-        self.address = address
-        self.reason = reason
+        self.address, self.reason = redact(address), redact(reason)
+        super().__init__(f"{self.address}: {self.reason}")
         self.refused = refused
 
 

@@ -10,6 +10,7 @@ import hmac
 import os
 import re
 import socket
+import ssl
 from collections.abc import Iterator
 from functools import partial
 from http import HTTPStatus
@@ -37,9 +38,10 @@ class CacheServer(ThreadingHTTPServer):
         most_bytes: Largest blob that is taken [bytes].
         log: Gets a line for each request; None for none.
         secret: Password of the user `dxb`, whom alone it serves; "" serves everyone.
+        tls: PEM file with a certificate and its private key; "" serves plain HTTP.
 
     Raises:
-        OSError: Nothing can listen there.
+        OSError: Nothing can listen there, or the certificate cannot be used.
     """
 
     daemon_threads = True
@@ -54,6 +56,7 @@ class CacheServer(ThreadingHTTPServer):
         most_bytes: int = 16_000_000_000,
         log: TextIO | None = None,
         secret: str = "",
+        tls: str = "",
     ) -> None:
         if ":" in address[0]:
             self.address_family = socket.AF_INET6
@@ -62,14 +65,20 @@ class CacheServer(ThreadingHTTPServer):
         self.welcome = b"Basic " + base64.b64encode(f"dxb:{secret}".encode()) if secret else b""
         """What a client must say to be served."""
         self.given = self.taken = 0
+        self._scheme = "https" if tls else "http"
         super().__init__(address, partial(_Request))
+        if tls:
+            context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            context.load_cert_chain(tls)
+            # The handshake comes with the first read, in the thread of the connection: a client may take its time.
+            self.socket = context.wrap_socket(self.socket, server_side=True, do_handshake_on_connect=False)
 
     @property
     def url(self) -> str:
         """Where clients find it."""
         host, port = self.server_address[:2]
         shown = str(host)
-        return f"http://[{shown}]:{port}" if ":" in shown else f"http://{shown}:{port}"
+        return f"{self._scheme}://[{shown}]:{port}" if ":" in shown else f"{self._scheme}://{shown}:{port}"
 
     def handle_error(self, request: object, client_address: object) -> None:
         """A client that goes away in the middle is no news."""

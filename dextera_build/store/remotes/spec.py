@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import ipaddress
 import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from dextera_build.errors import UsageError, did_you_mean, listing
+from dextera_build.redact import redact
 
 MODES = ("r", "rw", "w", "off")
 SCHEMES = ("http", "https", "s3", "gs", "az", "file")
@@ -39,7 +42,7 @@ class Spec:
     @property
     def shown(self) -> str:
         """The address without secrets."""
-        return mask(self.address)
+        return redact(self.address)
 
     def below(self, root: Path) -> Spec:
         """The same remote; a folder that is relative is taken from `root`."""
@@ -49,15 +52,39 @@ class Spec:
 
     def __str__(self) -> str:
         """As `dxb show --config` prints it; no secrets."""
-        more = {name: "***" if _SECRET.search(name) else value for name, value in self.options.items()}
+        more = {name: "***" if _SECRET.search(name) else redact(value) for name, value in self.options.items()}
         if self.timeout_s != _TIMEOUT_S:
             more["timeout_s"] = f"{self.timeout_s:g}"
         return " ".join([self.shown, self.mode, *(f"{name}={value}" for name, value in more.items())])
 
 
-def mask(address: str) -> str:
-    """An address without what stands before its `@`."""
-    return re.sub(r"(?<=://)[^/@]*(?:@[^/@]*)*@", "***@", address)
+def refuse_clear(address: str) -> None:
+    """Refuse an address whose password or token would go to another machine over plain HTTP.
+
+    Raises:
+        UsageError: It would.
+    """
+    if not address.startswith("http://") or not {"@", "?"} & set(address):
+        return
+    try:
+        host = urlsplit(address).hostname or ""
+    except ValueError:
+        host = ""  # whoever opens it says what is wrong
+    if not is_loopback(host):
+        raise UsageError(
+            f"`{address}` would send a password or token in the clear",
+            code="DXB-U137",
+            facts={"allowed": "`https://` to any machine, `http://` to this one (localhost, 127.0.0.1, ::1)"},
+            hint=f"`https://{address.removeprefix('http://')}`, or a tunnel: `ssh -L 8098:localhost:8098 HOST`",
+        )
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine can be reached, or can reach us, at a host."""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def from_table(table: Mapping[str, Any], where: str) -> dict[str, Spec]:
@@ -104,7 +131,7 @@ def named(what: str, known: Mapping[str, Spec]) -> Spec:
 
 def _by_address(what: str, known: Mapping[str, Spec]) -> Spec:
     if "://" in what or what.startswith(("/", "./", "../", "~")):
-        return Spec(mask(what), _checked(what))
+        return Spec(redact(what), _checked(what))
     raise UsageError(
         f"no remote is called `{what}`",
         code="DXB-U133",
@@ -123,7 +150,7 @@ def _checked(address: str) -> str:
     scheme, separator, rest = address.partition("://")
     if separator and (scheme not in SCHEMES or not rest.strip("/")):
         raise UsageError(
-            f"`{mask(address)}` is not the address of a remote",
+            f"`{redact(address)}` is not the address of a remote",
             code="DXB-U131",
             facts={"schemes": listing(SCHEMES), "or": "a folder"},
             hint=did_you_mean(scheme, SCHEMES, "`{}://`"),

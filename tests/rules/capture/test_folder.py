@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import io
 import json
+import os
+import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -92,7 +95,7 @@ def test_a_truncated_image_is_refused(runner, name):
 
 def test_what_is_no_image_is_refused(runner):
     error = refused(runner, files(rgb__png=b"version https://git-lfs.github.com/spec/v1"))
-    assert error.message == "`rgb.png` is not an image"
+    assert error.message == "`rgb.png` is not a PNG or JPEG image"
     assert "Git LFS" in (error.hint or "")
 
 
@@ -173,6 +176,123 @@ def test_implausible_units_are_refused(runner, scale, median):
 def test_colour_depth_is_refused(runner):
     error = refused(runner, files(depth__png=png(RGB)))
     assert error.message == "`depth.png` must have one channel of whole numbers"
+
+
+EPS = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 8 6\n%%EndComments\n"
+
+
+@pytest.fixture
+def ghostscript(tmp_path, monkeypatch):
+    """A `gs` on the path that leaves a mark where it is started."""
+    mark, program = tmp_path / "started", tmp_path / "bin" / "gs"
+    program.parent.mkdir()
+    program.write_text(f"#!/bin/sh\ntouch {mark}\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(program.parent), prepend=os.pathsep)
+    monkeypatch.setattr("PIL.EpsImagePlugin.gs_binary", None)
+    return mark
+
+
+@pytest.mark.parametrize("name", ["rgb.png", "depth.png"])
+def test_a_photograph_that_is_postscript_starts_no_program(runner, ghostscript, name):
+    error = refused(runner, files(**{name.replace(".", "__"): EPS}))
+    assert error.message == f"`{name}` is not a PNG or JPEG image"
+    assert not ghostscript.exists()
+
+
+def declared(width: int, height: int) -> bytes:
+    """A PNG whose header declares a size and whose pixels are missing."""
+    chunk = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    crc = struct.pack(">I", zlib.crc32(chunk))
+    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + chunk + crc + b"\0\0\0\0IDAT"
+
+
+def test_sizes_are_compared_before_pixels_are_decoded(runner):
+    error = refused(runner, files(rgb__png=declared(9000, 9000)))
+    assert error.message == "the intrinsics do not match the image size"
+    assert error.facts["rgb.png"] == "9000 x 9000 px"
+    error = refused(runner, files(depth__png=declared(9000, 9000)))
+    assert error.message == "the depth image and the photograph differ in size"
+
+
+@pytest.mark.parametrize("side", [9500, 20_000, 60_000])
+def test_pictures_that_would_fill_the_memory_are_refused_by_their_header(runner, side):
+    large = files(capture__json=facts(width=side, height=side, fx=side, fy=side), rgb__png=declared(side, side))
+    error = refused(runner, large)
+    assert error.message == "`rgb.png` is too large"
+    with pytest.raises(RuleError, match=r"`instances.png` is too large"):
+        runner.run("capture.labels", folder=files(instances__png=declared(side, side)))
+
+
+def header(text: str) -> bytes:
+    """An NPY file with this header and no numbers."""
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text) + 1) + text.encode() + b"\n"
+
+
+def spelled(shape: str, dtype: str = "<f4") -> bytes:
+    return header(f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}}}")
+
+
+def npz() -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, depth=np.ones((6, 8), np.float32))
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "`depth.npy` is not an NPY file"),
+        (npz(), "`depth.npy` is not an NPY file"),
+        (header("(" * 4), "`depth.npy` is not an NPY file"),
+        (header("-" * 9000 + "1"), "`depth.npy` is not an NPY file"),
+        (spelled("(----1, 8)"), "`depth.npy` is not an NPY file"),
+        (spelled("(6, 8)", "nonsense"), "`depth.npy` is not an NPY file"),
+        (spelled("(True, 16)"), "`depth.npy` must hold one number of metres per pixel"),
+        (spelled("(-6, 8)"), "`depth.npy` must hold one number of metres per pixel"),
+        (spelled("(6, 8)", "|O"), "`depth.npy` must hold one number of metres per pixel"),
+        (spelled("(6, 8)", "<u2"), "`depth.npy` must hold one number of metres per pixel"),
+        (spelled("(1000000, 1000000)"), "the depth image and the photograph differ in size"),
+        (spelled("(6, 8)"), "`depth.npy` is truncated or damaged"),
+        (npy(np.full((6, 8), 1e300)), "`depth.npy` holds NaN or infinite depth"),
+    ],
+    ids=range(13),
+)
+def test_strange_npy_files_are_refused_with_their_name(runner, data, message):
+    assert refused(runner, files(depth__png=None, depth__npy=data)).message == message
+
+
+def test_npy_in_either_order_of_bytes_and_axes_is_read(runner):
+    values = np.arange(1, 49, dtype=np.float32).reshape(6, 8) / 48
+    for stored in (values.astype(">f8"), np.asfortranarray(values)):
+        capture = runner.run("capture.folder", folder=files(depth__png=None, depth__npy=npy(stored)))
+        assert np.array_equal(capture.depth.depth, values)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b'{"width": NaN}', "not valid JSON"),
+        (b'{"width": -Infinity}', "not valid JSON"),
+        (b'{"width": ' + b"9" * 5000 + b"}", "not valid JSON"),
+        (b"[" * 200_000, "not valid JSON"),
+        (b"\xff\xfe{", "not valid JSON"),
+        (facts(fx=0).replace(b'"fx": 0', b'"fx": 1e400'), "`fx` must be a positive number of pixels"),
+        (facts(cx=10**400), "`cx` must be a number of pixels"),
+        (facts(width=8.5), "`width` must be a positive whole number of pixels"),
+        (facts(height=-6), "`height` must be a positive whole number of pixels"),
+        (facts(cy=[[1]]), "`cy` must be a number of pixels"),
+        (facts(fx=0.01), "`fx` is not plausible"),
+        (facts(fy=9999), "`fy` is not plausible"),
+        (facts(depth_scale_m=1).replace(b'm": 1', b'm": 1e400'), "the depth has no scale"),
+    ],
+    ids=range(13),
+)
+def test_numbers_that_no_camera_has_are_refused(runner, text, message):
+    error = refused(runner, files(capture__json=text))
+    assert message in error.message
+    assert error.hint
+    assert len(str(error.facts)) < 300
 
 
 def test_labels_are_read_and_missed(runner):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import File
+from dextera_build.artifacts.image import DepthImage
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests import factories, tabletops
@@ -114,6 +115,18 @@ def test_an_empty_table_is_refused(runner):
         parsed(runner, tabletops.tabletop())
     assert caught.value.facts["points_above"].endswith("px over the support")
     assert caught.value.facts["threshold"].endswith("mm at the median depth")
+
+
+def test_one_thing_on_an_empty_table_touches_nothing(runner):
+    """Half of the depth is missing, and no two labels meet along a border."""
+    scene = tabletops.tabletop((tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(0, 0, yaw=0.5)))
+    missing = np.random.default_rng(0).random(scene.labels.labels.shape) < 0.5
+    depth = np.where(missing, 0, scene.capture.depth.depth)
+    capture = scene.capture.model_copy(update={"depth": DepthImage(depth=depth)})
+    support = runner.run("align.support", capture=capture)
+    with pytest.raises(RuleError, match="no object stands on the support") as caught:
+        runner.run("factorize.parse", capture=capture, support=support)
+    assert "of the pixels, median 0." in caught.value.facts["depth"]
 
 
 def test_the_stub_needs_no_names(runner, three):

@@ -121,8 +121,10 @@ def test_an_attached_model_brings_its_own_files(project: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("<mujoco>", "`robots/arm/arm.xml` is no XML: no element found"),
-        ("<robot/>", "`robots/arm/arm.xml` is no MJCF"),
+        ("<mujoco>", "`robots/arm/arm.xml` is not valid XML"),
+        ('<?xml version="1.0" encoding="nonsense"?><mujoco/>', "`robots/arm/arm.xml` is not valid XML"),
+        ('<?xml version="1.0" encoding="utf-7"?><mujoco/>', "`robots/arm/arm.xml` is not valid XML"),
+        ("<robot/>", "`robots/arm/arm.xml` is not MJCF"),
         ('<mujoco><include file="gone.xml"/></mujoco>', "gone.xml"),
         ('<mujoco><include file="../../../etc/passwd"/></mujoco>', "passwd"),
     ],

@@ -8,7 +8,6 @@ import pytest
 
 from dextera_build.errors import UsageError
 from dextera_build.store.remotes.choice import Choice
-from dextera_build.store.remotes.spec import mask
 
 TABLE = {
     "lab": "http://cache.lab/dxb",
@@ -85,15 +84,17 @@ def test_a_folder_in_the_settings_is_taken_from_the_project() -> None:
 
 
 def test_nothing_secret_is_shown() -> None:
-    made = choice({"remotes": TABLE | {"ci": "https://ci:geheim@host/x"}}, {"cache": "https://me:geheim@host:r"})
+    made = choice(
+        {"remotes": TABLE | {"ci": "https://ci:geheim@host/x", "sas": "https://host/x?sig=geheim"}},
+        {"cache": "https://me:geheim@host:r,https://host/y?token=geheim:w"},
+    )
     shown = str(made.rows()) + "".join(map(str, made.used))
     assert "geheim" not in shown
     assert made.rows()["remotes.bucket"] == (
         "s3://twins/dxb rw endpoint=http://minio:9000 secret_access_key=***",
         "layer 0",
     )
-    assert made.rows()["use"] == ("https://***@host:r", "layer 1")
-    assert mask("https://a:b@c:d@host/x@y") == "https://***@host/x@y"
+    assert made.rows()["use"] == ("https://***@host:r,https://host/y?***:w", "layer 1")
     assert choice().rows() == {"remotes": ("none", "default")}
 
 
@@ -120,6 +121,10 @@ def test_nothing_secret_is_shown() -> None:
         ({"cache": "local:rw,lab"}, "DXB-U132", "`lab` does not say how to use a store"),
         ({"cache": "local:what"}, "DXB-U132", "`local:what` does not say how to use a store"),
         ({"cache": "http://u:geheim@h/x"}, "DXB-U132", "`http://***@h/x` does not say how to use a store"),
+        ({"cache": "https://u:gehe,geheim@h:r"}, "DXB-U132", "`https://***@h:r` does not say how to use a store"),
+        ({"cache": "u:geheim@h:r"}, "DXB-U133", "no remote is called `***@h`"),
+        ({"cache": "http://u:geheim@h:r"}, "DXB-U137", "`http://***@h` would send a password or token in the clear"),
+        ({"cache": "http://h?t=geheim:r"}, "DXB-U137", "`http://h?***` would send a password or token in the clear"),
         ({"cache": "lob:r"}, "DXB-U133", "no remote is called `lob`"),
         ({"cache": "local:off"}, "DXB-U134", "`local:off`: a build needs its store"),
     ],

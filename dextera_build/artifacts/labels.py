@@ -1,0 +1,74 @@
+"""Labels of collections and folders: every one must be able to name a file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from dextera_build.errors import ArtifactError
+
+_LONGEST, _LONGEST_PATH = 255, 2000
+"""Bytes of a file name and of a path that every usual file system takes."""
+_ROOM = 55
+"""Bytes that exported files add to the label of a collection: the name of the node and the ending."""
+_STAMP = ".digest"
+"""The name that dxb takes for itself beside exported files."""
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
+"""Characters that steer a terminal, break a line or turn the order of what is shown."""
+
+
+def check_labels(kind: str, labels: Iterable[str]) -> None:
+    """Refuse labels of a collection that cannot be part of a file name.
+
+    Raises:
+        ArtifactError: Names the label and what is wrong with it.
+    """
+    for label in labels:
+        wrong = "it holds a `/`" if "/" in label else _fault(label, _LONGEST - _ROOM)
+        if wrong:
+            raise _refused(kind, label, wrong)
+
+
+def check_paths(kind: str, paths: Iterable[str]) -> None:
+    """Refuse paths of a folder's files that cannot be written below one folder.
+
+    Raises:
+        ArtifactError: Names the path and what is wrong with it.
+    """
+    known = set(paths)
+    for path in known:
+        wrong = path_fault(path)
+        parts = path.split("/")
+        above = next((above for n in range(1, len(parts)) if (above := "/".join(parts[:n])) in known), None)
+        if not wrong and above is not None:
+            wrong = f"`{above}` is a file of the folder, too"
+        if wrong:
+            raise _refused(kind, path, wrong)
+
+
+def path_fault(path: str) -> str:
+    """Why a relative path cannot be written below a folder, or ""."""
+    if path == _STAMP:
+        return "dxb writes a file of this name beside the others"
+    found = next(filter(None, (_fault(part, _LONGEST) for part in path.split("/"))), "")
+    return found or ("it is longer than 2,000 bytes" if len(path.encode()) > _LONGEST_PATH else "")
+
+
+def _fault(part: str, longest: int) -> str:
+    if part in ("", ".", ".."):
+        return "a name is empty" if not part else f"`{part}` is not a name"
+    try:
+        size = len(part.encode())
+    except UnicodeEncodeError:
+        return "it is not valid Unicode"
+    if size > longest:
+        return f"a name has {size:,} bytes, {longest} are the most"
+    return "it holds a control character" if _CONTROL.search(part) else ""
+
+
+def _refused(kind: str, label: str, wrong: str) -> ArtifactError:
+    return ArtifactError(
+        f"{kind}: `{label}` cannot be the name of a file: {wrong}",
+        code="DXB-A110",
+        hint="labels become file names: rename it where the value is made",
+    )

@@ -1,0 +1,112 @@
+"""`capture.json`: the camera of a capture and the scale of its depth, read as data that anybody may have written."""
+
+from __future__ import annotations
+
+import json
+import math
+import reprlib
+from collections.abc import Mapping
+from typing import NoReturn
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.errors import listing
+from dextera_build.rule import Context
+
+NAME = "capture.json"
+INTRINSICS = ("width", "height", "fx", "fy", "cx", "cy")
+_LARGEST = 1e6
+"""Magnitude that no intrinsic reaches [px]."""
+_WIDEST_DEG, _NARROWEST_DEG = 170.0, 0.5
+"""Fields of view that a pinhole camera may have [deg]."""
+
+
+def read(ctx: Context, data: bytes) -> Mapping[str, object]:
+    """The object that `capture.json` holds."""
+    try:
+        facts = json.loads(data, parse_constant=_refuse)
+    except (ValueError, RecursionError) as error:
+        deep = isinstance(error, RecursionError)
+        ctx.fail(
+            f"`{NAME}` is not valid JSON",
+            parser="nested too deeply" if deep else str(error),
+            hint=f"`python -m json.tool {NAME}` shows the place of a syntax error; NaN and Infinity are not JSON",
+        )
+    if not isinstance(facts, dict):
+        ctx.fail(f"`{NAME}` must hold an object", found=type(facts).__name__, hint='begin it with `{"width": 640, ...`')
+    return facts
+
+
+def camera_of(ctx: Context, facts: Mapping[str, object]) -> Camera:
+    """The pinhole camera that the intrinsics describe."""
+    missing = [key for key in INTRINSICS if key not in facts]
+    if missing:
+        ctx.fail(
+            f"`{NAME}` lacks intrinsics",
+            missing=listing(missing),
+            here=listing(facts),
+            hint="write width, height, fx, fy, cx and cy in pixels",
+        )
+    width, height = (_pixels(ctx, facts, key, whole=True) for key in ("width", "height"))
+    fx, fy = (_pixels(ctx, facts, key) for key in ("fx", "fy"))
+    cx, cy = (_pixels(ctx, facts, key, positive=False) for key in ("cx", "cy"))
+    camera = Camera(width=int(width), height=int(height), fx=fx, fy=fy, cx=cx, cy=cy)
+    _check_view(ctx, camera)
+    return camera
+
+
+def depth_scale(ctx: Context, facts: Mapping[str, object]) -> float:
+    """Metres per count of the depth image."""
+    value = facts.get("depth_scale_m")
+    scale = _finite(value)
+    if scale is None or scale <= 0:
+        ctx.fail(
+            "the depth has no scale",
+            depth_scale_m=f"missing in `{NAME}`" if value is None else reprlib.repr(value),
+            hint=f'add `"depth_scale_m": 0.001` to `{NAME}` where one count is a millimetre',
+        )
+    return scale
+
+
+def _pixels(
+    ctx: Context, facts: Mapping[str, object], key: str, *, whole: bool = False, positive: bool = True
+) -> float:
+    value = _finite(facts[key])
+    if value is None or (positive and value <= 0) or (whole and not value.is_integer()):
+        kind = "positive whole number" if whole else "positive number" if positive else "number"
+        ctx.fail(
+            f"`{NAME}`: `{key}` must be a {kind} of pixels",
+            found=reprlib.repr(facts[key]),
+            hint="copy the intrinsics of the colour stream from the camera's driver",
+        )
+    return value
+
+
+def _finite(value: object) -> float | None:
+    """A number of ordinary size, or None for everything else."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if -_LARGEST < value < _LARGEST else None
+
+
+def _check_view(ctx: Context, camera: Camera) -> None:
+    if not (0 <= camera.cx <= camera.width and 0 <= camera.cy <= camera.height):
+        ctx.fail(
+            "the intrinsics do not match the image size: the principal point lies outside the image",
+            principal_point=f"{camera.cx:g}, {camera.cy:g} px",
+            image=f"{camera.width} x {camera.height} px",
+            hint="scale fx, fy, cx and cy by the factor that the image was resized by",
+        )
+    for key, focal, length in (("fx", camera.fx, camera.width), ("fy", camera.fy, camera.height)):
+        view_deg = 2 * math.degrees(math.atan(length / (2 * focal)))
+        if not _NARROWEST_DEG <= view_deg <= _WIDEST_DEG:
+            ctx.fail(
+                f"`{NAME}`: `{key}` is not plausible",
+                focal_length=f"{focal:g} px",
+                field_of_view=f"{view_deg:.4g} deg",
+                plausible=f"{_NARROWEST_DEG:g} to {_WIDEST_DEG:g} deg",
+                hint=f"write `{key}` in pixels: focal length / sensor size * image size, both lengths in mm",
+            )
+
+
+def _refuse(word: str) -> NoReturn:
+    raise ValueError(f"`{word}` is not a JSON number")
