@@ -97,7 +97,7 @@ def test_errors_of_send_hide_secrets(store, monkeypatch):
     def send(seconds):
         raise ValueError("https://x/?key=geheim-geheim")
 
-    with pytest.raises(RuleError, match="ValueError: https://x/\\?key=\\*\\*\\*") as caught:
+    with pytest.raises(RuleError, match="ValueError: https://x/\\?\\*\\*\\*") as caught:
         Recorder(store, "record")("s", {}, send)
     assert caught.value.__cause__ is None
 

@@ -44,7 +44,7 @@ def test_user_and_query_are_sent_to_this_machine(asked):
     host, told = asked
     remote = open_remote(Spec("lab", f"http://anna:pw@{host}/dxb?token=a%2Fb"))
     assert remote.get_entry(KEY) is None
-    assert told == [(f"/dxb/ac/{KEY.hash}?token=a%2Fb", f"Basic {base64.b64encode(b'anna:pw').decode()}")]
+    assert told == [(f"/dxb/ac/{KEY}?token=a%2Fb", f"Basic {base64.b64encode(b'anna:pw').decode()}")]
 
 
 def test_a_fault_names_neither(asked):
