@@ -19,7 +19,7 @@ from dextera_build.engine.states import State, States
 from dextera_build.engine.tasks import Ended, Executor, Report, Said, Task
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 
 _PATIENCE_S = 0.02
@@ -159,6 +159,7 @@ class Dispatch:
             needs=self._needs_of(rule)[0],
             devices=devices,
             key=node.key or "",
+            sources=rule.sources,
         )
 
     def _take(self, report: Report) -> None:
