@@ -69,6 +69,7 @@ class Project:
         self.root = root
         self.declared = declared
         self._recipes: dict[tuple[Path, int, int, int], Recipe] = {}
+        self._looked_at: set[str] = set()
         self.remotes = Choice(root)
         """The remotes; known when `config` is."""
         self._flags = {name: value for name, value in (flags or {}).items() if value is not None}
@@ -311,6 +312,7 @@ class Project:
             return None
         for folder in self.recipe_folders():
             file = folder / f"{address}.yaml"
+            self._looked_at.add(str(file))
             # `Path.is_file` raises where a name is too long.
             if os.path.isfile(file) and file.resolve().is_relative_to(folder.resolve()):
                 state = file.stat()
@@ -320,6 +322,11 @@ class Project:
                     self._recipes[place] = read(file, address, self.shown(file))
                 return self._recipes[place]
         return None
+
+    def looked_at(self) -> set[str]:
+        """Files and folders that decided what its recipes mean; some of them are not there."""
+        configuration = (settings_file.PYPROJECT, MARKER, "dxb.local.toml")
+        return {*(str(self.root / name) for name in configuration), *self._looked_at, *self.library.looked_at()}
 
     def forget_recipes(self) -> None:
         """Let go of what was read: a plan holds all that a build needs, and a large recipe is large in memory."""

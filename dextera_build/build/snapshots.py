@@ -87,15 +87,11 @@ def note(project: Project, watch: Watch, plan: Plan) -> None:
 
     Packages that are installed are noted, too.
     """
-    from dextera_build.code.loader import bundled
-
-    configuration = [project.root / name for name in ("dxb.toml", "dxb.local.toml", "pyproject.toml")]
-    for file in (*plan.recipes, *project.library.code.files(), *configuration):
-        watch.file(file)
-    # A new rule, backend or recipe: all change the names in a folder.
-    for folder in (*project.library.folders(), project.root / "recipes", bundled("recipes")):
-        if folder.is_dir():
-            watch.folder(folder)
+    for path in (*map(str, plan.recipes), *project.looked_at()):
+        if os.path.isdir(path):
+            watch.folder(path)
+        else:
+            watch.file(path)
     note_packages(watch)
 
 
