@@ -24,7 +24,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--dot", action="store_true", help="in Graphviz' language, not as SVG")
     group.add_argument("--by", metavar="WHAT", default="node", help="a box for each node, group, rule or recipe (node)")
     group.add_argument("--status", action="store_true", help="what a build would do with each node now")
-    options.request_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -43,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
         )
     project = options.project(args)
     wanted = options.wish(args.target)
-    session = Session(project, wanted.recipe)
+    session = Session(project, wanted.recipe, options.added(args))
     nodes = _nodes(session, wanted.target, args)
     return give(project, _written(args, wanted.recipe, wanted.target, nodes), args.out)
 
@@ -55,7 +54,7 @@ def _nodes(session: Session, target: str, args: argparse.Namespace) -> list[Node
 
     found = known.of_runs(session.store, session.recipe)
     try:
-        graph = session.plan(options.request(args, session.project.profile)).graph
+        graph = session.plan().graph
     except UsageError as error:
         # An input is not given; what the runs saw with one can be drawn all the same.
         if error.code != "DXB-U105" or not found or target or args.status:
@@ -64,7 +63,7 @@ def _nodes(session: Session, target: str, args: argparse.Namespace) -> list[Node
         found = _planned(graph, found)
         if target:
             found = _below(graph, found, target)
-    states = query.statuses(session, args) if args.status else {}
+    states = query.statuses(session) if args.status else {}
     return [
         Node(index, node.address, node.rule, node.backend, _state(states, node), None, None, 0.0, 0.0,
              depends_on=_sources(found, node))
