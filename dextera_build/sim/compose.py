@@ -10,7 +10,6 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions
-from dextera_build.sim import rendering  # noqa: F401  chooses EGL before mujoco is imported
 
 ROBOT = "robot/"
 """Prefix of the robot's names in a task's model."""

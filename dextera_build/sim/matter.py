@@ -13,8 +13,8 @@ from PIL import Image
 from dextera_build.artifacts.geometry import Hull, Mesh, obj_text
 from dextera_build.artifacts.world import Matter, Part
 from dextera_build.geometry import convex, massprops, quaternions, solids
+from dextera_build.geometry.shading import corner_normals
 from dextera_build.sim import mjcf_contact
-from dextera_build.sim.world import corner_normals
 
 BOX = 0.995
 """A convex piece that fills this much of its bounding box collides as a box, which rests more quietly than a mesh."""
@@ -109,7 +109,7 @@ def as_box(piece: Hull) -> tuple[np.ndarray, np.ndarray | None]:
 
 def shaded_obj(mesh: Mesh) -> str:
     """Wavefront OBJ text with shading normals that keep sharp edges."""
-    normals = corner_normals(mesh)
+    normals = corner_normals(mesh.vertices, mesh.faces)
     lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in mesh.vertices.tolist()]
     lines += [f"vn {x:.5f} {y:.5f} {z:.5f}" for x, y, z in (normals + 0.0).tolist()]
     textured = mesh.uv is not None

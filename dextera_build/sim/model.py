@@ -6,7 +6,6 @@ from typing import Any
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.errors import RuleError
-from dextera_build.sim import rendering  # noqa: F401  chooses EGL before mujoco is imported
 
 
 def compile_folder(model: Folder) -> Any:

@@ -1,18 +1,15 @@
-"""Robots in MuJoCo: MJCF from a description, portraits, masses."""
+"""Robots in MuJoCo: MJCF from a description, masses."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.geometry import cameras, transforms
+from dextera_build.geometry import transforms
 from dextera_build.sim import compose
-from dextera_build.sim.rendering import render_rgb
 
 CONTACT_GROUP = 3
 """Geom group of what touches and is not drawn."""
@@ -146,36 +143,6 @@ def _add_piece(body: Any, piece: Any) -> None:
 def mass(text: str) -> float:
     """Total mass of a compiled MJCF text [kg]."""
     return float(mujoco.MjModel.from_xml_string(text).body_mass.sum())
-
-
-def portrait(robot: Folder, joints: Mapping[str, float], size: int = 480) -> np.ndarray:
-    """A picture (size, size, 3) uint8 of the robot at `joints` [rad], from its front left."""
-    spec = load(robot)
-    spec.worldbody.add_light(
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=[-0.5, -0.4, -1], pos=[2, 2, 3], diffuse=[0.6] * 3
-    )
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=[0.86, 0.88, 0.9],
-        rgb2=[0.7, 0.72, 0.75],
-        width=32,
-        height=192,
-    )
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    for name, position in joints.items():
-        data.joint(name).qpos[0] = position
-    mujoco.mj_forward(model, data)
-    places = data.geom_xpos
-    middle = (places.min(axis=0) + places.max(axis=0)) / 2
-    reach = float(np.linalg.norm(places - middle, axis=1).max()) + 0.1
-    aside = np.array([0.75, 0.55, 0.35])
-    pose = cameras.look_at(middle + aside / np.linalg.norm(aside) * reach * 2.6, middle)
-    half = (size - 1) / 2
-    camera = Camera(width=size, height=size, fx=size * 1.2, fy=size * 1.2, cx=half, cy=half)
-    return render_rgb(model, data, camera, pose, shadows=True)
 
 
 def _pose(place: Any, quaternion: Any) -> np.ndarray:

@@ -8,10 +8,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import Part, Thing, World
 from dextera_build.errors import RuleError, listing
+from dextera_build.geometry.shading import corner_normals
 from dextera_build.sim import robot as robots
 from dextera_build.sim import tessellate
 from dextera_build.sim.lighting import light
@@ -20,9 +20,6 @@ from dextera_build.sim.shot import Shot, average, enlarge
 
 ROBOT = "robot/"
 """Prefix of the robot's names in the compiled model."""
-CREASE = np.cos(np.radians(35.0))
-"""Faces that meet at a sharper angle keep their edge when shaded."""
-
 
 LAMP_RADIUS_RAD = 0.10
 """Angular radius of the lamp that throws shadows [rad]."""
@@ -115,7 +112,7 @@ def _add_part(spec: Any, body: Any, name: str, part: Part) -> None:
     # MuJoCo ignores `userfacenormal`, so every face gets its own corners.
     asset.uservert = mesh.vertices[mesh.faces].flatten()
     asset.userface = np.arange(3 * len(mesh.faces), dtype=np.int32)
-    asset.usernormal = corner_normals(mesh).flatten()
+    asset.usernormal = corner_normals(mesh.vertices, mesh.faces).flatten()
     # The inertia of a thin or open part must not stop the compiler; nothing moves here.
     asset.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
     material = spec.add_material(name=name, specular=part.gloss, shininess=0.5, rgba=[*mesh.colour, 1])
@@ -131,24 +128,6 @@ def _add_part(spec: Any, body: Any, name: str, part: Part) -> None:
         material.rgba[:] = 1.0
     geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, material=name, name=name)
     geom.contype = geom.conaffinity = 0
-
-
-def corner_normals(mesh: Mesh) -> np.ndarray:
-    """Unit shading normals (3 F, 3) float64, one per face corner: smooth over gentle bends, sharp at creases."""
-    corners = mesh.vertices.astype(np.float64)[mesh.faces]
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    unit = area / np.maximum(np.linalg.norm(area, axis=1, keepdims=True), 1e-18)
-    order = np.argsort(mesh.faces, axis=None, kind="stable")
-    owner = order // 3
-    starts = np.searchsorted(mesh.faces.flatten()[order], np.arange(len(mesh.vertices) + 1))
-    normals = np.zeros((3 * len(mesh.faces), 3))
-    for vertex in range(len(mesh.vertices)):
-        around = slice(starts[vertex], starts[vertex + 1])
-        faces = owner[around]
-        near = unit[faces] @ unit[faces].T > CREASE
-        total = near.astype(np.float64) @ area[faces]
-        normals[order[around]] = total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-18)
-    return normals
 
 
 def photograph(world: World, robot: RobotModel | None, *, supersample: int, soft: bool) -> Shot:

@@ -12,7 +12,7 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError, listing
 from dextera_build.rule import Backend
-from dextera_build.sim import robot as robots
+from dextera_build.sim.portrait import of_robot
 from dextera_build.sim.robot_meshes import Part, dressed, misplaced
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def dress(like: RobotModel, options: MeshRobotOptions, own: Path) -> Folder:
 
 def portrait(robot: RobotModel) -> np.ndarray | None:
     """A picture (H, W, 3) uint8 at home."""
-    return robots.portrait(robot.model, robot.followed(robot.home))
+    return of_robot(robot.model, robot.followed(robot.home))
 
 
 def _part(options: PartOptions, own: Path) -> Part:
