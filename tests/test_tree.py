@@ -37,7 +37,7 @@ MEDIAN_FILE_LINES = 130
 FUNCTION_LINES = 60
 MOST_FUNCTION_LINES = 30
 
-RULE_MAY_IMPORT = {"rule", "artifacts", "geometry", "sim", "policy", "errors", "digest"}
+RULE_MAY_IMPORT = {"rule", "artifacts", "geometry", "sim", "policy", "learning", "statistics", "errors", "digest"}
 LIGHT = {"numpy", "pydantic", "PIL", "yaml", *sys.stdlib_module_names}
 
 

@@ -8,8 +8,8 @@ from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveIn
 
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.policy.statistics import wilson
 from dextera_build.rule import Context, Options, rule
+from dextera_build.statistics import wilson
 
 
 class OperateOptions(Options):

@@ -12,8 +12,8 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError, listing
 from dextera_build.rule import Backend
-from dextera_build.sim.portrait import of_robot
-from dextera_build.sim.robot_meshes import Part, dressed, misplaced
+from dextera_build.sim.model.robot_meshes import Part, dressed, misplaced
+from dextera_build.sim.render.portrait import of_robot
 
 if TYPE_CHECKING:
     from .mesh_robot import MeshRobotOptions, PartOptions

@@ -190,8 +190,8 @@ class RobotOptions(Options):
 @rule(version=1, packages=("mujoco",))
 def robot(ctx: Context, *, options: RobotOptions) -> RobotModel:
     """Return the robot as MJCF of primitives: metres, kilograms, root body `base` in its own frame, z up."""
-    from dextera_build.sim import portrait
-    from dextera_build.sim import robot as builder
+    from dextera_build.sim.model import robot as builder
+    from dextera_build.sim.render import portrait
 
     links, joints, followers = _inventory(ctx, options)
     text = builder.mjcf(options)

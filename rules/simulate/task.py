@@ -14,7 +14,7 @@ from dextera_build.artifacts.task import Primitive, Reset, TaskBundle, TaskObjec
 from dextera_build.errors import listing
 from dextera_build.geometry import kinematics, metrics
 from dextera_build.rule import Context, Options, rule
-from dextera_build.sim import names
+from dextera_build.sim.model import names
 
 
 class ResetOptions(Options):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.geometry import shading
-from dextera_build.sim import tessellate
+from dextera_build.sim.model import tessellate
 
 
 def test_a_ball_is_smooth() -> None:

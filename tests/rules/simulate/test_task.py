@@ -9,7 +9,7 @@ from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.camera import Transform
 from dextera_build.artifacts.object import Asset
 from dextera_build.errors import RuleError
-from dextera_build.sim.environment import Environment
+from dextera_build.sim.runtime.environment import Environment
 from dextera_build.testing import RuleRunner
 from tests import episodes, factories
 
