@@ -159,6 +159,7 @@ class Dispatch:
             needs=self._needs_of(rule)[0],
             devices=devices,
             key=node.key or "",
+            sources=rule.sources,
         )
 
     def _take(self, report: Report) -> None:
