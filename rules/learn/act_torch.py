@@ -22,7 +22,7 @@ from .trained import Trained
 from .training_state import Kept, restore, save
 
 if TYPE_CHECKING:
-    from .act import ActOptions
+    from .act_options import ActOptions
     from .demonstrations import Demonstrations
 
 BACKEND = Backend(

@@ -23,7 +23,7 @@ from .ppo_worlds import Worlds
 from .practised import Practised
 
 if TYPE_CHECKING:
-    from .ppo import PpoOptions
+    from .ppo_options import PpoOptions
 
 BACKEND = Backend(
     summary="stable-baselines3 on MuJoCo, deterministic; goes on after an interruption",

@@ -26,7 +26,7 @@ from .ppo_worlds import Worlds
 from .practised import Practised
 
 if TYPE_CHECKING:
-    from .ppo import PpoOptions
+    from .ppo_options import PpoOptions
 
 SAVE_EVERY_S = 30.0
 """The state is written about this often [s], between two rollouts."""
