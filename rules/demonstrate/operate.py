@@ -34,7 +34,6 @@ def operate(ctx: Context, bundle: TaskBundle, *, options: OperateOptions) -> Epi
     The operator of the backend plans from the shape of the task's assets and the embodiment's data alone. The backend
     offers `operate(bundle, options, progress) -> Episodes` and `strips(bundle, episodes) -> list of (caption, pixels)`.
     """
-    ctx.check(options.episodes > 0, "no demonstration is wanted", hint="set `episodes` above 0")
     shown: Episodes = ctx.backend.operate(bundle, options, ctx.progress)
     reasons = Counter(episode.reason for episode in shown.failures.values())
     counted = ", ".join(f"{count} x {reason}" for reason, count in reasons.most_common(5))

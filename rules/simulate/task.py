@@ -119,10 +119,6 @@ def _spec(ctx: Context, options: TaskOptions, assets: Collection[Asset], labels:
             _check_reachable(
                 ctx, assets.items[label], joint, goals[known[joint]], float(np.radians(options.tolerance_deg))
             )
-    else:
-        ctx.check(
-            options.height_m > 0, f"`{options.name}` lifts by {options.height_m:g} m", hint="set `height_m` above 0"
-        )
     reset = options.reset
     return TaskSpec(
         name=options.name,
