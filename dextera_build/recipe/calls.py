@@ -198,6 +198,7 @@ def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> 
             hint="`pip install 'dextera-build[all]'`",
         )
     files = [found.file] + ([backend.file] if backend else [])
+    library.note_undeclared(found, files, names)
     types = {name: _schema(slot.annotation) for name, slot in rule.slots.items()}
     return RuleFacts(
         path=found.path,
