@@ -19,7 +19,7 @@ All walks are loops: chains may be long.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 
 from dextera_build import digest as digests
@@ -33,7 +33,7 @@ from dextera_build.engine.reading import Reading
 from dextera_build.engine.sharing import Remotes, Sharing
 from dextera_build.engine.states import LOST, State, States
 from dextera_build.engine.tasks import Executor
-from dextera_build.engine.units import Gathering, Node, Opening, Unit
+from dextera_build.engine.units import End, Gathering, Node, Opening, Unit
 from dextera_build.engine.values import inputs_of, value
 from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
@@ -78,7 +78,7 @@ class Scheduler:
         self.errors: list[DxbError] = []
         self._writer = Writer()
         self.reading = Reading(store, self._writer)
-        self.sharing = Sharing(exchange, self.states, self.reading, self._succeed, self._queue)
+        self.sharing = Sharing(exchange, self.states, self.reading)
         self.dispatch = Dispatch(
             store=store,
             executor=executor,
@@ -86,12 +86,8 @@ class Scheduler:
             sharing=self.sharing,
             policy=policy,
             reading=self.reading,
+            hooks=self.hooks,
             forced=self._is_forced,
-            started=self.hooks.started,
-            said=self.hooks.said,
-            succeed=self._succeed,
-            broke=self._broke,
-            pause=self.hooks.pause,
         )
         self._owners: dict[str, Node] = {}
         self._made: set[str] = set()
@@ -115,14 +111,26 @@ class Scheduler:
             more = self._settle()
             self._measure()
             if not self.stopping:
-                self.dispatch.start()
-            if not self.dispatch.wait(idle=self.stopping or not (more or self.states.ready)):
+                self._take(self.dispatch.start())
+            idle = self.stopping or not (more or self.states.ready)
+            if idle and not self.dispatch.is_busy:
                 break
+            self._take(self.dispatch.wait(idle))
             if self.stopping and not self.states.running:
                 break
-            self.sharing.settle()
-            self.dispatch.retry_locked()
+            self._take(self.sharing.settle())
+            self._take(self.dispatch.retry_locked())
         self._forbid_circles()
+
+    def _take(self, ends: Iterable[End]) -> None:
+        """Go on from nodes that ended, and queue those that no remote has."""
+        for end in ends:
+            if end.error is not None:
+                self._broke(end.node, end.error)
+            elif end.result is not None:
+                self._succeed(end.node, end.status, end.result, bare=end.bare)
+            else:
+                self._queue(end.node)
 
     def _settle(self) -> bool:
         """Bring units forward, a batch at a time so that workers are not kept waiting; True: there are more.

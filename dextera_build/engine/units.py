@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequence
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from dextera_build.engine.graph import Call, Graph, Group, Leaf, RuleFacts
 from dextera_build.engine.reach import copy_of
@@ -303,6 +303,16 @@ class Gathering(Unit):
         self.collect, self.fields = collect, fields
         self.nodes: dict[Labels, Node] = {}
         self.output: str | None = None
+
+
+class End(NamedTuple):
+    """What became of a node elsewhere than in the scheduler: a result or an error; neither, where it has to run."""
+
+    node: Node
+    status: str = ""
+    result: ActionResult | None = None
+    bare: bool = False
+    error: DxbError | None = None
 
 
 def producers(unit: Unit) -> Iterator[Node]:
