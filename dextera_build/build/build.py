@@ -14,7 +14,6 @@ from dextera_build.session import Session
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
-    from dextera_build.engine.known import Known
     from dextera_build.recipe.plan import Plan
     from dextera_build.store.remotes.exchange import Exchange
 
@@ -59,14 +58,12 @@ def carry_out(
     wanted: Sequence[Address],
     listen: Listener,
     manner: Manner,
-    known: Known | None = None,
 ) -> Done:
     """Build `wanted` with the executor of the settings and an event log; `listen` takes every event, too."""
     project, store = session.project, session.store
     # What is only brought runs nowhere.
     only = frozenset[str]() if manner.bring_from or project.remotes.local == "r" else None
-    soon = only is None and known is not None and bool(known.cone)
-    with executor(session, plan.rules, idle=manner.bring_from is not None, soon=soon) as workers:
+    with executor(session, plan.rules, idle=manner.bring_from is not None) as workers:
         # Loaded while a worker loads what it needs.
         from dextera_build.engine.eventlog import EventLog
         from dextera_build.engine.execute import RunInfo, build
@@ -81,7 +78,6 @@ def carry_out(
                 info=RunInfo(log.run, str(project.root), project.profile, __version__, manner.argv),
                 keep_going=manner.keep_going,
                 force=manner.force,
-                known=known,
                 only=only,
                 exchange=manner.bring_from or exchange(session),
                 recall=project.asks_again and not manner.bring_from,

@@ -20,16 +20,13 @@ RUNNER = "dextera_build.code.runner:run_task"
 
 
 @contextmanager
-def executor(
-    session: Session, rules: Iterable[RuleFacts], *, idle: bool = False, soon: bool = False
-) -> Iterator[Executor]:
+def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False) -> Iterator[Executor]:
     """What runs the nodes of one build, as the settings say.
 
     Args:
         session: The recipe that is built.
         rules: Those that may run.
         idle: Nothing will run, so that no cluster and no device is looked for.
-        soon: Something will run, so that a worker is started at once.
     """
     kind, _, address = session.project.executor.partition(":")
     if kind == "ray" and not idle:
@@ -41,8 +38,6 @@ def executor(
         wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
         capacity = project.capacity(gpus=wants_gpu)
         with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity) as workers:
-            if soon:
-                workers.warm()
             yield workers
 
 

@@ -7,94 +7,49 @@ import json
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.errors import DxbError
 from dextera_build.session import Session
-from dextera_build.store import durable, failpoints, files, header, sharing, signature
-from dextera_build.store.cas import MissingBlob
+from dextera_build.store import durable, failpoints, files, header, sharing
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
-    from dextera_build.engine.known import Known
-    from dextera_build.engine.snapshot import Head
 
 _STAMP = ".digest"
 _SMALL = 1 << 20
 """Files up to this size [bytes] are written at once; larger ones never lie whole in memory."""
 
 
-def place(session: Session, result: RunResult, before: Head | None = None) -> list[str]:
+def place(session: Session, result: RunResult) -> list[str]:
     """Write every target that was built and return one line each: its address, a tab, the whole path of its main file.
 
     Args:
         session: Whose store has the outputs.
         result: What was built.
-        before: The snapshot that the build went on from.
 
     Raises:
         StoreError: The disk is full, or the folder cannot be written.
     """
-    stand = _standing(session, result, before) if before else {}
-    outputs = {node: None if node in stand else result.output(node) for node in result.targets}
-    written = _place(session, outputs, result.rule, ran=lambda: "ran" in result.own.statuses())
-    if not stand:
-        return written
-    stand |= {line.partition("\t")[0]: line for line in written}
-    return [stand[node] for node in result.targets if node in stand]
-
-
-def _standing(session: Session, result: RunResult, before: Head) -> dict[str, str]:
-    """The lines of targets that were known, and whose main files are as dxb wrote them; these are noted."""
-    own, present = result.own, before["present"]
-    stand = {}
-    for line in before["lines"][1:]:
-        node, _, main = line.partition("\t")
-        if node not in own:
-            seen = signature.look(main)
-            if seen is not None and [*seen] == present.get(main):
-                stand[node] = line
-                if session.store.leaves.watch is not None:
-                    session.store.leaves.watch.present[main] = seen
-    return stand
-
-
-def restore(session: Session, known: Known, nodes: Iterable[str]) -> list[str] | None:
-    """Write targets again that are known, as `place` does; None where bytes of one are not in the store.
-
-    Raises:
-        StoreError: The disk is full, or the folder cannot be written.
-    """
-    # Until they are written nobody may collect them.
-    with session.store.running.announced():
-        try:
-            outputs = {node: known.output(node) for node in nodes}
-            return _place(session, outputs, lambda node: known.rule(node).path, ran=lambda: False)
-        except MissingBlob:
-            return None
-
-
-def _place(
-    session: Session, outputs: Mapping[str, str | None], rule: Callable[[str], str], *, ran: Callable[[], bool]
-) -> list[str]:
     lines = []
     stamps: dict[str, str] = {}
     # Texts, because a thousand outputs are placed in the time that some ten thousand `Path` objects take.
     base = os.path.abspath(session.project.cache / "out" / session.recipe)
-    for node, output in outputs.items():
+    for node in result.targets:
+        output = result.output(node)
         if output is not None:
             folder = f"{base}/{node.replace('/', '.').replace(':', '.')}"
             try:
                 with header.reading(f"`{node}`"):
-                    main = _export(session, folder, node, rule, output, stamps)
+                    main = _export(session, folder, node, result.rule, output, stamps)
             except OSError as error:
                 raise files.store_error(error, error.filename or folder) from None
             lines.append(f"{node}\t{main}")
     # A stamp says that the files beside it are whole, so it comes when they are on the disk.
-    if session.project.durable and (stamps or ran()):
+    if session.project.durable and (stamps or "ran" in result.own.statuses()):
         durable.settle(session.store.root)
     for folder, text in stamps.items():
         failpoints.reach("export.stamp")

@@ -14,10 +14,9 @@ from dextera_build.cli import options
 from dextera_build.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.build.snapshots import Near
     from dextera_build.engine.graph import Address
     from dextera_build.engine.records import RunResult
-    from dextera_build.engine.snapshot import Head, Stale
+    from dextera_build.engine.snapshot import Head
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
     from dextera_build.session import Session
@@ -88,11 +87,11 @@ def _build(args: argparse.Namespace, project: Project, recipe: str, targets: lis
         "whole": args.whole,
         "lock": args.locking.state(recipe),
     }
-    stale = None if args.force or project.asks_again else fresh.load(project, fingerprint)
-    if stale is not None and stale.is_fresh:
-        args.notes.add(recipe, fresh.place(project, fingerprint), stale.head)
-        return _say_nothing_ran(project, recipe, stale.head, started)
-    return _run(args, project, recipe, targets, fingerprint, started, stale=stale)
+    head = None if args.force or project.asks_again else fresh.load(project, fingerprint)
+    if head is not None:
+        args.notes.add(recipe, fresh.place(project, fingerprint), head)
+        return _say_nothing_ran(project, recipe, head, started)
+    return _run(args, project, recipe, targets, fingerprint)
 
 
 def _say_nothing_ran(project: Project, recipe: str, head: Head, started: float) -> int:
@@ -112,18 +111,10 @@ def _say_nothing_ran(project: Project, recipe: str, head: Head, started: float) 
 
 
 def _run(
-    args: argparse.Namespace,
-    project: Project,
-    recipe: str,
-    targets: list[str],
-    fingerprint: dict[str, object],
-    started: float,
-    *,
-    stale: Stale | None = None,
+    args: argparse.Namespace, project: Project, recipe: str, targets: list[str], fingerprint: dict[str, object]
 ) -> int:
-    """Build a recipe; `stale` is what is remembered of the same request, None where all is to be looked at."""
+    """Plan a recipe and build it."""
     from dextera_build.build import snapshots as fresh
-    from dextera_build.engine.graph import Plan
     from dextera_build.session import Session, addresses
     from dextera_build.store.presence import Presence
     from dextera_build.store.signature import Watch
@@ -131,20 +122,8 @@ def _run(
     session = Session(project, recipe, makes=not args.check)
     seen = fresh.Seen(Watch(), Presence(str(session.store.root)))
     session.store.leaves.watch, session.store.actions.presence = seen.watch, seen.presence
-    quick = not (args.check or args.locked or project.console == "jsonl")
     place = fresh.place(project, fingerprint)
-    near = fresh.near(project, fingerprint, stale, session.store) if stale and quick else None
-    if near is not None and near.idle:
-        head = near.stale.head
-        if not _is_placed(session, near):
-            return _run(args, project, recipe, targets, fingerprint, started)
-        args.notes.add(recipe, place, fresh.renew(project, fingerprint, seen, near, head["lines"][1:]))
-        return _say_nothing_ran(project, recipe, head, started)
-    plan = (
-        Plan(near.known.graph, (), tuple(near.known.rules))
-        if near
-        else session.plan(options.request(args, project.profile))
-    )
+    plan = session.plan(options.request(args, project.profile))
     wanted = [address for target in targets for address in addresses(plan.graph, target)]
     args.locking.refuse(session, plan, wanted)
     if args.check:
@@ -152,57 +131,33 @@ def _run(
 
         return check(session, plan.graph, wanted)
     _refuse_unknown_force(args.force, plan)
-    made = _make(args, session, plan, wanted, near)
-    if made is None:
-        return _run(args, project, recipe, targets, fingerprint, started)
-    result, lines = made
+    result, lines = _make(args, session, plan, wanted)
     print(fresh.told(lines), end="")
     if result.ok:
         args.locking.note(session, plan, wanted, result)
         fingerprint["lock"] = args.locking.state(recipe)
-        if near is not None:
-            saved = fresh.renew(project, fingerprint, seen, near, lines)
-        else:
-            saved = fresh.save(project, fingerprint, seen, plan, result, lines)
-        args.notes.add(recipe, place, saved)
+        args.notes.add(recipe, place, fresh.save(project, fingerprint, seen, plan, result, lines))
     return 0 if result.ok else 1
 
 
-def _is_placed(session: Session, near: Near) -> bool:
-    """Whether all that was written is there, or could be written again."""
-    from dextera_build.build import export as results
-
-    if not near.placed:
-        nodes, *lines = near.stale.head["lines"]
-        written = results.restore(session, near.known, [line.partition("\t")[0] for line in lines])
-        if written is None:
-            return False
-        near.stale.head["lines"] = [nodes, *written]
-    return True
-
-
-def _make(
-    args: argparse.Namespace, session: Session, plan: Plan, wanted: list[Address], near: Near | None
-) -> tuple[RunResult, list[str]] | None:
-    """Build, and place what was asked for; None where what was known is not there, and all must be looked at."""
+def _make(args: argparse.Namespace, session: Session, plan: Plan, wanted: list[Address]) -> tuple[RunResult, list[str]]:
+    """Build, and place what was asked for."""
     from dextera_build.build import export as results
     from dextera_build.cli import execution
     from dextera_build.store.cas import MissingBlob
 
     # Until its results are placed nobody may collect them.
     with session.store.running.announced():
-        result = execution.execute(session, plan, wanted, args, near.known if near else None)
+        result = execution.execute(session, plan, wanted, args)
         if result.ok:
             args.locking.refuse(session, plan, wanted)
         try:
-            return result, results.place(session, result, near.stale.head if near else None)
+            return result, results.place(session, result)
         except StoreError as error:
             if error.code != MissingBlob.CODE:
                 if any(failed.code == error.code for failed in result.own.errors().values()):
                     return result, []  # a node failed of the same, and that was said
                 raise
-            if near is not None:
-                return None
             # A blob was damaged on disk. All such are set aside, so building again makes them anew.
             for node in result.targets:
                 session.store.actions.verify(result.nodes[node].key or "")

@@ -14,13 +14,10 @@ from dextera_build.session import Session
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
-    from dextera_build.engine.known import Known
     from dextera_build.recipe.plan import Plan
 
 
-def execute(
-    session: Session, plan: Plan, wanted: Sequence[Address], args: argparse.Namespace, known: Known | None = None
-) -> RunResult:
+def execute(session: Session, plan: Plan, wanted: Sequence[Address], args: argparse.Namespace) -> RunResult:
     """Build `wanted` as the command line says, and return what became of every node."""
     kind = session.project.console
     force = frozenset(name.partition(":")[2] or name for name in args.force)
@@ -31,7 +28,6 @@ def execute(
             wanted,
             shown,
             Manner(keep_going=args.keep_going, force=force, argv=tuple(sys.argv[1:]), whole=args.whole),
-            known,
         )
     if done.lost:
         print(f"the disk is full: {done.lost} events of run {done.run} are not in its log", file=sys.stderr)

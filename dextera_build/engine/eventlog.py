@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from dextera_build import digest as digests
 from dextera_build.engine import events
-from dextera_build.engine.events import Event, NodeFinished, NodeProgress, NodesKept
+from dextera_build.engine.events import Event, NodeProgress
 from dextera_build.errors import UsageError, listing
 from dextera_build.store import failpoints, files, sharing, space
 from dextera_build.store.store import Store
@@ -126,33 +126,28 @@ def read(store: Store, run: str) -> list[dict[str, Any]]:
     Raises:
         UsageError: There is no such run.
     """
-    found = list(_events(store, run))
-    place = next((place for place, event in enumerate(found) if event["event"] == NodesKept.kind), None)
-    if place is None:
-        return found
-    own = {event["node"] for event in found if event["event"] == NodeFinished.kind}
-    return [*found[:place], *_kept(store, found[place], own), *found[place + 1 :]]
-
-
-def lines(store: Store, run: str) -> Iterator[dict[str, Any]]:
-    """The events of a run one after another, so that a look at the first reads no more."""
-    return _events(store, run)
+    return list(lines(store, run))
 
 
 def latest(store: Store, recipe: str | None = None) -> str | None:
     """Id of the last run, or of the last one of `recipe`; None where there is none."""
     for run in reversed(runs(store)):
-        first = next(_events(store, run), None)
+        first = next(lines(store, run), None)
         if first is not None and (recipe is None or first.get("recipe") == recipe):
             return run
     return None
 
 
-def _events(store: Store, run: str) -> Iterator[dict[str, Any]]:
+def lines(store: Store, run: str) -> Iterator[dict[str, Any]]:
+    """The events of a run one after another, so that a look at the first reads no more.
+
+    Raises:
+        UsageError: There is no such run.
+    """
     path = store.root / "runs" / run / _FILE
     try:
-        with path.open("rb") as lines:
-            for line in lines:
+        with path.open("rb") as file:
+            for line in file:
                 if line.endswith(b"\n"):
                     with suppress(ValueError):  # a power cut may leave a hole in the middle
                         event = digests.plain(line)
@@ -166,27 +161,6 @@ def _events(store: Store, run: str) -> Iterator[dict[str, Any]]:
                 facts={"runs": listing(runs(store)[-12:])},
                 hint="dxb ls runs",
             ) from None
-
-
-def _kept(store: Store, kept: dict[str, Any], own: set[str]) -> list[dict[str, Any]]:
-    """What older logs say of the nodes that a run did not look at."""
-    said: dict[str, dict[str, Any]] = {}
-    run: str | None = kept["run"]
-    looked: set[str] = set()
-    while run and run not in looked:
-        following = None
-        looked.add(run)
-        with suppress(UsageError):
-            for event in _events(store, run):
-                if event["event"] == NodeFinished.kind and event["node"] not in own:
-                    said.setdefault(event["node"], {})
-                    said[event["node"]] = event if event["output"] else said[event["node"]]
-                elif event["event"] == NodesKept.kind:
-                    following = event["run"]
-        own |= said.keys()
-        run = following
-    now = {"status": "cached", "time": kept["time"], "remote": "", "usage": {}, "tries": 0}
-    return [{**event, **now} for event in said.values() if event]
 
 
 def _allocate(folder: Path) -> str:

@@ -197,18 +197,6 @@ class Uploaded(Event):
 
 
 @dataclass(frozen=True)
-class NodesKept(Event):
-    """So many nodes stand above nothing that changed since `run`: they are cached, with what its log says of them.
-
-    `eventlog.read` puts a `node_finished` for each in place of this.
-    """
-
-    kind: ClassVar[str] = "nodes_kept"
-    run: str
-    nodes: int
-
-
-@dataclass(frozen=True)
 class RunFinished(Event):
     """The build ended."""
 

@@ -13,11 +13,10 @@ from dextera_build.engine import events
 from dextera_build.engine.events import Listener
 from dextera_build.engine.graph import Address, Graph, Leaf, Pack
 from dextera_build.engine.history import Entry, History
-from dextera_build.engine.known import Known, is_stub
 from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.reach import leaves_of, walk
-from dextera_build.engine.records import Kept, Records, record_of, status_of
 from dextera_build.engine.records import NodeRecord as NodeRecord
+from dextera_build.engine.records import Records, record_of, status_of
 from dextera_build.engine.records import RunResult as RunResult
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.sharing import Remotes
@@ -54,7 +53,6 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     keep_going: bool = False,
     force: frozenset[str] = frozenset(),
     only: frozenset[str] | None = None,
-    known: Known | None = None,
     exchange: Remotes = None,
     recall: bool = False,
     whole: bool = False,
@@ -72,7 +70,6 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
         keep_going: After a failure go on with everything that does not depend on it.
         force: Addresses (`body[mug].mesh`, or `body.mesh` for every copy) that run although they are cached.
         only: Addresses that may run; a stale node outside fails with a `StaleError`. None: all may.
-        known: What the last build of the same request found, with what changed since; `graph` is its graph.
         exchange: Remotes to take results from and to give them to; closed here.
         recall: Nodes whose results came of recorded calls run although they are cached.
         whole: Bring or make the bytes of all nodes, also of those that nobody has to read.
@@ -85,7 +82,7 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     """
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
     info = info or RunInfo()
-    policy = Policy(keep_going, force, only, recall, whole, known=known, project=info.project, profile=info.profile)
+    policy = Policy(keep_going, force, only, recall, whole, project=info.project, profile=info.profile)
     if info.project:
         store.workspaces.note(info.project)
     with store.running.announced():
@@ -101,24 +98,18 @@ class _Run:
         self.history = History(store, graph.name, info.project)
         hooks = Hooks(self._sized, self._opened, self._missed, self._started, self._said, self._settled, self._broken)
         hooks.pause = uplink.pause
-        self.known = policy.known
-        self.history.lean = self.known is not None
-        if self.known is not None:
-            policy = replace(policy, peak_gb=self.known.peak_gb)
-        else:
-            policy = replace(policy, peak_gb=self.history.peak_gb)
+        policy = replace(policy, peak_gb=self.history.peak_gb)
         self.scheduler = Scheduler(graph, store, executor, policy, hooks, uplink.exchange)
         self.errors: dict[str, DxbError] = {}
         self.members: Counter[tuple[str, ...]] = Counter()
         """Group, or () for the root -> how many of its calls the targets need."""
 
     def run(self, targets: list[Address]) -> RunResult:
-        if self.known is None:
-            for path, calls in walk(self.graph, targets):
-                self.members[path[:-1]] += 1
-                # What is missing is said before an hour of work, not after.
-                for leaf in leaves_of(calls):
-                    self.scheduler.wiring.leaf(leaf)
+        for path, calls in walk(self.graph, targets):
+            self.members[path[:-1]] += 1
+            # What is missing is said before an hour of work, not after.
+            for leaf in leaves_of(calls):
+                self.scheduler.wiring.leaf(leaf)
         began = time.monotonic()
         self._announce(targets)
         interrupted = whole = False
@@ -141,10 +132,6 @@ class _Run:
 
     def _announce(self, targets: list[Address]) -> None:
         groups = len({path[:depth] for path in self.members for depth in range(1, len(path) + 1)})
-        if self.known is not None:
-            calls, groups = self.known.head["calls"], self.known.head["groups"]
-        else:
-            calls = self.members.total()
         self.listen(
             events.RunStarted(
                 time=time.time(),
@@ -153,13 +140,11 @@ class _Run:
                 targets=[str(target) for target in targets],
                 profile=self.info.profile,
                 dxb=self.info.dxb,
-                calls=calls,
+                calls=self.members.total(),
                 groups=groups,
                 argv=list(self.info.argv),
             )
         )
-        if self.known is not None and self.known.kept:
-            self.listen(events.NodesKept(time.time(), self.known.run, self.known.kept))
 
     def _sized(self, nodes: int, unopened: int) -> None:
         self.listen(events.RunSized(time.time(), nodes, unopened))
@@ -172,8 +157,8 @@ class _Run:
         self.listen(events.BytesMissed(time.time(), node.address, reader.address))
 
     def _started(self, node: Node) -> None:
-        rule, last = node.rule, None if self.known else self.history.get(node.address)
-        seconds = self.known.took(node.address) if self.known else last.seconds if last else None
+        rule, last = node.rule, self.history.get(node.address)
+        seconds = last.seconds if last else None
         self.listen(events.NodeStarted(time.time(), node.address, rule.path, rule.backend, node.key or "", seconds))
 
     def _said(self, node: Node, kind: str, data: Any) -> None:
@@ -187,8 +172,7 @@ class _Run:
 
     def _settled(self, node: Node) -> None:
         record, result = record_of(node), node.result
-        new = self.known is None or self.known.key(node.address) != record.key or record.status == "ran"
-        if record.result is not None and result is not None and record.key is not None and new:
+        if record.result is not None and result is not None and record.key is not None:
             # How long a fetch took says nothing of how long the node runs.
             entry = Entry(record.key, result.key_document, self.info.run, result.seconds, time.time(), record.usage)
             self.history.note(node.address, entry)
@@ -246,7 +230,7 @@ class _Run:
         scheduler.dispatch.release_all()
         blockers = blocked_by(scheduler.failed)
         for node in scheduler.wiring.nodes.values():
-            if is_stub(node) or node.state in (State.DONE, State.FAILED):
+            if node.state in (State.DONE, State.FAILED):
                 continue
             if node.state is not State.BLOCKED:
                 scheduler.states.set(node, State.CANCELLED)
@@ -254,23 +238,14 @@ class _Run:
         records = Records(scheduler.wiring.nodes, blockers, self.history.usage, self.store)
         ok = whole and all(wish.state is State.DONE for wish in scheduler.wishes)
         asked = tuple(dict.fromkeys(scheduler.wiring.asked()))
-        nodes = Kept(records, self.known, self.store) if self.known else records
-        peaks = scheduler.policy.peak_gb
-        return RunResult(ok, nodes, asked, self.info.run, scheduler.wiring, self.errors, peaks)
+        return RunResult(ok, records, asked, self.info.run, scheduler.wiring, self.errors)
 
     def _finish(self, result: RunResult, seconds: float, interrupted: bool) -> None:
-        if self.known is not None and result.ok:
-            self.known.learn(self.scheduler.wiring, self.info.run)
         self.history.save()
         self.store.leaves.save()
-        own = result.own
-        counts: Counter[str] = Counter(own.statuses())
-        nodes = (node for node in self.scheduler.wiring.nodes.values() if not is_stub(node))
-        spared = (node for node in nodes if status_of(node) in ("cached", "fetched"))
+        counts: Counter[str] = Counter(result.own.statuses())
+        spared = (node for node in self.scheduler.wiring.nodes.values() if status_of(node) in ("cached", "fetched"))
         saved = sum(node.made_s - (node.seconds if node.status == "fetched" else 0.0) for node in spared)
-        if self.known is not None and len(result.nodes) > len(own):
-            counts["cached"] += len(result.nodes) - len(own)
-            saved += sum(self.known.seconds) - sum(self.known.took(address) or 0.0 for address in own)
         self.listen(events.RunFinished(time.time(), result.ok, seconds, dict(counts), max(saved, 0.0), interrupted))
 
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 import json
 import marshal
 import os
-import re
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from pathlib import Path
 from typing import Any, BinaryIO
 
 from dextera_build import digest as digests
@@ -29,8 +27,6 @@ _LENGTH = 20
 _LONGEST = (1 << _LENGTH) - 1
 _OPEN, _CLOSE = b'"nodes": {\n', b"}}"
 """Between them stands a row a line."""
-_WRITING = re.compile(rb'{"writing": "([0-9a-f]+)"')
-"""How the file of all nodes begins: which writing of it this is. What stands beside it says to which it belongs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +60,8 @@ class History:
         stem = "".join(c if c.isalnum() else "-" for c in recipe)[-40:]
         self._path = store.local / "history" / f"{stem}-{name}.json"
         self._project = project
-        self._more = self._path.with_suffix(".more.json")
-        self._fresh = _Packed()
         self._entries: _Packed | None = None
         self._dirty = False
-        self.lean = False
-        """Write what is new beside what is known, so that a small build need not read all of it."""
 
     def get(self, address: str) -> Entry | None:
         """The entry of a node, or None where it was never made here."""
@@ -81,9 +73,6 @@ class History:
 
     def note(self, address: str, entry: Entry) -> None:
         """Remember a node; one that still has its key stays with the run that gave it that."""
-        if self.lean and self._entries is None:
-            self._fresh[address] = _with_usage(entry, self._fresh.entry(address))
-            return
         known = self._load().entry(address)
         if known is not None and known.key == entry.key and known.key_document == entry.key_document:
             if not entry.usage:
@@ -105,47 +94,30 @@ class History:
 
     def save(self) -> None:
         """Write it down, all or nothing; a store that cannot be written keeps the old one."""
-        if self._fresh:
-            writing = self._writing()
-            more = self._read(self._more, writing)
-            _lay_over(more, self._fresh)
-            self._write(self._more, {"beside": writing}, more)
-        elif self._dirty and self._write(self._path, {"writing": os.urandom(8).hex()}, self._load()):
+        if self._dirty and self._write(self._load()):
             self._dirty = False
             failpoints.reach("history.saved")
-            self._more.unlink(missing_ok=True)
 
     def _load(self) -> _Packed:
         if self._entries is None:
-            self._entries = self._read(self._path)
-            more = self._read(self._more, self._writing())
-            _lay_over(self._entries, more)
-            _lay_over(self._entries, self._fresh)
-            self._dirty = self._dirty or bool(more)
+            self._entries = self._read()
         return self._entries
 
-    def _writing(self) -> str:
-        with suppress(OSError), self._path.open("rb") as file:
-            found = _WRITING.match(file.read(64))
-            return found[1].decode() if found else ""
-        return ""
-
-    def _read(self, path: Path, beside: str = "") -> _Packed:
-        """The entries of a file; none where it stood beside another writing, which holds them already."""
-        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError), path.open("rb") as file:
+    def _read(self) -> _Packed:
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError), self._path.open("rb") as file:
             head = file.readline()
             stored = digests.plain(head + _CLOSE if head.endswith(_OPEN) else head)
-            if stored["form"] == _FORM and stored.get("beside", "") == beside:
+            if stored["form"] == _FORM:
                 found = _Packed()
                 for address, row in chain(stored["nodes"].items(), _lines(file) if head.endswith(_OPEN) else ()):
                     found[address] = _entry(row)
                 return found
         return _Packed()
 
-    def _write(self, path: Path, mark: Mapping[str, str], entries: Mapping[str, Entry]) -> bool:
-        head = json.dumps({**mark, "form": _FORM, "project": self._project})[:-1]
+    def _write(self, entries: Mapping[str, Entry]) -> bool:
+        head = json.dumps({"form": _FORM, "project": self._project})[:-1]
         try:
-            with files.new_file(str(path), 0o644) as target:
+            with files.new_file(str(self._path), 0o644) as target:
                 files.write_all(target, f'{head}, "nodes": {{\n'.encode())
                 text, comma = "", ""
                 for address, entry in entries.items():
@@ -267,11 +239,6 @@ def _entry(row: list[Any]) -> Entry:
 
 def _row(entry: Entry) -> list[object]:
     return [entry.key, entry.key_document, entry.run, entry.seconds, entry.time, entry.usage]
-
-
-def _lay_over(old: MutableMapping[str, Entry], new: Mapping[str, Entry]) -> None:
-    for address, entry in new.items():
-        old[address] = _with_usage(entry, old.get(address))
 
 
 def _with_usage(entry: Entry, old: Entry | None) -> Entry:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from dextera_build.engine.known import Known
 from dextera_build.engine.units import Node, Opening, Unit
 from dextera_build.errors import DxbError
 
@@ -27,8 +26,6 @@ class Policy:
     """Also nodes that no other node has to read shall have their bytes."""
     dry: bool = False
     """Nothing runs; what would is left in `State.STALE`."""
-    known: Known | None = None
-    """What the last build found."""
     project: str = ""
     profile: str = ""
     peak_gb: Callable[[str], float | None] = lambda address: None

@@ -6,11 +6,9 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import chain
 from typing import Any
 
 from dextera_build.engine import events
-from dextera_build.engine.known import Known, is_stub
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node
 from dextera_build.engine.wiring import Wiring
@@ -71,7 +69,7 @@ class Records(Mapping[str, NodeRecord]):
 
     def statuses(self) -> Iterator[events.Status]:
         """Of all nodes, without their records."""
-        return (status_of(node) for node in self._nodes.values() if not is_stub(node))
+        return (status_of(node) for node in self._nodes.values())
 
     def errors(self) -> dict[str, DxbError]:
         """Address -> error of the nodes that failed."""
@@ -79,15 +77,15 @@ class Records(Mapping[str, NodeRecord]):
 
     def rule(self, address: str) -> str:
         """The rule of a node."""
-        return self._node(address).rule.path
+        return self._nodes[address].rule.path
 
     def output(self, address: str) -> str | None:
         """The output of a node, None where it has none."""
-        node = self._node(address)
+        node = self._nodes[address]
         return node.output if node.state is State.DONE else None
 
     def __getitem__(self, address: str) -> NodeRecord:
-        node = self._node(address)
+        node = self._nodes[address]
         if node.state is not State.DONE or node.result is not None:
             return record_of(node, self._blockers.get(address, ()))
         result = self._told.result(node.key)
@@ -100,72 +98,13 @@ class Records(Mapping[str, NodeRecord]):
         )
 
     def __iter__(self) -> Iterator[str]:
-        return (address for address, node in self._nodes.items() if not is_stub(node))
+        return iter(self._nodes)
 
     def __len__(self) -> int:
-        return sum(not is_stub(node) for node in self._nodes.values())
+        return len(self._nodes)
 
     def __contains__(self, address: object) -> bool:
-        return address in self._nodes and not is_stub(self._nodes[str(address)])
-
-    def _node(self, address: str) -> Node:
-        node = self._nodes[address]
-        if is_stub(node):
-            raise KeyError(address)
-        return node
-
-
-class Kept(Mapping[str, NodeRecord]):
-    """Records of the nodes that a run looked at, and of those that it knew from before, read when asked for.
-
-    Args:
-        own: Those that it looked at.
-        known: What was known.
-        store: Has the rest.
-    """
-
-    def __init__(self, own: Records, known: Known, store: Store) -> None:
-        self.own = own
-        self._known = known
-        self._told = _Told(store)
-
-    def rule(self, address: str) -> str:
-        """The rule of a node."""
-        return self.own.rule(address) if address in self.own else self._known.rule(address).path
-
-    def output(self, address: str) -> str | None:
-        """The output of a node."""
-        return self.own.output(address) if address in self.own else self._known.output(address)
-
-    def __getitem__(self, address: str) -> NodeRecord:
-        if address in self.own:
-            return self.own[address]
-        key, output = self._known.key(address), self._known.output(address)
-        if key is None or output is None:
-            raise KeyError(address)
-        rule = self._known.rule(address)
-        result = self._told.result(key)
-        return NodeRecord(
-            status="cached",
-            key=key,
-            output=output,
-            seconds=self._known.took(address) or 0.0,
-            line=result.line if result else "",
-            error=None,
-            inputs=_Inputs(self._told, result) if result else {},
-            rule=rule.path,
-            backend=rule.backend,
-            result=result.digest if result else None,
-            log=result.log if result else None,
-            calls=result.called if result else (),
-        )
-
-    def __iter__(self) -> Iterator[str]:
-        fresh = (address for address in self.own if self._known.names.find(address) is None)
-        return chain(self._known.addresses(), fresh)
-
-    def __len__(self) -> int:
-        return len(self._known.seconds) + sum(self._known.names.find(address) is None for address in self.own)
+        return address in self._nodes
 
 
 class _Told:
@@ -259,20 +198,17 @@ class RunResult:
     """What the run was made of."""
     errors: Mapping[str, DxbError] = field(default_factory=dict)
     """Address of a group, collection or target that failed without being a node -> why."""
-    peak_gb: Callable[[str], float | None] = field(default=lambda address: None, repr=False, compare=False)
-    """Memory that a node took the last time that it ran [GiB], where that is known."""
 
     @property
     def own(self) -> Records:
         """Records of the nodes that the run looked at."""
-        own = self.nodes.own if isinstance(self.nodes, Kept) else self.nodes
-        assert isinstance(own, Records)
-        return own
+        assert isinstance(self.nodes, Records)
+        return self.nodes
 
     def rule(self, address: str) -> str:
         """The rule of a node; quicker than its whole record."""
-        return self.nodes.rule(address) if isinstance(self.nodes, Records | Kept) else self.nodes[address].rule
+        return self.nodes.rule(address) if isinstance(self.nodes, Records) else self.nodes[address].rule
 
     def output(self, address: str) -> str | None:
         """The output of a node; quicker than its whole record."""
-        return self.nodes.output(address) if isinstance(self.nodes, Records | Kept) else self.nodes[address].output
+        return self.nodes.output(address) if isinstance(self.nodes, Records) else self.nodes[address].output

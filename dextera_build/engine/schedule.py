@@ -27,7 +27,6 @@ from dextera_build.engine import rewind
 from dextera_build.engine.dispatch import Dispatch
 from dextera_build.engine.graph import Address, Fixed, Graph
 from dextera_build.engine.key import Writer
-from dextera_build.engine.known import is_stub
 from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.reading import Reading
 from dextera_build.engine.sharing import Remotes, Sharing
@@ -72,7 +71,7 @@ class Scheduler:
         self.policy = policy
         self.hooks = hooks or Hooks()
         self.states = States()
-        self.wiring = Wiring(graph, store.leaves.digest_leaf, policy.known)
+        self.wiring = Wiring(graph, store.leaves.digest_leaf)
         self.wishes: list[Gathering] = []
         self.failed: list[Unit] = []
         self.errors: list[DxbError] = []
@@ -93,7 +92,7 @@ class Scheduler:
         self._made: set[str] = set()
         """Keys that ran, where nodes are forced: of two nodes with one key one runs."""
         self._measured = (0, 0)
-        self._any_bare = policy.known is not None and bool(policy.known.bare)
+        self._any_bare = False
 
     @property
     def stopping(self) -> bool:
@@ -264,8 +263,6 @@ class Scheduler:
             if isinstance(unit, Node):
                 for follower in self._disown(unit):
                     self.states.set(follower, State.READY)
-                if is_stub(unit):
-                    unit.status = "cached"  # from now on it is one of this run's nodes
         self.wiring.fresh += units
 
     def _open(self, unit: Opening) -> None:
@@ -322,8 +319,7 @@ class Scheduler:
         self.states.set(unit, State.DONE)
         if isinstance(unit, Node):
             self.hooks.settled(unit)
-            # What it used is in the history; that of a build that goes on from another is read only where needed.
-            unit.rest(*(("usage",) if self.policy.known is not None else ()))
+            unit.rest()
         for dependent in unit.release():
             if dependent.state is State.WAITS:
                 dependent.pending -= 1

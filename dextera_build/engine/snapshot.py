@@ -16,7 +16,6 @@ import os
 import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -29,20 +28,6 @@ from dextera_build.store.signature import Watch
 _FORM = 3
 Head: TypeAlias = dict[str, Any]
 """What a snapshot says, but for the rows."""
-
-
-@dataclass(frozen=True)
-class Stale:
-    """A snapshot of which files changed at most."""
-
-    head: Head
-    changed: tuple[str, ...]
-    """Files and folders that are not what they were."""
-
-    @property
-    def is_fresh(self) -> bool:
-        """Whether nothing changed, so that its answer still holds."""
-        return not self.changed and is_placed(self.head)
 
 
 class _UnsettledError(Exception):
@@ -63,9 +48,25 @@ class _Rows:
 
 
 def load_if_fresh(path: Path, request: Mapping[str, object]) -> Head | None:
-    """The snapshot at `path`, if it answers `request` and no file that it rests on has changed."""
-    found = load_if_near(path, request)
-    return found.head if found and found.is_fresh else None
+    """The snapshot at `path`, if it answers `request` and nothing that it rests on has changed."""
+    try:
+        head = read_head(path)
+        if head["request"] != json.loads(json.dumps(request)):
+            return None
+        _use(path)
+        return head if is_present(path, head) and _is_as_it_was(head) else None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
+        return None
+
+
+def _is_as_it_was(head: Head) -> bool:
+    """Whether all files and folders are what they were."""
+    return (
+        all(list(signature.look(name) or ()) == (known or []) for name, known in head["files"].items())
+        and all(signature.names(name) == known for name, known in head["folders"].items())
+        and all(signature.modules(name) == known for name, known in head["paths"].items())
+        and all(list(signature.look(path) or ()) == known for path, known in head["present"].items())
+    )
 
 
 def save(
@@ -74,7 +75,6 @@ def save(
     watch: Watch,
     lines: Sequence[str],
     store: tuple[str, Presence] | None = None,
-    more: Mapping[str, object] | None = None,
 ) -> Head | None:
     """Write a snapshot, all or nothing.
 
@@ -84,7 +84,6 @@ def save(
         watch: What was read, noted before it was read.
         lines: The answer.
         store: The store's folder, and what of it the answer relies on.
-        more: Further data for the head.
 
     Returns:
         Its head, or None where it was not written: a file was not at rest, or the store cannot be written. Then there
@@ -101,7 +100,6 @@ def save(
         return None
     failpoints.reach("snapshot.rows")
     head = {
-        **(more or {}),
         "form": _FORM,
         "request": request,
         "lines": list(lines),
@@ -127,55 +125,6 @@ def forget(path: Path) -> None:
     with suppress(OSError):
         path.unlink()
     failpoints.reach("snapshot.forgotten")
-
-
-def load_if_near(path: Path, request: Mapping[str, object]) -> Stale | None:
-    """The snapshot at `path` with the files that changed, if it answers `request` and its store is whole."""
-    try:
-        head = read_head(path)
-        if head["request"] != json.loads(json.dumps(request)):
-            return None
-        _use(path)
-        if not is_present(path, head):
-            return None
-        if any(signature.modules(name) != known for name, known in head["paths"].items()):
-            return None
-        changed = [name for name, known in head["files"].items() if list(signature.look(name) or ()) != (known or [])]
-        changed += [name for name, known in head["folders"].items() if signature.names(name) != known]
-        return Stale(head, tuple(changed))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
-        return None
-
-
-def renew(path: Path, stale: Stale, watch: Watch, lines: Sequence[str], presence_: Presence) -> Head | None:
-    """Write a snapshot again after a build that went on from it.
-
-    Args:
-        path: Where to.
-        stale: What was there.
-        watch: What was read this time, noted before it was read.
-        lines: The answer.
-        presence_: What of the store was found or made this time.
-
-    Returns:
-        Its head, or None where it was not written; then the old one stands, and the next build sees the same changes.
-    """
-    head = stale.head
-    extended = presence_.extend(head["shards"], _rows(path, head))
-    if extended is None or not watch.settled():
-        return None
-    size, check = head["rows"]
-    more = [size + len(extended[1]), zlib.crc32(extended[1], check)]
-    head.update(lines=list(lines), present=watch.present, shards=extended[0], rows=more)
-    for kind, found in (("files", watch.files), ("folders", watch.folders)):
-        head[kind] = {name: known for name, known in head[kind].items() if name not in stale.changed} | found
-    try:
-        if extended[1]:
-            files.append(f"{path}.rows", size, extended[1])
-        _write(path, head)
-    except StoreError:
-        return None
-    return head
 
 
 def _rows(path: Path, head: Mapping[str, Any]) -> memoryview:
@@ -255,8 +204,3 @@ def _use(path: Path) -> None:
 def _write(path: Path, head: Mapping[str, object]) -> None:
     text = json.dumps(head).encode()
     files.write(str(path), hashlib.sha256(text).hexdigest().encode() + b"\n" + text, 0o644)
-
-
-def is_placed(head: Mapping[str, Mapping[str, object]]) -> bool:
-    """Whether what dxb wrote outside the store is as it wrote it."""
-    return all(list(signature.look(path) or ()) == known for path, known in head["present"].items())

@@ -163,8 +163,7 @@ class Node(Unit):
         graph: Has the call.
 
     Attributes:
-        status: What it came to; one of `events.Status`, "kept" where that is known from the last build, "" as long as
-            that is open.
+        status: What it came to; one of `events.Status`, "" as long as that is open.
         facts: Key, output and `made_s`, 32 + 32 + 8 bytes: as one they take 112, each by itself 192.
         asked: Somebody reads its bytes or wants them; else it is enough to know its result.
         bare: Its result is known, and bytes of it may be absent.
@@ -240,10 +239,6 @@ class Node(Unit):
     @rule.setter
     def rule(self, rule: RuleFacts) -> None:
         self._rule = rule
-
-    def know(self, key: bytearray, output: bytearray, made_s: float) -> None:
-        """What is known of it from before."""
-        self.facts = bytes(key + output) + _SECONDS.pack(made_s)
 
     def rest(self, *also: str) -> None:
         """It is done and was told of: of the `Rare` attributes keep what a record of it cannot find elsewhere."""

@@ -20,7 +20,6 @@ from dextera_build.engine.graph import (
     node_address,
     parts_of,
 )
-from dextera_build.engine.known import Known
 from dextera_build.engine.reach import group_at, leaves_of, no_copy
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Labels, Node, Opening, Path, Unit
@@ -33,12 +32,10 @@ class Wiring:
     Args:
         graph: The plan.
         digest_leaf: Puts a file or folder into the store and returns its artifact's digest.
-        known: What the last build found; units that it knows are done at once.
     """
 
-    def __init__(self, graph: Graph, digest_leaf: Callable[[FilePath], str], known: Known | None = None) -> None:
+    def __init__(self, graph: Graph, digest_leaf: Callable[[FilePath], str]) -> None:
         self.graph = graph
-        self.known = known
         self.nodes: dict[str, Node] = {}
         """By address."""
         self.openings: dict[tuple[Path, Labels], Opening] = {}
@@ -51,22 +48,19 @@ class Wiring:
         """Why files and folders could not be looked at."""
         self.readers: list[Node] = []
         """Nodes that read files or folders directly; one that was connected again stands there again."""
-        self._asked: list[Gathering | str] = []
-        """What was asked for: a wish, or a node that is known."""
+        self._asked: list[Gathering] = []
+        """The targets."""
         self._digest_leaf = digest_leaf
 
     def ask(self, targets: Iterable[Address]) -> list[Gathering]:
-        """Ask for targets; returns what is to be done for those that are not known."""
-        self._asked = [self._standing(target) or self._wish(target) for target in targets]
-        return [wish for wish in self._asked if not isinstance(wish, str)]
+        """Ask for targets."""
+        self._asked = [self._wish(target) for target in targets]
+        return self._asked
 
     def asked(self) -> Iterator[str]:
         """The nodes that targets name, as far as groups are open."""
         for wish in self._asked:
-            if isinstance(wish, str):
-                yield wish
-            else:
-                yield from (node.address for node in wish.nodes.values())
+            yield from (node.address for node in wish.nodes.values())
 
     def _wish(self, target: Address) -> Gathering:
         """Ask for all copies of a call that `target` names."""
@@ -74,20 +68,13 @@ class Wiring:
         self.fresh.append(unit)
         return unit
 
-    def _standing(self, target: Address) -> str | None:
-        """The node that `target` names, where that is known and nothing has to be done for it."""
-        name = target.call[0]
-        if self.known is None or len(target.call) > 1 or name in self.known.in_question:
-            return None
-        return name
-
     def node(self, path: Path, labels: Labels) -> Node:
         """The copy of a call with these labels."""
         address = node_address(path, labels) if labels else path[0]
         unit = self.nodes.get(address)
         if unit is None:
             unit = self.nodes[address] = Node(address=address, path=path, labels=labels, graph=self.graph)
-            self._welcome(unit)
+            self.fresh.append(unit)
         return unit
 
     def opening(self, path: Path, labels: Labels) -> Opening:
@@ -97,7 +84,7 @@ class Wiring:
             group = group_at(self.graph, path)
             unit = Opening(address=node_address(path, labels), path=path, labels=labels, group=group)
             self.openings[path, labels] = unit
-            self._welcome(unit)
+            self.fresh.append(unit)
         return unit
 
     def gatherings(self) -> Iterable[Gathering]:
@@ -106,7 +93,7 @@ class Wiring:
 
     def count(self) -> int:
         """How many nodes there are, as far as is known."""
-        return len(self.nodes) + (self.known.kept - self.known.stubs if self.known else 0)
+        return len(self.nodes)
 
     def leaf(self, leaf: Leaf) -> str:
         """Digest of a file or folder; one look a run.
@@ -220,14 +207,8 @@ class Wiring:
                 address=address, path=source.call, labels=labels[:shared], collect=True, fields=source.fields
             )
             self._gatherings[place] = unit
-            self._welcome(unit)
-        return unit
-
-    def _welcome(self, unit: Unit) -> None:
-        if self.known is None or not self.known.settle(unit):
             self.fresh.append(unit)
-        elif not isinstance(unit, Node):
-            self._connect(unit)  # events say which nodes stand behind it
+        return unit
 
 
 def _chosen(unit: Gathering, opened: Opening) -> list[str]:

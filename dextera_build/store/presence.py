@@ -11,7 +11,7 @@ import os
 import time
 from array import array
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
@@ -97,32 +97,13 @@ class Presence:
         for shard in self._shards():
             rows = b"".join(self._noted(shard))
             found = look(self._root, shard)
-            if found is None or not _named(self._root, shard, [rows]):
+            if found is None or not _named(self._root, shard, rows):
                 return None
             take(rows)
             end = place + len(rows) // _ROW
             shards[shard] = [*found, place, end]
             place = end
         return shards
-
-    def extend(self, shards: Shards, rows: bytes | memoryview) -> tuple[Shards, bytes] | None:
-        """The folders of what `freeze` gave once and of what was noted since, and the rows to add, or None.
-
-        Since this build began with a look whether all of `rows` was whole, their names are enough, as in `freeze`.
-        Folders that moved though nothing was noted of them are among those, or the next build would look at every file.
-        """
-        found = dict(shards)
-        added = bytearray()
-        first = len(rows) // _ROW
-        for shard in sorted({*self._shards(), *moved(self._root, shards)}):
-            known, fresh = shards.get(shard, [])[2:], b"".join(self._noted(shard))
-            seen = look(self._root, shard)
-            if seen is None or not _named(self._root, shard, [*_pieces(rows, known), fresh]):
-                return None
-            place = first + len(added) // _ROW
-            added += fresh
-            found[shard] = [*seen, *known, *((place, first + len(added) // _ROW) if fresh else ())]
-        return found, bytes(added)
 
 
 def look(root: str, shard: str) -> tuple[int, int] | None:
@@ -164,20 +145,12 @@ def whole(root: str, rows: bytes | bytearray | memoryview, shard: str, row: list
     return True
 
 
-def _named(root: str, shard: str, pieces: Iterable[bytes | memoryview]) -> bool:
+def _named(root: str, shard: str, rows: bytes) -> bool:
     """Whether every file that is relied on in a folder has its name in it."""
-    names = frozenset(_names(f"{root}/{shard}"))
-    for piece in pieces:
-        text = piece.hex()
-        if not names.issuperset([text[place : place + 62] for place in range(2, len(text), 2 * _ROW)]):
-            return False
-    return True
-
-
-def _pieces(rows: bytes | memoryview, places: Sequence[int]) -> Iterator[bytes | memoryview]:
-    """The rows from each first to each end in `places`."""
-    for first, end in zip(places[::2], places[1::2], strict=True):
-        yield rows[first * _ROW : end * _ROW]
+    text = rows.hex()
+    return frozenset(_names(f"{root}/{shard}")).issuperset(
+        [text[place : place + 62] for place in range(2, len(text), 2 * _ROW)]
+    )
 
 
 def digests(rows: memoryview, shards: Shards) -> Iterator[str]:

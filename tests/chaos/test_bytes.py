@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine import eventlog, known, snapshot
+from dextera_build.engine import eventlog, snapshot
 from dextera_build.engine.eventlog import EventLog
 from dextera_build.engine.events import fan_out
 from dextera_build.engine.execute import RunResult, build
@@ -81,7 +81,7 @@ def test_damage_at_any_byte_of_a_store_costs_a_rebuild_at_most(tmp_path: Path, s
 
 @pytest.mark.parametrize("step", STEPS)
 def test_damage_at_any_byte_of_a_snapshot_is_seen(tmp_path: Path, step: int) -> None:
-    """Promise: a build that goes on from the last one believes no damaged byte of what the last one wrote down."""
+    """Promise: no damaged byte of a snapshot becomes an answer."""
     space = project(tmp_path / "project")
     for _ in range(3):  # a build of files that are not at rest yet leaves no snapshot
         assert dxb(space.root, *PLAIN).code == 0
@@ -92,22 +92,16 @@ def test_damage_at_any_byte_of_a_snapshot_is_seen(tmp_path: Path, step: int) -> 
         found = snapshot.load_if_fresh(head, request)
         return found and found["lines"]
 
-    right, near, told = fresh(), snapshot.load_if_near(head, request), known.read(head)
+    right = fresh()
     assert right
-    assert near
-    for path in (head, *(Path(f"{head}.{kind}") for kind in ("rows", "plan", "known"))):
+    shard = next(iter(snapshot.read_head(head)["shards"])).partition("/")[2]
+    for path in (head, Path(f"{head}.rows")):
         data, whole = path.read_bytes(), head.read_bytes()
         for place, damaged in variants(data, step, 7):
             if path != head:
-                # The store moved, so that the rows are looked at.
-                (space.root / "cache/cas" / next(iter(near.head["shards"])).partition("/")[2]).touch()
+                (space.root / "cache/cas" / shard).touch()  # the store moved, so that the rows are looked at
                 replace(head, whole)
             replace(path, damaged)
             assert fresh() in (None, right), (path, place)
-            assert (snapshot.load_if_near(head, request) or near).changed == near.changed, (path, place)
-            if path.suffix in (".plan", ".known"):
-                with pytest.raises((ValueError, KeyError)):
-                    known.read(head)
         replace(path, data)
         replace(head, whole)
-    assert known.read(head).graph == told.graph

@@ -22,7 +22,6 @@ from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.history import Entry, History
 from dextera_build.engine.snapshot import load_if_fresh, read_head, save
 from dextera_build.errors import RecipeError, UsageError
-from dextera_build.store import failpoints
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, every, graph, group, inline, item, leaf, out
@@ -109,33 +108,6 @@ def test_history_names_the_run_that_gave_the_key(store: Store) -> None:
     assert history.all()["n"].run == "0001"
     history.note("n", Entry("k2", "d2", "0003", 1.0, 3.0))
     assert history.all()["n"].run == "0003"
-
-
-def noted(store: Store, run: str, lean: bool) -> History:
-    history = History(store, "a")
-    history.lean = lean
-    history.note("n", Entry(f"k{run}", f"d{run}", run, 1.0, 1.0))
-    return history
-
-
-def test_what_a_small_build_notes_counts_until_all_is_written_anew(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def killed(point: str) -> None:
-        if point == "history.saved":
-            raise KeyboardInterrupt
-
-    noted(store, "0001", lean=False).save()
-    noted(store, "0002", lean=True).save()
-    assert History(store, "a").all()["n"].run == "0002"
-    with monkeypatch.context() as patch:
-        patch.setattr(failpoints, "reach", killed)
-        with pytest.raises(KeyboardInterrupt):
-            noted(store, "0003", lean=False).save()
-    assert len(list((store.local / "history").glob("*.json"))) == 2, "what stood beside the old one is still there"
-    assert History(store, "a").all()["n"].run == "0003"
-    noted(store, "0004", lean=True).save()
-    assert History(store, "a").all()["n"].run == "0004"
 
 
 @pytest.mark.parametrize("room", ["room", "no room", "rows too long"])

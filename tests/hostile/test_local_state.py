@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -16,7 +15,6 @@ from dextera_build.engine import eventlog, events, roots, snapshot
 from dextera_build.engine.graph import Address
 from dextera_build.engine.history import Entry, History
 from dextera_build.engine.survey import survey
-from dextera_build.store import frames
 from dextera_build.store.store import Store
 from tests.engine.tiny import run
 from tests.hostile.values import BYTES, mutate, torn
@@ -103,7 +101,6 @@ WRONG_EVENTS = [
     {"time": 1.0},
     ["event"],
     3,
-    {"event": "nodes_kept", "run": ["0001"], "nodes": 1, "time": 1.0},
 ]
 
 
@@ -129,15 +126,6 @@ def test_names_of_runs_that_are_no_numbers_are_passed_over(tmp_path):
         (store.root / "runs" / name).mkdir(parents=True)
     assert eventlog.runs(store) == ["0001"]
     assert eventlog.EventLog(store).run == "0002"
-
-
-def test_a_chain_of_logs_that_lean_on_one_another_ends(tmp_path):
-    store = Store(tmp_path)
-    for name, other in (("0001", "0002"), ("0002", "0001")):
-        folder = store.root / "runs" / name
-        folder.mkdir(parents=True)
-        (folder / "events.jsonl").write_text(events.NodesKept(1.0, other, 3).to_line() + "\n")
-    assert eventlog.read(store, "0001") == []
 
 
 @pytest.mark.parametrize("field", ["key", "node", "first", "again", "time"])
@@ -217,13 +205,6 @@ def test_changed_documents_are_read_or_forgotten(tmp_path, data):
     roots.find(store)
 
 
-def _reads(read, path: Path, good: bytes, data: st.DataObject) -> None:
-    path.write_bytes(torn(good, data))
-    # What callers of these readers take for "there is none".
-    with suppress(OSError, ValueError, KeyError, TypeError, IndexError):
-        read(path)
-
-
 @FEW
 @given(data=st.data())
 def test_a_torn_snapshot_is_none(tmp_path, data):
@@ -234,11 +215,3 @@ def test_a_torn_snapshot_is_none(tmp_path, data):
     path.write_bytes(torn((tmp_path / "good").read_bytes(), data))
     found = snapshot.load_if_fresh(path, {"root": "x"})
     assert found is None or found["lines"] == ["line"]
-
-
-@FEW
-@given(data=st.data())
-def test_a_torn_plan_is_none(tmp_path, data):
-    path = tmp_path / "plan"
-    frames.write(str(path), {"a": 1}, [b"one", b"two", b"heap"], 2)
-    _reads(lambda place: frames.read(str(place)), path, path.read_bytes(), data)

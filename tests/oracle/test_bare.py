@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine import known
 from dextera_build.engine.dryrun import plan
 from dextera_build.engine.graph import Address, Fixed, Gather, Input, Item, Leaf, Output, node_address
 from dextera_build.store.actions import ABSENT, ActionResult
@@ -148,29 +147,3 @@ def test_what_runs_had_to_run(seed: int, tmp_path: Path) -> None:
         assert record.with_status("ran") == []
         if dice.random() < 0.6:
             random_graph.edit()
-
-
-@pytest.mark.parametrize("seed", range(30))
-def test_a_build_that_goes_on_from_bare_results_runs_what_a_whole_build_runs(seed: int, tmp_path: Path) -> None:
-    dice, random_graph = random.Random(seed), RandomGraph(seed, tmp_path)
-    graph, targets, path = random_graph.graph(), random_graph.targets(), tmp_path / "snapshot"
-    stores = Store(tmp_path / "one"), Store(tmp_path / "two")
-    for store in stores:
-        run(graph, store, *targets)
-        _drop(store, random.Random(seed), 0.3)
-    first, _ = run(graph, stores[0], *targets)
-    run(graph, stores[1], *targets)
-    assert first.wiring is not None
-    assert known.write(path, graph, first.wiring, "1")
-    changed = dice.choice(random_graph.files)
-    changed.write_text("other content")
-    found = known.read(path)
-    if str(changed) not in found.head["leaves"] or not found.spread([str(changed)]):
-        return
-    near, record = run(found.graph, stores[0], *targets, known=found)
-    whole, reference = run(graph, stores[1], *targets)
-    assert near.ok
-    assert {name: node.output for name, node in near.nodes.items()} == {
-        name: node.output for name, node in whole.nodes.items()
-    }
-    assert sorted(record.with_status("ran")) == sorted(reference.with_status("ran"))

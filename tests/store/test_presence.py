@@ -136,36 +136,6 @@ def test_what_is_gone_already_is_not_written_down(made: tuple[Store, Path]) -> N
     assert not file.exists()
 
 
-def test_after_a_build_that_went_on_no_folder_is_looked_through(
-    made: tuple[Store, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    store, file = made
-    stale = snapshot.load_if_near(file, REQUEST)
-    assert stale is not None
-    store.actions.presence = found = Presence(str(store.root))
-    publish(store, 200)
-    store.blobs.put(b"what nobody relies on")
-    time.sleep(0.05)
-    assert snapshot.renew(file, stale, Watch(), [], found)
-    monkeypatch.setattr(presence, "whole", lambda root, rows, shard, row: pytest.fail(shard))
-    assert is_fresh(file)
-
-
-@pytest.mark.parametrize("area", ["cas", "ac"])
-def test_what_goes_while_a_build_goes_on_shows(made: tuple[Store, Path], area: str) -> None:
-    store, file = made
-    for path in sorted((store.root / area).glob("??/*"))[::29]:
-        stale = snapshot.load_if_near(file, REQUEST)
-        assert stale is not None
-        store.actions.presence = found = Presence(str(store.root))
-        publish(store, 200)
-        data = path.read_bytes()
-        path.unlink()
-        assert snapshot.renew(file, stale, Watch(), [], found) is None, path
-        path.write_bytes(data)
-        time.sleep(0.05)
-
-
 def test_a_snapshot_says_what_it_holds_on_to(made: tuple[Store, Path]) -> None:
     store, file = made
     assert snapshot.held(file) == ("", set(store.actions.keys()))

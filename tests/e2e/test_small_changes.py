@@ -1,8 +1,7 @@
-"""Builds that go on from the last one, through the real `dxb`: same answers and records, and when they cannot."""
+"""Small changes between two builds, through the real `dxb`: what runs, and what the log says of it."""
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import subprocess
@@ -61,18 +60,12 @@ def built(space: Space) -> Space:
     return space
 
 
-def build(space: Space, *words: str, **env: str) -> tuple[Answer, dict[str, str] | None, bool]:
-    """The answer, how each node ended if there was a run, and whether that went on from another."""
+def build(space: Space, *words: str, **env: str) -> tuple[Answer, dict[str, str] | None]:
+    """The answer, and how each node ended if there was a run."""
     before = runs(space)
     answer = space.dxb("build", "two", "--console", "none", *words, env=env)
     assert answer.code == 0, answer.err
-    if runs(space) == before:
-        return answer, None, False
-    log = space.dxb("log", "--json")
-    assert log.code == 0, log.err
-    events = (space.root / "cache" / "runs" / runs(space)[-1] / "events.jsonl").read_text().splitlines()
-    kept = any(json.loads(line)["event"] == "nodes_kept" for line in events)
-    return answer, statuses(space), kept
+    return answer, statuses(space) if runs(space) != before else None
 
 
 def runs(space: Space) -> list[str]:
@@ -95,15 +88,13 @@ def output(space: Space, node: str) -> str:
 def test_a_changed_file_runs_what_stands_above_it(built: Space) -> None:
     built.write("two.txt", "new")
     time.sleep(0.05)
-    _, ended, kept = build(built)
-    assert kept
+    _, ended = build(built)
     assert ended == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
     assert output(built, "c") == "one.txtnew"
     assert build(built)[1] is None
     built.write("one.txt", "also ")
     time.sleep(0.05)
-    _, ended, kept = build(built)
-    assert kept
+    _, ended = build(built)
     assert ended == {"a": "ran", "b": "cached", "c": "ran", "d": "cached"}
     assert output(built, "c") == "also new"
     # A build that looks at everything finds nothing to do.
@@ -113,8 +104,8 @@ def test_a_changed_file_runs_what_stands_above_it(built: Space) -> None:
 def test_a_touched_file_runs_nothing(built: Space) -> None:
     (built.root / "two.txt").touch()
     time.sleep(0.05)
-    looked = built.dxb("build", "two")
-    assert "two is up to date   4 nodes" in looked.err
+    looked, ended = build(built)
+    assert set((ended or {}).values()) == {"cached"}
     assert looked.out.split() == ["c", "cache/out/two/c/c", "d", "cache/out/two/d/d"]
     assert build(built)[1] is None
 
@@ -122,25 +113,24 @@ def test_a_touched_file_runs_nothing(built: Space) -> None:
 def test_a_file_that_comes_into_a_folder_counts(built: Space) -> None:
     built.write("box/y", "y")
     time.sleep(0.05)
-    _, ended, kept = build(built)
-    assert kept
+    _, ended = build(built)
     assert ended == {"a": "cached", "b": "cached", "c": "cached", "d": "ran"}
     assert output(built, "d") == "x y"
     (built.root / "box" / "x").unlink()
     time.sleep(0.05)
-    assert build(built)[2]
+    build(built)
     assert output(built, "d") == "y"
     assert build(built)[1] is None
 
 
 def test_a_deleted_output_is_written_again(built: Space) -> None:
     (built.root / "cache/out/two/c/c").unlink()
-    assert build(built)[1] is None  # that is no run
+    assert set((build(built)[1] or {}).values()) == {"cached"}
     assert output(built, "c") == "one.txttwo.txt"
 
 
-@pytest.mark.parametrize("change", ["recipe", "rule", "configuration", "package", "new rule", "blob", "log"])
-def test_any_other_change_is_planned_anew(built: Space, change: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("change", ["recipe", "rule", "configuration", "package", "new rule", "blob"])
+def test_any_other_change_is_seen(built: Space, change: str, tmp_path: Path) -> None:
     env = {}
     if change == "package":
         built.write("lib/thing/__init__.py", "")
@@ -159,17 +149,13 @@ def test_any_other_change_is_planned_anew(built: Space, change: str, tmp_path: P
         built.write("dxb.toml", '# a comment\ncache = "cache"\n')
     elif change == "new rule":
         built.write("rules/toy/other.py", "")
-    elif change == "blob":
+    else:
         for path in (built.root / "cache" / "cas").glob("*/*"):
             path.unlink()
-    else:
-        built.write("one.txt", "new")
-        (built.root / "cache/runs/0001").rename(built.root / "cache/runs/gone")
     time.sleep(0.05)
-    _, ended, kept = build(built, **env)
+    _, ended = build(built, **env)
     assert ended is not None
-    assert not kept
-    assert output(built, "c") == {"rule": "two.txtone.txt", "log": "newtwo.txt"}.get(change, "one.txttwo.txt")
+    assert output(built, "c") == ("two.txtone.txt" if change == "rule" else "one.txttwo.txt")
 
 
 def test_a_file_that_vanished_is_said(built: Space) -> None:
@@ -185,7 +171,7 @@ def test_a_failure_can_be_mended(built: Space) -> None:
     assert built.dxb("build", "two").code == 1
     built.edit("recipes/two.yaml", ", do: fail", "")
     time.sleep(0.05)
-    assert build(built)[1] is None  # it says again what was built already
+    assert set((build(built)[1] or {}).values()) == {"cached"}
     assert output(built, "c") == "one.txttwo.txt"
 
 
@@ -193,8 +179,8 @@ def test_a_target_above_no_change_is_written_again_where_its_file_is_gone(built:
     (built.root / "cache" / "out" / "two" / "d" / "d").unlink()
     built.write("two.txt", "TWO.TXT")
     time.sleep(0.05)
-    answer, ended, kept = build(built)
-    assert (ended, kept) == ({"a": "cached", "b": "ran", "c": "ran", "d": "cached"}, True)
+    answer, ended = build(built)
+    assert ended == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
     assert [line.partition("\t")[0] for line in answer.out.splitlines()] == ["c", "d"]
     assert output(built, "d") == "x"
     assert output(built, "c") == "one.txtTWO.TXT"
@@ -205,22 +191,9 @@ def test_what_another_request_placed_is_placed_anew(built: Space) -> None:
     time.sleep(0.05)
     build(built, "--input", "two=other.txt")
     assert output(built, "c") == "one.txtTWO.TXT"
-    assert build(built)[1] is None
+    assert set((build(built)[1] or {}).values()) == {"cached"}
     assert output(built, "c") == "one.txttwo.txt"
     assert build(built)[1] is None
-
-
-def test_past_runs_tell_of_nodes_that_were_kept(built: Space) -> None:
-    for text in ("v1", "v2", "v3"):
-        built.write("two.txt", text)
-        time.sleep(0.05)
-        assert build(built)[2]
-    shown = built.dxb("show", "two:a")
-    assert shown.code == 0, shown.err
-    why = built.dxb("why", "two:c")
-    assert why.code == 0, why.err
-    assert statuses(built) == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
-    assert built.dxb("log", "--json").code == 0
 
 
 HEAVY = ("numpy", "pydantic", "yaml", "rich", "dextera_build.recipe", "dextera_build.rule", "dextera_build.code.loader")
@@ -232,13 +205,9 @@ print("loaded", *[name for name in {names} if name in sys.modules])
 """
 
 
-@pytest.mark.parametrize("change", ["nothing", "a stamp", "a file"])
-def test_a_small_build_loads_little(built: Space, change: str) -> None:
+def test_a_build_that_does_nothing_loads_little(built: Space) -> None:
     words = [sys.executable, "-c", LOADED.format(names=HEAVY), "build", "two", "--console", "none"]
-    for turn in range(2):  # the module search path differs from that of the fixture's build
-        if turn and change != "nothing":
-            built.write("one.txt", "one.txt" if change == "a stamp" else "new")
-            time.sleep(0.05)
+    for _ in range(2):  # the module search path differs from that of the fixture's build
         done = subprocess.run(words, cwd=built.root, env=built.environment(), text=True, capture_output=True)
         assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "loaded"
@@ -249,15 +218,12 @@ def test_a_comment_changes_nothing(built: Space, file: str) -> None:
     path = built.root / file
     path.write_text(path.read_text() + "\n\n# a comment\n")
     time.sleep(0.05)
-    for _ in range(2):
-        looked = built.dxb("build", "two")
-        assert "two is up to date   4 nodes" in looked.err
-    assert runs(built) == ["0001"]
+    assert set((build(built)[1] or {}).values()) == {"cached"}
+    assert build(built)[1] is None
     built.write("two.txt", "new")
     path.write_text(path.read_text() + "# another\n")
     time.sleep(0.05)
-    _, ended, kept = build(built)
-    assert kept
+    _, ended = build(built)
     assert ended == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
 
 
@@ -271,14 +237,14 @@ def test_a_comment_changes_nothing(built: Space, file: str) -> None:
         ("rules/toy/join.py", "import Context, rule", "import Context, rule\nimport json"),
     ],
 )
-def test_what_says_something_else_is_planned_anew(built: Space, file: str, old: str, new: str) -> None:
+def test_what_says_something_else_is_seen(built: Space, file: str, old: str, new: str) -> None:
     built.edit(file, old, new)
     time.sleep(0.05)
-    assert not build(built)[2]
+    build(built)
     assert len(runs(built)) == 2
 
 
-@pytest.mark.parametrize("ending", ["", ".plan", ".known", ".rows"])
+@pytest.mark.parametrize("ending", ["", ".rows"])
 def test_broken_snapshots_are_passed_over(built: Space, ending: str) -> None:
     folder = built.root / "cache/local/snapshots"
     (head,) = [file for file in folder.iterdir() if "." not in file.name]
@@ -300,14 +266,13 @@ def test_broken_snapshots_are_passed_over(built: Space, ending: str) -> None:
         time.sleep(0.05)
 
 
-def test_a_build_that_goes_on_keeps_the_pins_and_a_locked_one_looks_at_everything(built: Space) -> None:
+def test_a_build_after_a_change_renews_the_pins_and_a_locked_one_looks_at_everything(built: Space) -> None:
     assert build(built, "--lock")[1] is not None
     pinned = (built.root / "dxb.lock").read_bytes()
     assert build(built)[1] is not None  # another request than the first: there is a lock file now
     built.write("two.txt", "new")
     time.sleep(0.05)
-    _, ended, kept = build(built)
-    assert kept
+    _, ended = build(built)
     assert ended == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
     renewed = (built.root / "dxb.lock").read_bytes()
     assert renewed != pinned
