@@ -24,7 +24,7 @@ from dextera_build.store import header
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
     from dextera_build.engine.dryrun import Planned
-    from dextera_build.engine.execute import NodeRecord
+    from dextera_build.engine.events import NodeFinished
     from dextera_build.errors import DxbError
     from dextera_build.explain.causes import Cause
     from dextera_build.recipe.plan import Request
@@ -38,7 +38,7 @@ class Result:
     """Whether every target is up to date."""
     run: str
     """Id of the run, for `dxb log` and `dxb report`; "" where the store cannot be written."""
-    nodes: Mapping[str, NodeRecord]
+    nodes: Mapping[str, NodeFinished]
     """Address -> what became of it: `status`, `output`, `line`, `seconds`, `key`, ..."""
     targets: tuple[str, ...]
     """Addresses of the nodes that were asked for, every copy by itself."""
@@ -148,8 +148,7 @@ class Project(settings_of.Project):
             locking.refuse(session, plan, wanted)
             locking.note(session, plan, wanted, done.result)
             locking.write()
-        errors = {**done.result.errors, **done.result.own.errors()}
-        return Result(done.result.ok, done.run, done.result.nodes, done.result.targets, errors, session)
+        return Result(done.result.ok, done.run, done.result.nodes, done.result.targets, done.result.errors, session)
 
     def plan(
         self,

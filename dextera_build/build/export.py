@@ -7,7 +7,6 @@ import json
 import os
 import re
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -39,17 +38,17 @@ def place(session: Session, result: RunResult) -> list[str]:
     # Texts, because a thousand outputs are placed in the time that some ten thousand `Path` objects take.
     base = os.path.abspath(session.project.cache / "out" / session.recipe)
     for node in result.targets:
-        output = result.output(node)
+        output = result.nodes[node].output
         if output is not None:
             folder = f"{base}/{node.replace('/', '.').replace(':', '.')}"
             try:
                 with header.reading(f"`{node}`"):
-                    main = _export(session, folder, node, result.rule, output, stamps)
+                    main = _export(session, folder, node, result.nodes[node].rule, output, stamps)
             except OSError as error:
                 raise files.store_error(error, error.filename or folder) from None
             lines.append(f"{node}\t{main}")
     # A stamp says that the files beside it are whole, so it comes when they are on the disk.
-    if session.project.durable and (stamps or "ran" in result.own.statuses()):
+    if session.project.durable and (stamps or any(node.status == "ran" for node in result.nodes.values())):
         durable.settle(session.store.root)
     for folder, text in stamps.items():
         failpoints.reach("export.stamp")
@@ -63,9 +62,7 @@ def stem_of(node: str) -> str:
     return re.split("[./:]", node)[-1]
 
 
-def _export(
-    session: Session, folder: str, node: str, rule: Callable[[str], str], output: str, stamps: dict[str, str]
-) -> str:
+def _export(session: Session, folder: str, node: str, rule: str, output: str, stamps: dict[str, str]) -> str:
     digest, name, changed = _standing_in(folder)
     if digest == output and name and not changed:
         return _joined(folder, name)
@@ -82,11 +79,11 @@ def _export(
     return _joined(folder, main)
 
 
-def _restored(session: Session, folder: str, node: str, rule: Callable[[str], str], output: str) -> str:
+def _restored(session: Session, folder: str, node: str, rule: str, output: str) -> str:
     """Write the files of an output into a folder; the name of the main one."""
     main = _export_file(session, folder, stem_of(node), output)
     if main is None:
-        kind, where = session.project.library.find(rule(node)).rule.returns, Path(folder)
+        kind, where = session.project.library.find(rule).rule.returns, Path(folder)
         written = kind.restore(output, session.store.reader, where, stem_of(node))
         main = written[0].relative_to(where).as_posix() if written else "."
     return main
@@ -124,7 +121,7 @@ def _set_aside(folder: str) -> str:
     return aside
 
 
-def _is_as_written(session: Session, file: str, node: str, rule: Callable[[str], str], output: str) -> bool:
+def _is_as_written(session: Session, file: str, node: str, rule: str, output: str) -> bool:
     """Whether a file with a new time holds what was written of `output` all the same: nothing is lost with it."""
     import filecmp  # seldom needed
     import tempfile

@@ -155,7 +155,7 @@ def _make(args: argparse.Namespace, session: Session, plan: Plan, wanted: list[A
             return result, results.place(session, result)
         except StoreError as error:
             if error.code != MissingBlob.CODE:
-                if any(failed.code == error.code for failed in result.own.errors().values()):
+                if any(failed.code == error.code for failed in result.errors.values()):
                     return result, []  # a node failed of the same, and that was said
                 raise
             # A blob was damaged on disk. All such are set aside, so building again makes them anew.

@@ -40,7 +40,6 @@ def run(args: argparse.Namespace) -> int:
         session = Session(project, wanted.recipe, makes=True)
         result = _bring(session, wanted.target, args)
         print(fresh.told(results.place(session, result)), end="", flush=True)
-        lacking += [f"{wanted.recipe}:{node}" for node in result.own.errors()]
         lacking += [f"{wanted.recipe}:{place}" for place in result.errors]
     if lacking:
         count = "1 node is" if len(lacking) == 1 else f"{len(lacking)} nodes are"

@@ -82,7 +82,7 @@ def _one(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch: W
             locking.write()
     except DxbError as error:
         return _refused(project, error, watch)
-    return None, states(Counter(result.own.statuses()))
+    return None, states(Counter(node.status for node in result.nodes.values()))
 
 
 def _refused(project: Project | None, error: DxbError, watch: Watch) -> tuple[DxbError, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dextera_build.engine.admission import Admission, estimate, lacks
 from dextera_build.engine.capacity import Capacity, Needs
@@ -184,8 +184,7 @@ class Dispatch:
             self.store.locks.release(key)
 
     def _end(self, node: Node, report: Ended) -> End | None:
-        node.seconds, node.usage = report.seconds, report.usage
-        node.calls = tuple((report.reply or {}).get("calls") or ())
+        node.last = replace(report, log=b"")
         retries = node.rule.retries
         if report.error is not None and retries.again(node.tries, report.error, report.raised):
             self._rest(node, report, report.error)

@@ -191,8 +191,6 @@ class Scheduler:
             self._find(node)
         finally:
             node.document = b""  # it is spelled again when the node has run, since thousands may wait
-            if self.policy.dry:
-                node.rest()
 
     def _find(self, node: Node) -> None:
         """Where the result of a node may come from."""
@@ -200,7 +198,7 @@ class Scheduler:
         assert key is not None
         owner = self._owners.get(key)
         if owner is not None:
-            node.follow(owner)
+            owner.followers.append(node)
             self.states.set(node, State.SHARED)
             return
         node.asked |= self.policy.whole
@@ -297,7 +295,6 @@ class Scheduler:
 
     def _succeed(self, node: Node, status: str, result: ActionResult, *, bare: bool = False) -> None:
         node.result, node.status, node.error, node.bare = result, status, None, bare
-        node.output, node.made_s = result.output, result.seconds
         self._any_bare |= bare
         if status == "ran" and (self.policy.force or self.policy.recall):
             self._made |= {node.owned, node.key or ""}
@@ -319,7 +316,6 @@ class Scheduler:
         self.states.set(unit, State.DONE)
         if isinstance(unit, Node):
             self.hooks.settled(unit)
-            unit.rest()
         for dependent in unit.release():
             if dependent.state is State.WAITS:
                 dependent.pending -= 1

@@ -77,7 +77,7 @@ class Sharing:
                 self._missed.add(answer.key)
                 yield self._without(node)
             else:
-                node.remote, node.seconds = answer.remote, answer.seconds
+                node.remote, node.fetched_s = answer.remote, answer.seconds
                 yield from self._take(node, answer.result, bare=not answer.is_whole)
 
     def _take(self, node: Node, result: ActionResult, *, bare: bool) -> Iterator[End]:
