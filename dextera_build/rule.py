@@ -13,9 +13,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Generic, ParamSpec, Protocol, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from dextera_build.artifacts.base import Artifact, File
 from dextera_build.errors import RuleError
@@ -28,8 +28,16 @@ P = ParamSpec("P")
 R = TypeVar("R", bound=Artifact)
 
 
+Fraction = Annotated[float, Field(ge=0, le=1)]
+"""A part of a whole, a probability, a colour's channel."""
+
+
 class Options(BaseModel):
-    """Options of a rule: typed, frozen, every field in the key. Nested groups derive from it too."""
+    """Options of a rule: typed, frozen, every field in the key. Nested groups derive from it too.
+
+    Bounds and choices are those of pydantic: `wall_m: PositiveFloat = 0.003`, `crf: int = Field(18, ge=0, le=51)`,
+    `Literal["png", "jpeg"]`. A value outside is refused when the recipe is planned; bounds are in no key.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 

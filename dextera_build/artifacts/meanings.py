@@ -8,10 +8,13 @@ from __future__ import annotations
 import ast
 import inspect
 import textwrap
+from collections.abc import Iterator
 from contextlib import suppress
 from itertools import pairwise
+from typing import get_args
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 
 def meanings(kind: type[BaseModel]) -> dict[str, str]:
@@ -23,6 +26,25 @@ def meanings(kind: type[BaseModel]) -> dict[str, str]:
                 found |= _below(inspect.getsource(base))
     said = {name: field.description for name, field in kind.model_fields.items() if field.description}
     return {name: text for name, text in (found | said).items() if name in kind.model_fields}
+
+
+def bounds(field: FieldInfo) -> str:
+    """The bounds of an option as people write them, `> 0, <= 1`, those of a tuple's numbers included; "" without."""
+    signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+    marks = dict.fromkeys([*field.metadata, *_marks(field.annotation)])
+    return ", ".join(
+        f"{sign} {limit:g}"
+        for mark in marks
+        for name, sign in signs.items()
+        if (limit := getattr(mark, name, None)) is not None
+    )
+
+
+def _marks(annotation: object) -> Iterator[object]:
+    for part in get_args(annotation):
+        # pydantic wraps the bounds of its own types, `Field(ge=0, le=1)`, into one object.
+        yield from getattr(part, "metadata", ()) or (part,)
+        yield from _marks(part)
 
 
 def _below(source: str) -> dict[str, str]:

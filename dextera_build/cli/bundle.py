@@ -1,4 +1,4 @@
-"""`dxb bundle`: results with all that they need, as one file, one folder, or in an OCI registry."""
+"""`dxb bundle`: results with all that they need, as one file or one folder."""
 
 from __future__ import annotations
 
@@ -11,11 +11,8 @@ _VERBS = {
     "create": ("bundle_make", "write results, with all that explains them, to a file or folder"),
     "inspect": ("bundle_inspect", "say what a bundle holds, where it comes from and who signed it"),
     "import": ("bundle_import", "take the results of a bundle into the store"),
-    "push": ("bundle_make", "put a bundle into an OCI registry"),
-    "pull": ("bundle_import", "get a bundle from an OCI registry, without importing it"),
     "keygen": ("bundle_import", "make a pair of keys to sign bundles with"),
 }
-_BUNDLE = "a bundle: FILE.tar, a folder, or oci://HOST/NAME:TAG"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,18 +24,19 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     }
     subs["create"].add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what was built")
     subs["create"].add_argument("-o", "--out", metavar="PATH", required=True, help="NAME.tar, or a new folder")
-    subs["push"].add_argument(
-        "what_to_push", nargs="+", metavar="BUNDLE|RECIPE[:TARGET]", help="a bundle's file or folder, or what was built"
+    subs["create"].add_argument(
+        "--closure",
+        choices=("targets", "full"),
+        default="targets",
+        help="targets: their bytes, and the results of all other nodes without; full: the bytes of all nodes",
     )
-    subs["push"].add_argument("to", metavar="oci://HOST/NAME:TAG", help="where to")
-    for name in ("create", "push"):
-        _making(subs[name])
+    subs["create"].add_argument("--sign", metavar="KEY", help="sign with this private ed25519 key (PEM or OpenSSH)")
+    options.project_arguments(subs["create"])
+    options.request_arguments(subs["create"])
     for name in ("inspect", "import"):
-        subs[name].add_argument("bundle", metavar="BUNDLE", help=_BUNDLE)
+        subs[name].add_argument("bundle", metavar="BUNDLE", help="a bundle: FILE.tar, or a folder")
         subs[name].add_argument("--require-signed", action="store_true", help="refuse what no trusted key signed")
     subs["inspect"].add_argument("--recipe", metavar="NAME", help="print the YAML of this recipe of the bundle")
-    subs["pull"].add_argument("bundle", metavar="oci://HOST/NAME:TAG", help="where from")
-    subs["pull"].add_argument("-o", "--out", metavar="PATH", required=True, help="NAME.tar, or a new folder")
     subs["keygen"].add_argument("file", metavar="FILE", help="the private key; the public one goes to FILE.pub")
     subs["keygen"].add_argument("--name", metavar="NAME", help="whose it is (user@host)")
     for name in ("inspect", "import"):
@@ -53,15 +51,3 @@ def run(args: argparse.Namespace) -> int:
         args
     )
     return code
-
-
-def _making(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--closure",
-        choices=("targets", "full"),
-        default="targets",
-        help="targets: their bytes, and the results of all other nodes without; full: the bytes of all nodes",
-    )
-    parser.add_argument("--sign", metavar="KEY", help="sign with this private ed25519 key (PEM or OpenSSH)")
-    options.project_arguments(parser)
-    options.request_arguments(parser)

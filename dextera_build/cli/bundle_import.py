@@ -1,4 +1,4 @@
-"""`dxb bundle import`, `pull` and `keygen`: from a bundle to a store that can be worked with."""
+"""`dxb bundle import` and `keygen`: from a bundle to a store that can be worked with."""
 
 from __future__ import annotations
 
@@ -15,26 +15,30 @@ from typing import TYPE_CHECKING
 from dextera_build.cli import options
 from dextera_build.errors import UsageError, listing
 from dextera_build.report.wording import count
-from dextera_build.store.bundle import layout, oci, receive, signing, trust
+from dextera_build.store.bundle import importer, layout, sign, trust
 
 if TYPE_CHECKING:
     from dextera_build.project import Project
-    from dextera_build.store.bundle.contents import Build
-    from dextera_build.store.bundle.receive import Opened
+    from dextera_build.store.bundle.config import Build
+    from dextera_build.store.bundle.importer import Opened
     from dextera_build.store.store import Store
 
 
-def source_of(text: str) -> oci.Source:
+def source_of(text: str) -> layout.Layout:
     """The bundle that an argument names.
 
     Raises:
         UsageError: There is no such file or folder.
         BundleRefused: It is no bundle.
     """
-    if text.startswith("oci://"):
-        from dextera_build.store.bundle import registry
-
-        return registry.Repository(registry.parse(text))
+    _, separator, place = text.partition("://")
+    if separator:
+        raise UsageError(
+            f"`{text}` is not a file or folder",
+            code="DXB-U147",
+            facts={"registries": "`skopeo` copies from and to them"},
+            hint=f"skopeo copy docker://{place} oci-archive:bundle.tar",
+        )
     path = Path(text)
     if not path.exists():
         raise UsageError(
@@ -49,7 +53,7 @@ def judged(args: argparse.Namespace, project: Project, bundle: Opened) -> trust.
     Raises:
         BundleRefused: A signature is wrong, or one is required and there is none.
     """
-    keys = signing.trusted(project.trusted_keys) if bundle.said or args.require_signed else []
+    keys = sign.trusted(project.trusted_keys) if bundle.manifest.provenance or args.require_signed else []
     voucher = trust.judge(bundle, keys)
     if args.require_signed or project.require_signed:
         trust.require(bundle, voucher, keys)
@@ -61,36 +65,27 @@ def take(args: argparse.Namespace) -> int:
     from dextera_build.store.store import Store
 
     project = options.project(args)
-    bundle = receive.open_bundle(source_of(args.bundle))
+    bundle = importer.open_bundle(source_of(args.bundle))
     voucher = judged(args, project, bundle)
     store = Store(project.cache)
-    taken = receive.take(bundle, store)
+    taken = importer.take(bundle, store)
     for build in bundle.contents.builds:
         _remember(project, store, build, bundle)
     _say(bundle, voucher, taken)
     outputs = {address: node.output for address, node in bundle.contents.nodes()}
     targets = {name: outputs[name] for name in bundle.contents.targets()}
     if args.json:
-        told = {"digest": bundle.descriptor.digest, "signature": voucher.state, "targets": targets, **vars(taken)}
+        told = {"digest": bundle.digest, "signature": voucher.state, "targets": targets, **vars(taken)}
         print(json.dumps(told, indent=1))
     else:
         print("".join(f"{name}\t{output}\n" for name, output in targets.items()), end="")
     return 0
 
 
-def pull(args: argparse.Namespace) -> int:
-    """Copy a bundle from a registry; print its path and digest."""
-    if not args.bundle.startswith("oci://"):
-        raise UsageError(f"`{args.bundle}` is not of the form `oci://HOST/NAME:TAG`", code="DXB-U147")
-    found = layout.write(source_of(args.bundle), Path(args.out))
-    print(f"{args.out}\tsha256:{found[0].digest}")
-    return 0
-
-
 def keygen(args: argparse.Namespace) -> int:
     """Make keys; print the path of the public one and the key's id."""
     path = Path(args.file)
-    key = signing.generate(path, args.name or f"{getpass.getuser()}@{platform.node()}")
+    key = sign.generate(path, args.name or f"{getpass.getuser()}@{platform.node()}")
     print(f"{path}.pub\t{key.id}")
     return 0
 
@@ -146,7 +141,7 @@ def _inputs(store: Store, key: str) -> dict[str, str]:
     return dict(json.loads(store.blobs.get(key))["inputs"])
 
 
-def _say(bundle: Opened, voucher: trust.Voucher, taken: receive.Taken) -> None:
+def _say(bundle: Opened, voucher: trust.Voucher, taken: importer.Taken) -> None:
     nodes = [node for _, node in bundle.contents.nodes()]
     bare = f" ({taken.bare} without their bytes)" if taken.bare else ""
     counts = f"{count(len(nodes), 'node')}: {count(taken.new, 'result')} new{bare}, {taken.known} known"
@@ -158,6 +153,6 @@ def _say(bundle: Opened, voucher: trust.Voucher, taken: receive.Taken) -> None:
         )
     if voucher.state != "trusted":
         print(
-            "nobody whom you trust vouches for it: its results are worth what its maker is worth to you",
+            "warning: not signed by a trusted key; its results may be anything",
             file=sys.stderr,
         )

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.cli import options
 from dextera_build.cli.bundle_import import judged, source_of
 from dextera_build.errors import UsageError, did_you_mean, listing
-from dextera_build.store.bundle import checked, oci, receive
+from dextera_build.store.bundle import checked_stream, importer, oci
 
 if TYPE_CHECKING:
-    from dextera_build.store.bundle.receive import Opened
+    from dextera_build.store.bundle.importer import Opened
     from dextera_build.store.bundle.trust import Voucher
 
 _MOST_RECIPE = 4 << 20
@@ -21,7 +21,7 @@ _MOST_RECIPE = 4 << 20
 def inspect(args: argparse.Namespace) -> int:
     """Print rows of name and value, or all as JSON, or one recipe."""
     project = options.project(args)
-    bundle = receive.open_bundle(source_of(args.bundle))
+    bundle = importer.open_bundle(source_of(args.bundle))
     voucher = judged(args, project, bundle)
     if args.recipe:
         print(_recipe(bundle, args.recipe), end="")
@@ -37,7 +37,7 @@ def _rows(bundle: Opened, voucher: Voucher) -> list[tuple[str, object]]:
     layers = bundle.manifest.layers
     files = sum(1 for entry in _dependencies(voucher) if entry.get("annotations", {}).get("kind") == "file")
     return [
-        ("digest", f"sha256:{bundle.descriptor.digest}"),
+        ("digest", f"sha256:{bundle.digest}"),
         ("created", bundle.manifest.annotations.get(oci.CREATED, "-")),
         *(("target", name) for name in bundle.contents.targets()),
         ("closure", bundle.contents.closure),
@@ -56,7 +56,7 @@ def _rows(bundle: Opened, voucher: Voucher) -> list[tuple[str, object]]:
 
 def _everything(bundle: Opened, voucher: Voucher) -> dict[str, Any]:
     return {
-        "digest": f"sha256:{bundle.descriptor.digest}",
+        "digest": f"sha256:{bundle.digest}",
         "bytes": bundle.size,
         "manifest": json.loads(bundle.manifest.spell()),
         "config": json.loads(bundle.contents.spell()),
@@ -82,4 +82,4 @@ def _recipe(bundle: Opened, name: str) -> str:
             hint=did_you_mean(name, known),
         )
     layer = next(layer for layer in bundle.manifest.layers if layer.digest == known[name])
-    return checked.whole(bundle.source, layer, "a recipe", _MOST_RECIPE).decode(errors="replace")
+    return checked_stream.whole(bundle.source, layer, "a recipe", _MOST_RECIPE).decode(errors="replace")

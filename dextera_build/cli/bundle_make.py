@@ -1,4 +1,4 @@
-"""`dxb bundle create` and `push`: from what was built to a bundle."""
+"""`dxb bundle create`: from what was built to a bundle."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 from dextera_build import __version__
 from dextera_build.cli import options
 from dextera_build.errors import UsageError, listing
-from dextera_build.store.bundle import layout, oci, provenance
-from dextera_build.store.bundle.contents import Build, Contents
-from dextera_build.store.bundle.made import Made
+from dextera_build.store.bundle import oci, provenance
+from dextera_build.store.bundle.config import Build, Contents
+from dextera_build.store.bundle.export import Export
 
 if TYPE_CHECKING:
     from dextera_build.engine.survey import Survey
@@ -29,27 +29,14 @@ if TYPE_CHECKING:
 def create(args: argparse.Namespace) -> int:
     """Write a bundle; print its path, digest and size."""
     made = _make(args, args.targets)
-    layout.write(made, Path(args.out))
-    print(f"{args.out}\tsha256:{made.manifest.digest}")
+    made.write(Path(args.out))
+    print(f"{args.out}\tsha256:{made.digest}")
     return 0
 
 
-def push(args: argparse.Namespace) -> int:
-    """Put a bundle into a registry; print its address by digest."""
-    from dextera_build.store.bundle import registry
-
-    first = Path(args.what_to_push[0])
-    if len(args.what_to_push) == 1 and first.exists():
-        source: oci.Source = layout.read(first)
-    else:
-        source = _make(args, args.what_to_push)
-    print(registry.push(source, registry.parse(args.to)))
-    return 0
-
-
-def _make(args: argparse.Namespace, targets: Sequence[str]) -> Made:
+def _make(args: argparse.Namespace, targets: Sequence[str]) -> Export:
     from dextera_build.session import reading
-    from dextera_build.store.bundle import signing
+    from dextera_build.store.bundle import sign
 
     project = options.project(args)
     wanted: dict[str, list[str]] = {}
@@ -69,17 +56,17 @@ def _make(args: argparse.Namespace, targets: Sequence[str]) -> Made:
     texts = {name: _digest(data) for name, data in recipes.items()}
     contents = Contents(args.closure, __version__, tuple(builds), texts)
     store, created = reading(project), _created(times)
-    made = Made(store, contents, recipes, created)
+    made = Export(store, contents, recipes, created)
     known = provenance.Circumstances(
         _request(args),
         tuple(dict.fromkeys(runs)),
         created,
         {"python": platform.python_version(), "system": sys.platform},
     )
-    statement = provenance.statement(made.manifest.digest, contents, made.get, known)
+    statement = provenance.statement(made.digest, contents, made.get, known)
     kind = {oci.PREDICATE: provenance.PREDICATE}
     if args.sign:
-        envelope, key = signing.seal(statement, Path(args.sign))
+        envelope, key = sign.seal(statement, Path(args.sign))
         made.attach(oci.DSSE, envelope, **kind)
         print(f"signed with {key.id}", file=sys.stderr)
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -13,7 +14,7 @@ from dextera_build.engine.graph import Call, Graph, Input, Pack, RuleFacts
 from dextera_build.engine.retries import Retries, name_of
 from dextera_build.errors import MachineError, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.recipe import matrix
-from dextera_build.recipe.schema import CallDecl, PackedCall
+from dextera_build.recipe.schema import CallDecl
 from dextera_build.recipe.scope import Scope, type_name
 from dextera_build.recipe.settings import Setting
 from dextera_build.recipe.strict_yaml import Node
@@ -43,7 +44,7 @@ class CallMaker:
         """Those of all calls that were made."""
         return tuple(self._facts.values())
 
-    def rule_file(self, decl: CallDecl | PackedCall) -> RuleFile:
+    def rule_file(self, decl: CallDecl) -> RuleFile:
         """The rule that a declaration names."""
         return self._library.find(decl.rule, decl.place)
 
@@ -272,6 +273,11 @@ def _fits(wanted: Any, given: Any) -> bool:
     return wanted.__name__ in names or wanted.__name__ == "Artifact"
 
 
+_BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
+_UNIT = re.compile(r"\[([^\[\]]+)\]")
+"""The unit in an option's docstring: `Wall thickness of a vessel [m].`"""
+
+
 def _options(decl: CallDecl, kind: Any, given: Mapping[str, Node]) -> dict[str, Any]:
     from pydantic import ValidationError
 
@@ -284,19 +290,26 @@ def _options(decl: CallDecl, kind: Any, given: Mapping[str, Node]) -> dict[str, 
         location = tuple(first["loc"])
         name = str(location[0]) if location else ""
         where = given[name].at(location[1:]) if name in given else decl.place
+        text = _meanings(kind).get(name)
         raise RecipeError(
-            f"`{'.'.join(str(part) for part in location)}` of `{decl.rule}`: {first['msg']}",
+            f"`{'.'.join(str(part) for part in location)}` of `{decl.rule}` {_demand(first, text or '')}",
             code="DXB-R109",
             where=where,
             facts={"given": repr(first["input"])[:120]},
-            hint=_option_hint(kind, name),
+            hint=f"`{name}`: {text}" if text else None,
         ) from None
     dumped: dict[str, Any] = options.model_dump(mode="json")
     return dumped
 
 
-def _option_hint(kind: Any, name: str) -> str | None:
+def _meanings(kind: Any) -> dict[str, str]:
     from dextera_build.artifacts.meanings import meanings
 
-    text = meanings(kind).get(name)
-    return f"`{name}`: {text}" if text else None
+    return meanings(kind)
+
+
+def _demand(error: Mapping[str, Any], meaning: str) -> str:
+    """What pydantic asks of a value as the end of a sentence, a bound with its unit: `must be greater than 0 m`."""
+    text = str(error["msg"]).replace("Input should", "must", 1)
+    unit = _UNIT.search(meaning) if error["type"] in _BOUNDS and len(error["loc"]) == 1 else None
+    return (text if text.startswith("must") else f"is refused: {text}") + (f" {unit[1]}" if unit else "")

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build.code.loader import Library, RuleFile
-from dextera_build.engine.compact import Members, Writer
 from dextera_build.engine.graph import Call, Graph, Group, Leaf
 from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.recipe import cycles, groups, limits
 from dextera_build.recipe.calls import CallMaker
-from dextera_build.recipe.schema import Decl, GroupDecl, MatrixDecl, PackedCall, Recipe, UseDecl
+from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, MatrixDecl, Recipe, UseDecl
 from dextera_build.recipe.scope import Alias, Bound, CallNames, GroupName, Scope, UseName, item
 from dextera_build.recipe.settings import COMMAND_LINE, Setting
 from dextera_build.recipe.strict_yaml import Node
@@ -58,7 +57,7 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
     targets = {"default": [], **recipe.targets} if not recipe.targets else dict(recipe.targets)
     resolved = {name: tuple(planner.target(scope, node) for node in nodes) for name, nodes in targets.items()}
     if not resolved.get("default"):
-        resolved["default"] = tuple((name,) for name, decl in recipe.nodes.items() if isinstance(decl, PackedCall))
+        resolved["default"] = tuple((name,) for name, decl in recipe.nodes.items() if isinstance(decl, CallDecl))
     graph = Graph(address, planner.tree(), resolved)
     if not order.holds:
         cycles.refuse(graph)
@@ -73,9 +72,9 @@ class _Run:
     group: tuple[str, ...]
     prefix: str
     scope: Scope
-    calls: list[PackedCall] = field(default_factory=list)
+    calls: list[CallDecl] = field(default_factory=list)
 
-    def addresses(self) -> Iterator[tuple[tuple[str, ...], PackedCall]]:
+    def addresses(self) -> Iterator[tuple[tuple[str, ...], CallDecl]]:
         """Each call with its place in the graph."""
         for call in self.calls:
             yield (*self.group, self.prefix + call.name), call
@@ -98,10 +97,7 @@ class _Planner:
         self._opening: list[str] = []
         self._used = 0
         """Nodes of recipes that the recipe uses."""
-        self._writer = Writer()
-        """Takes the calls that stand in no group: as objects a hundred thousand of them would need 150 MB."""
-        self._inner: dict[tuple[str, ...], Call] = {}
-        """Calls of groups."""
+        self._calls: dict[tuple[str, ...], Call] = {}
         self._overrides: dict[tuple[str, ...], dict[str, dict[str, Call]]] = {}
 
     def recipe(self, address: str, where: Place) -> Recipe:
@@ -135,14 +131,10 @@ class _Planner:
             around = self._groups[run.group][0] if run.group else None
             # The call of a matrix that stands for its copies is that of the first one.
             first = next(iter(around.copies.values())) if isinstance(around, MatrixDecl) else None
-            for address, packed in run.addresses():
-                decl = packed.decl
+            for address, decl in run.addresses():
                 call = self.maker.call(decl, run.scope, address, self.maker.values(decl, first))
                 order.note(address, call)
-                if run.group:
-                    self._inner[address] = call
-                else:
-                    self._writer.add(call)
+                self._calls[address] = call
         for address, (group, _) in self._groups.items():
             self._overrides[address] = self._override(address, group)
         return order
@@ -155,9 +147,9 @@ class _Planner:
             raise RecipeError(f"`{node.value}` is not a node that can be built", code="DXB-R113", where=node.place)
         return tuple(call)
 
-    def tree(self) -> Members:
+    def tree(self) -> dict[str, Call | Group]:
         """Groups and calls, nested as the graph wants them."""
-        root: dict[str, Group] = {}
+        root: dict[str, Call | Group] = {}
         blocks: dict[tuple[str, ...], dict[str, Any]] = {(): root}
         for address, (decl, over) in self._groups.items():
             members: dict[str, Call | Group] = {}
@@ -165,9 +157,9 @@ class _Planner:
             blocks[address[:-1]][address[-1]] = Group(
                 address[-1], groups.collection(decl, over), members, self._overrides[address], decl.place
             )
-        for address, call in self._inner.items():
+        for address, call in self._calls.items():
             blocks[address[:-1]][address[-1]] = call
-        return self._writer.members(root)
+        return root
 
     def _open(
         self,
@@ -212,7 +204,7 @@ class _Planner:
             address = (*group, prefix + name)
             self._used += len(self._opening) > 1
             limits.refuse_many(self._used, decl)
-            if isinstance(decl, PackedCall):
+            if isinstance(decl, CallDecl):
                 if run is None:
                     run = _Run(group, prefix, scope)
                     self._pending.append(run)
@@ -308,7 +300,7 @@ class _Planner:
 
     def _override(self, address: tuple[str, ...], decl: GroupDecl | MatrixDecl) -> dict[str, dict[str, Call]]:
         runs = (run for run in self._pending if run.group == address)
-        members = {at[-1]: (packed.decl, run.scope) for run in runs for at, packed in run.addresses()}
+        members = {at[-1]: (call, run.scope) for run in runs for at, call in run.addresses()}
         if isinstance(decl, MatrixDecl):
             return groups.swept(self.maker, address, decl, members)
         found: dict[str, dict[str, Call]] = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -44,25 +43,6 @@ class CallDecl:
         return self.node.keys
 
 
-@dataclass(frozen=True, slots=True)
-class PackedCall:
-    """A call as a recipe holds it: checked, and packed where there are many; there may be a hundred thousand."""
-
-    name: str
-    rule: str
-    node: Node
-
-    @property
-    def decl(self) -> CallDecl:
-        """The call, made anew each time."""
-        return _call(self.name, self.node.opened())
-
-    @property
-    def place(self) -> Place:
-        """Where its rule stands."""
-        return self.decl.place
-
-
 @dataclass(frozen=True)
 class UseDecl:
     """`{recipe: twin/tabletop, capture: $capture}`: the nodes of another recipe, with its inputs bound."""
@@ -96,7 +76,7 @@ class MatrixDecl:
     place: Place
 
 
-Decl: TypeAlias = PackedCall | UseDecl | GroupDecl | MatrixDecl
+Decl: TypeAlias = CallDecl | UseDecl | GroupDecl | MatrixDecl
 
 
 @dataclass(frozen=True)
@@ -224,11 +204,7 @@ def _nodes(node: Node | None, where: Place) -> dict[str, Decl]:
     return found
 
 
-def _node(name: str, held: Node, place: Place) -> Decl:
-    rule = _rule_of(held)
-    if rule is not None:
-        return PackedCall(name, sys.intern(rule), held)
-    node = held.opened()
+def _node(name: str, node: Node, place: Place) -> Decl:
     if not isinstance(node.value, dict):
         raise RecipeError(f"the node `{name}` is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
     kinds = [kind for kind in ("rule", "recipe", "each", "matrix") if kind in node.value]
@@ -248,16 +224,7 @@ def _node(name: str, held: Node, place: Place) -> Decl:
     if kinds == ["recipe"]:
         _text(node.value["recipe"], "recipe")
         return UseDecl(name, node.value["recipe"], _arguments(node), place)
-    return PackedCall(name, sys.intern(_call(name, node).rule), held)
-
-
-def _rule_of(held: Node) -> str | None:
-    """The rule of a packed call of which nothing is wrong here; None of all else, which is to be looked at in full."""
-    found = held.outline()
-    if found is None or not found.keys().isdisjoint(("recipe", "each", "matrix")):
-        return None
-    texts = (found.get("rule"), found.get("salt", ""), found.get("backend", ""))
-    return found["rule"] if all(type(text) is str for text in texts) else None
+    return _call(name, node)
 
 
 def _call(name: str, node: Node) -> CallDecl:

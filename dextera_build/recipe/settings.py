@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from dataclasses import dataclass
 
 from dextera_build.errors import Place, UsageError
@@ -45,10 +46,11 @@ def parse(text: str) -> Setting:
             hint="`--set 'body[mug].mesh.wall_m=0.004'` sets one option of one node",
         )
     parts = [(step["name"], step["label"]) for step in steps]
+    where = Place(f"{COMMAND_LINE}: --set {shlex.quote(text)}")
     return Setting(
         text,
         tuple(name for name, _ in parts[:-1]),
         tuple(label for _, label in parts[:-2]),
         parts[-1][0],
-        strict_yaml.parse(value or '""', str(COMMAND_LINE)).placed(COMMAND_LINE),
+        strict_yaml.parse(value or '""', str(COMMAND_LINE)).placed(where),
     )

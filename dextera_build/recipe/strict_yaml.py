@@ -37,8 +37,6 @@ _NAMES_DEPTH = 2
 """Names of inputs and nodes are keys of mappings so deep."""
 _MOST_ALIASED = 100_000
 """How many values aliases may stand for in one file: a few lines of them can say a billion."""
-_MOST_LOOSE = 1_000
-"""So many calls of one file are held as they are, which is quicker; in all they take 2 MB."""
 _MOST_DIGITS = 400
 """The largest number of the longest float has fewer; to read and write long ones takes the square of their length."""
 _MOST_REREAD = 1 << 20
@@ -70,7 +68,7 @@ def scalar(text: str) -> Any:
 
 
 class _Builder:
-    """From parser events to nodes, without recursion; where calls are many they are packed as soon as they are read."""
+    """From parser events to nodes, without recursion."""
 
     def __init__(self, file: str) -> None:
         self._file = file
@@ -83,7 +81,7 @@ class _Builder:
         """For each of them how many levels lie in it so far."""
         self._anchors: dict[str, tuple[Node, int, int]] = {}
         """Node, how many values it is, how many levels."""
-        self._values = self._aliased = self._calls = 0
+        self._values = self._aliased = 0
 
     def build(self, parser: Any) -> Node | None:
         """The node of the one document, None where there is none."""
@@ -148,13 +146,9 @@ class _Builder:
         self._heights.append(1)
 
     def _end(self, event: Any) -> None:
-        node, value, _, anchor, before = self._open.pop()
+        node, _, _, anchor, before = self._open.pop()
         self._key.pop()
         height = self._heights.pop()
-        if len(self._key) > 1 and self._key[-2] == "nodes" and isinstance(value, dict) and "rule" in value:
-            self._calls += 1
-            if self._calls > _MOST_LOOSE:
-                node.pack()
         if anchor is not None:
             self._anchors[anchor] = (node, self._values - before + 1, height)
         self._add(node, height)

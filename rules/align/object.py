@@ -2,32 +2,34 @@
 
 from __future__ import annotations
 
+from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt
+
 from dextera_build.artifacts.object import Body, ObjectView, Placement
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, Fraction, Options, rule
 
 
 class ObjectOptions(Options):
     """Options of align.object."""
 
-    guess_iou: float = 0.6
+    guess_iou: Fraction = 0.6
     """Mask IoU from which the body's own pose is worth refining; below it every orientation is tried."""
-    guess_scale_sigma: float = 0.003
+    guess_scale_sigma: PositiveFloat = 0.003
     """Relative standard deviation of the scale where the body's own pose is good: it was measured in metres."""
-    start_scale_sigma: float = 0.10
+    start_scale_sigma: PositiveFloat = 0.10
     """Relative standard deviation of the scale that extent ratios give."""
-    gain: float = 0.01
+    gain: NonNegativeFloat = 0.01
     """A refined pose replaces the guess only where the render score improves by this much."""
-    search_gain: float = 0.1
+    search_gain: NonNegativeFloat = 0.1
     """A pose found from scratch replaces a poor guess only where the render score improves by this much."""
-    rest_m: float = 0.02
+    rest_m: NonNegativeFloat = 0.02
     """A body whose lowest point is within this of the support stands on it [m]."""
-    iterations: int = 40
+    iterations: PositiveInt = 40
     """Steps of the last refinement."""
-    finalists: int = 6
+    finalists: PositiveInt = 6
     """Starts that are refined after the coarse score."""
-    least_iou: float = 0.3
+    least_iou: Fraction = 0.3
     """Mask IoU below which the placement is refused."""
-    most_violation: float = 0.5
+    most_violation: Fraction = 0.5
     """Part of the rendered pixels in free space above which the placement is refused."""
 
 

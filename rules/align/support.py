@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.object import Support
@@ -15,15 +16,15 @@ from .surfaces import Surface, choose, find
 class SupportOptions(Options):
     """Options of align.support."""
 
-    farthest_m: float = 4.0
+    farthest_m: PositiveFloat = 4.0
     """Depth beyond this is not looked at [m]."""
-    warp_m: float = 0.002
+    warp_m: NonNegativeFloat = 0.002
     """How uneven a support may be beside the depth camera's noise, one standard deviation [m]."""
-    smallest_m2: float = 0.02
+    smallest_m2: NonNegativeFloat = 0.02
     """A support has at least this area in view [m^2]."""
-    surfaces: int = 6
+    surfaces: PositiveInt = 6
     """How many planes are compared."""
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of the random sampling."""
 
 

@@ -2,32 +2,34 @@
 
 from __future__ import annotations
 
+from pydantic import Field, NonNegativeFloat, PositiveFloat
+
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.object import Segmentation, Support
 from dextera_build.artifacts.scene import Background
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, Fraction, Options, rule
 
 
 class StaticOptions(Options):
     """Options of background.static."""
 
-    dilate: float = 0.025
+    dilate: Fraction = 0.025
     """How far masks grow before filling, as a part of the image width: covers soft edges and contact shadows."""
-    shadow_reach_m: float = 0.1
+    shadow_reach_m: NonNegativeFloat = 0.1
     """Shadows are lightened this far from a mask on the support [m]; 0 leaves them."""
-    texel_m: float = 0.001
+    texel_m: PositiveFloat = 0.001
     """Smallest texel of the rectified support [m]."""
-    snap_m: float = 0.015
+    snap_m: NonNegativeFloat = 0.015
     """Surface within this height of the support becomes the support [m]."""
-    stride: float = 0.01
+    stride: float = Field(0.01, gt=0.0, le=1.0)
     """Spacing of the mesh's vertices in the photograph, as a part of its width."""
-    edge: float = 0.05
+    edge: PositiveFloat = 0.05
     """Relative depth step between neighbouring vertices that cuts the mesh."""
-    farthest_m: float = 4.0
+    farthest_m: PositiveFloat = 4.0
     """Surface farther from the camera is left out [m]."""
-    margin_m: float = 0.1
+    margin_m: NonNegativeFloat = 0.1
     """How far the collision box of the support reaches beyond what was seen of it [m]."""
-    thickness_m: float = 0.05
+    thickness_m: PositiveFloat = 0.05
     """Thickness of the collision box of the support [m]."""
 
 

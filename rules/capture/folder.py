@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from pydantic import PositiveFloat
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Camera, Capture
@@ -23,9 +24,9 @@ SATURATED = 65535  # many drivers write it where nothing came back
 class FolderOptions(Options):
     """Options of capture.folder."""
 
-    nearest_m: float = 0.1
+    nearest_m: PositiveFloat = 0.1
     """Smallest median depth that is believed [m]."""
-    farthest_m: float = 20.0
+    farthest_m: PositiveFloat = 20.0
     """Largest median depth that is believed [m]."""
 
 

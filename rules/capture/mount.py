@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from pydantic import NonNegativeFloat, NonNegativeInt
 
 from dextera_build.artifacts.camera import Transform
 from dextera_build.artifacts.robot import RobotModel
@@ -18,11 +19,11 @@ BASE = "base"
 class MountOptions(Options):
     """Options of capture.mount: how wrong the simulated calibration is."""
 
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of the one draw of both errors."""
-    position_sigma_m: float = 0.001
+    position_sigma_m: NonNegativeFloat = 0.001
     """Standard deviation of the base's position along each axis [m]."""
-    rotation_sigma_deg: float = 0.1
+    rotation_sigma_deg: NonNegativeFloat = 0.1
     """Standard deviation of the base's rotation about each axis [deg]."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from pydantic import NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.image import DepthImage, Image
@@ -16,9 +17,9 @@ from .sensor import ColourNoiseOptions, DepthNoiseOptions, measure_colour, measu
 class ReferenceOptions(Options):
     """Options of capture.reference."""
 
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of the noise."""
-    supersample: int = 2
+    supersample: PositiveInt = 2
     """Samples per pixel edge of the colour render."""
     depth_noise: DepthNoiseOptions = DepthNoiseOptions()
     """Faults of the depth stream."""

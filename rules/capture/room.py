@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.world import Part
 from dextera_build.geometry import transforms
-from dextera_build.rule import Options
+from dextera_build.rule import Fraction, Options
 
 from . import solids, textures
 
@@ -17,15 +18,15 @@ class TableOptions(Options):
 
     centre_m: tuple[float, float] = (0.0, 0.0)
     """x and y of its middle [m]."""
-    size_m: tuple[float, float, float] = (1.4, 0.9, 0.035)
+    size_m: tuple[PositiveFloat, PositiveFloat, PositiveFloat] = (1.4, 0.9, 0.035)
     """Width, depth, thickness of the top [m]."""
-    colour: tuple[float, float, float] = (0.62, 0.45, 0.30)
+    colour: tuple[Fraction, Fraction, Fraction] = (0.62, 0.45, 0.30)
     """sRGB."""
-    planks: int = 6
+    planks: PositiveInt = 6
     """Boards of the top."""
-    gloss: float = 0.25
+    gloss: Fraction = 0.25
     """Strength of highlights, 0..1."""
-    seed: int = 11
+    seed: NonNegativeInt = 11
     """Seed of the grain."""
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -56,15 +57,15 @@ class RoomOptions(Options):
     """Height of the floor [m]."""
     wall_y_m: float = 1.9
     """Where the back wall stands [m]."""
-    width_m: float = 5.0
+    width_m: PositiveFloat = 5.0
     """Width of floor and wall [m]."""
-    wall: tuple[float, float, float] = (0.80, 0.81, 0.80)
+    wall: tuple[Fraction, Fraction, Fraction] = (0.80, 0.81, 0.80)
     """sRGB."""
-    floor: tuple[float, float, float] = (0.47, 0.47, 0.46)
+    floor: tuple[Fraction, Fraction, Fraction] = (0.47, 0.47, 0.46)
     """sRGB."""
     pedestal_m: tuple[float, float, float, float] | None = None
     """x and y of its middle, edge length, height of its top above z = 0 [m]; None leaves it out."""
-    seed: int = 21
+    seed: NonNegativeInt = 21
     """Seed of the textures."""
 
     def parts(self) -> dict[str, Part]:

@@ -8,46 +8,47 @@ matching window, so their errors are correlated.
 from __future__ import annotations
 
 import numpy as np
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.geometry import cameras
-from dextera_build.rule import Options
+from dextera_build.rule import Fraction, Options
 
 
 class DepthNoiseOptions(Options):
     """Faults of the depth stream."""
 
-    baseline_m: float = 0.05
+    baseline_m: PositiveFloat = 0.05
     """Distance of the two infrared cameras [m]."""
-    focal_px: float = 640.0
+    focal_px: PositiveFloat = 640.0
     """Focal length of the infrared cameras [px]."""
-    subpixel_px: float = 0.05
+    subpixel_px: NonNegativeFloat = 0.05
     """Standard deviation of the disparity [px]."""
-    correlation_px: int = 3
+    correlation_px: PositiveInt = 3
     """Width of the window that neighbours share [px]."""
-    edge_px: int = 2
+    edge_px: NonNegativeInt = 2
     """Half width of the band without depth along edges [px]."""
-    edge_step: float = 0.02
+    edge_step: NonNegativeFloat = 0.02
     """Relative step in depth that makes an edge."""
-    edge_loss: float = 0.9
+    edge_loss: Fraction = 0.9
     """Part of the pixels in that band that are lost."""
-    grazing_deg: float = 82.0
+    grazing_deg: float = Field(82.0, ge=0.0, le=90.0)
     """Angle between ray and normal beyond which nothing comes back [deg]."""
-    dropout: float = 0.002
+    dropout: Fraction = 0.002
     """Part of all pixels lost at random."""
-    nearest_m: float = 0.2
+    nearest_m: NonNegativeFloat = 0.2
     """Smallest depth that is measured [m]."""
-    farthest_m: float = 6.0
+    farthest_m: PositiveFloat = 6.0
     """Largest depth that is measured [m]."""
-    step_m: float = 0.001
+    step_m: PositiveFloat = 0.001
     """Quantisation [m]."""
 
 
 class ColourNoiseOptions(Options):
     """Faults of the colour stream."""
 
-    sigma: float = 0.006
+    sigma: NonNegativeFloat = 0.006
     """Standard deviation per channel of a mid grey, 0..1; it grows with the root of the brightness."""
-    vignetting: float = 0.18
+    vignetting: Fraction = 0.18
     """Loss of brightness in the corners, 0..1."""
 
 

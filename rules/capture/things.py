@@ -8,11 +8,11 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
 from dextera_build.artifacts.world import Hinge, Matter, Part
 from dextera_build.geometry import transforms
-from dextera_build.rule import Options
+from dextera_build.rule import Fraction, Options
 
 from . import solids, textures, walls
 
@@ -24,13 +24,13 @@ class Placed(Options):
     """x and y of its middle on the table [m]."""
     yaw_deg: float = 0.0
     """Rotation about z [deg]."""
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of its textures."""
-    mass_kg: float = 0.3
+    mass_kg: PositiveFloat = 0.3
     """Mass [kg]."""
-    friction: float = 0.45
+    friction: NonNegativeFloat = 0.45
     """Sliding friction coefficient against whatever it touches."""
-    restitution: float = 0.15
+    restitution: Fraction = 0.15
     """Coefficient of restitution of a slow impact on the table."""
 
     def matter(self) -> Matter:
@@ -52,15 +52,15 @@ class Carton(Placed):
     """A cardboard box with printed faces."""
 
     kind: Literal["carton"]
-    mass_kg: float = 0.46
+    mass_kg: PositiveFloat = 0.46
     """Mass with its contents [kg]."""
-    friction: float = 0.42
+    friction: NonNegativeFloat = 0.42
     """Sliding friction coefficient of cardboard."""
-    size_m: tuple[float, float, float] = (0.11, 0.06, 0.18)
+    size_m: tuple[PositiveFloat, PositiveFloat, PositiveFloat] = (0.11, 0.06, 0.18)
     """Width, depth, height [m]."""
-    colour: tuple[float, float, float] = (0.9, 0.72, 0.2)
+    colour: tuple[Fraction, Fraction, Fraction] = (0.9, 0.72, 0.2)
     """Ground colour, sRGB."""
-    accent: tuple[float, float, float] = (0.75, 0.15, 0.12)
+    accent: tuple[Fraction, Fraction, Fraction] = (0.75, 0.15, 0.12)
     """Colour of the print, sRGB."""
     brand: str = "CRUNCH"
     """The large print."""
@@ -78,17 +78,17 @@ class Cylinder(Placed):
     """A can, a jar: a solid cylinder with a band."""
 
     kind: Literal["cylinder"]
-    mass_kg: float = 0.4
+    mass_kg: PositiveFloat = 0.4
     """Mass of the full can [kg]."""
-    friction: float = 0.34
+    friction: NonNegativeFloat = 0.34
     """Sliding friction coefficient of a printed can."""
-    radius_m: float = 0.035
+    radius_m: PositiveFloat = 0.035
     """Radius [m]."""
-    height_m: float = 0.12
+    height_m: PositiveFloat = 0.12
     """Height [m]."""
-    colour: tuple[float, float, float] = (0.75, 0.76, 0.78)
+    colour: tuple[Fraction, Fraction, Fraction] = (0.75, 0.76, 0.78)
     """sRGB."""
-    band: tuple[float, float, float] = (0.2, 0.5, 0.25)
+    band: tuple[Fraction, Fraction, Fraction] = (0.2, 0.5, 0.25)
     """Colour of the label, sRGB."""
 
     def parts(self) -> dict[str, Part]:
@@ -106,21 +106,21 @@ class Bowl(Placed):
     """A hollow round bowl with a foot."""
 
     kind: Literal["bowl"]
-    mass_kg: float = 0.42
+    mass_kg: PositiveFloat = 0.42
     """Mass of the stoneware [kg]."""
-    friction: float = 0.5
+    friction: NonNegativeFloat = 0.5
     """Sliding friction coefficient of glazed stoneware on an unglazed foot."""
-    radius_m: float = 0.075
+    radius_m: PositiveFloat = 0.075
     """Outer radius of the rim [m]."""
-    foot_radius_m: float = 0.036
+    foot_radius_m: PositiveFloat = 0.036
     """Radius of the foot [m]."""
-    height_m: float = 0.058
+    height_m: PositiveFloat = 0.058
     """Height [m]."""
-    wall_m: float = 0.005
+    wall_m: PositiveFloat = 0.005
     """Thickness of the wall [m]."""
-    colour: tuple[float, float, float] = (0.5, 0.51, 0.52)
+    colour: tuple[Fraction, Fraction, Fraction] = (0.5, 0.51, 0.52)
     """sRGB."""
-    speck: tuple[float, float, float] = (0.28, 0.29, 0.3)
+    speck: tuple[Fraction, Fraction, Fraction] = (0.28, 0.29, 0.3)
     """Colour of the specks, sRGB."""
 
     def parts(self) -> dict[str, Part]:
@@ -144,21 +144,21 @@ class Mug(Placed):
     """A hollow mug with a handle towards its +x."""
 
     kind: Literal["mug"]
-    mass_kg: float = 0.31
+    mass_kg: PositiveFloat = 0.31
     """Mass of the ceramic [kg]."""
-    friction: float = 0.5
+    friction: NonNegativeFloat = 0.5
     """Sliding friction coefficient of glazed ceramic."""
-    radius_m: float = 0.041
+    radius_m: PositiveFloat = 0.041
     """Outer radius [m]."""
-    height_m: float = 0.095
+    height_m: PositiveFloat = 0.095
     """Height [m]."""
-    wall_m: float = 0.004
+    wall_m: PositiveFloat = 0.004
     """Thickness of the wall [m]."""
-    reach_m: float = 0.030
+    reach_m: PositiveFloat = 0.030
     """How far the handle stands off [m]."""
-    colour: tuple[float, float, float] = (0.12, 0.28, 0.62)
+    colour: tuple[Fraction, Fraction, Fraction] = (0.12, 0.28, 0.62)
     """sRGB."""
-    band: tuple[float, float, float] = (0.93, 0.93, 0.9)
+    band: tuple[Fraction, Fraction, Fraction] = (0.93, 0.93, 0.9)
     """Colour of the ring, sRGB."""
 
     def parts(self) -> dict[str, Part]:
@@ -191,27 +191,27 @@ class Laptop(Placed):
     """An open laptop; its user sits at -y."""
 
     kind: Literal["laptop"]
-    mass_kg: float = 1.6
+    mass_kg: PositiveFloat = 1.6
     """Mass of base and lid together [kg]."""
-    friction: float = 0.55
+    friction: NonNegativeFloat = 0.55
     """Sliding friction coefficient of its rubber feet."""
-    width_m: float = 0.32
+    width_m: PositiveFloat = 0.32
     """Width [m]."""
-    depth_m: float = 0.22
+    depth_m: PositiveFloat = 0.22
     """Depth of the base [m]."""
-    base_m: float = 0.016
+    base_m: PositiveFloat = 0.016
     """Thickness of the base [m]."""
-    lid_m: float = 0.007
+    lid_m: PositiveFloat = 0.007
     """Thickness of the lid [m]."""
-    opening_deg: float = 110.0
+    opening_deg: float = Field(110.0, ge=0.0, le=180.0)
     """Angle between the display and the keyboard; 0 is closed [deg]."""
-    widest_deg: float = 135.0
+    widest_deg: float = Field(135.0, gt=0.0, le=360.0)
     """The largest opening [deg]."""
-    lid_kg: float = 0.4
+    lid_kg: PositiveFloat = 0.4
     """Mass of the lid, out of the whole [kg]."""
-    hinge_friction_nm: float = 0.8
+    hinge_friction_nm: NonNegativeFloat = 0.8
     """Dry friction of the hinge [N m]; gravity asks for 0.43 N m of this lid."""
-    hinge_damping_nms_rad: float = 0.03
+    hinge_damping_nms_rad: NonNegativeFloat = 0.03
     """Viscous damping of the hinge [N m s/rad]."""
 
     def hinge(self) -> Hinge:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from pydantic import PositiveInt
 
 from dextera_build.artifacts.image import DepthImage, Image, LabelImage
 from dextera_build.artifacts.robot import RobotModel
@@ -16,7 +17,7 @@ from . import solids
 class TruthOptions(Options):
     """Options of capture.truth."""
 
-    supersample: int = 2
+    supersample: PositiveInt = 2
     """Samples per pixel edge of the colour render."""
 
 

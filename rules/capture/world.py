@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.world import Hinge, Lamp, Matter, Part, RobotStand, Thing, World
 from dextera_build.geometry import cameras, transforms
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, Fraction, Options, rule
 
 from . import solids, walls
 from .room import RoomOptions, TableOptions
@@ -21,17 +21,17 @@ from .things import ThingOptions
 class CameraOptions(Options):
     """A pinhole camera and where it looks."""
 
-    width_px: int = 1280
+    width_px: PositiveInt = 1280
     """Image width [px]."""
-    height_px: int = 720
+    height_px: PositiveInt = 720
     """Image height [px]."""
-    fx_px: float = 912.0
+    fx_px: PositiveFloat = 912.0
     """Focal length along x [px]."""
-    fy_px: float = 912.0
+    fy_px: PositiveFloat = 912.0
     """Focal length along y [px]."""
-    cx_px: float = 639.5
+    cx_px: NonNegativeFloat = 639.5
     """Principal point, x [px]."""
-    cy_px: float = 359.5
+    cy_px: NonNegativeFloat = 359.5
     """Principal point, y [px]."""
     eye_m: tuple[float, float, float]
     """Optical centre in the world [m]."""
@@ -44,7 +44,7 @@ class LampOptions(Options):
 
     direction: tuple[float, float, float]
     """Where the light goes."""
-    strength: float
+    strength: Fraction
     """Diffuse intensity, 0..1."""
     shadow: bool = False
     """Whether it throws shadows."""
@@ -74,7 +74,7 @@ class WorldOptions(Options):
     """What stands on the table, by name."""
     lamps: tuple[LampOptions, ...]
     """Lights."""
-    ambient: float = 0.4
+    ambient: Fraction = 0.4
     """Intensity of the light from everywhere, 0..1."""
     robot: StandOptions | None = None
     """The robot's place."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from pydantic import PositiveInt
 
 from dextera_build.artifacts.episode import Episodes, Film
 from dextera_build.artifacts.task import TaskBundle, View
@@ -16,7 +17,7 @@ from .film_strip import strip
 class FilmOptions(Options):
     """Options of demonstrate.film."""
 
-    strip_frames: int = 8
+    strip_frames: PositiveInt = 8
     """Frames in the preview of the first episode."""
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 
+from pydantic import Field, PositiveFloat, PositiveInt
+
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.episode import Episodes, Film
 from dextera_build.artifacts.task import TaskBundle, View
@@ -19,15 +21,15 @@ class LerobotOptions(Options):
     """The task in words, for policies that read; empty: the task's name, `CloseLaptop` as `close laptop`."""
     camera: str = "workspace"
     """Name of the camera: the pictures are feature `observation.images.<camera>`."""
-    data_file_mb: float = 100.0
+    data_file_mb: PositiveFloat = 100.0
     """A data file is closed before it holds more than this many megabytes of numbers."""
-    video_file_mb: float = 200.0
+    video_file_mb: PositiveFloat = 200.0
     """A video file is closed before it is larger than this many megabytes."""
-    files_per_chunk: int = 1000
+    files_per_chunk: PositiveInt = 1000
     """Files per folder."""
-    crf: int = 18
+    crf: int = Field(18, ge=0, le=51)
     """Quality of H.264: 0 keeps everything but chroma, 23 is ffmpeg's default, 51 is worst."""
-    keyframe_every: int = 5
+    keyframe_every: PositiveInt = 5
     """Frames from one key frame to the next; a reader decodes at most so many frames to get one."""
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 
+from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
+
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.policy.statistics import wilson
@@ -13,15 +15,15 @@ from dextera_build.rule import Context, Options, rule
 class OperateOptions(Options):
     """Options of demonstrate.operate."""
 
-    episodes: int = 10
+    episodes: PositiveInt = 10
     """Demonstrations that are wanted."""
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of the starts."""
-    tries: int = 4
+    tries: PositiveInt = 4
     """Attempts per wanted demonstration before it is given up."""
-    lag_m: float = 0.02
+    lag_m: PositiveFloat = 0.02
     """Sorted out: joint targets that limits keep farther than this from the commanded palm [m]."""
-    press_n: float = 2.0
+    press_n: NonNegativeFloat = 2.0
     """Sorted out: an unintended contact with more force than this [N]."""
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import NonNegativeInt, PositiveInt
+
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.episode import Shard
 from dextera_build.rule import Context, Options, rule
@@ -10,11 +12,11 @@ from dextera_build.rule import Context, Options, rule
 class ShardsOptions(Options):
     """Options of demonstrate.shards."""
 
-    episodes: int = 100
+    episodes: PositiveInt = 100
     """Episodes of the data set."""
-    per_shard: int = 10
+    per_shard: PositiveInt = 10
     """Episodes of one part."""
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of the data set; every episode's own is derived from it and from its index."""
 
 

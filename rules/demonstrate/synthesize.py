@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
+
 from dextera_build.artifacts.episode import Episodes, Shard
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import listing
@@ -13,27 +15,27 @@ from dextera_build.rule import Context, Options, rule
 class SynthesizeOptions(Options):
     """Options of demonstrate.synthesize."""
 
-    noise_position_m: float = 0.003
+    noise_position_m: NonNegativeFloat = 0.003
     """Standard deviation of the noise on the palm's position, per axis [m]."""
-    noise_rotation_deg: float = 0.8
+    noise_rotation_deg: NonNegativeFloat = 0.8
     """Standard deviation of the noise on the palm's rotation vector, per axis [deg]."""
-    noise_finger_deg: float = 1.0
+    noise_finger_deg: NonNegativeFloat = 1.0
     """Standard deviation of the noise on every finger joint [deg]."""
-    noise_correlation: float = 0.8
+    noise_correlation: float = Field(0.8, ge=0.0, lt=1.0)
     """Correlation of the noise of one control step with that of the step before, 0..1."""
     noise_in_contact: bool = False
     """Whether segments that mean to touch the object are disturbed too."""
-    speed_m_s: float = 0.35
+    speed_m_s: PositiveFloat = 0.35
     """Speed of interpolated motion [m/s]."""
-    turn_deg_s: float = 70.0
+    turn_deg_s: PositiveFloat = 70.0
     """Turning speed of interpolated motion [deg/s]."""
-    nearest: int = 3
+    nearest: PositiveInt = 3
     """The source is drawn among this many whose object stood most alike."""
-    lag_m: float = 0.02
+    lag_m: PositiveFloat = 0.02
     """Sorted out: joint targets that limits keep farther than this from the commanded palm [m]."""
-    press_n: float = 2.0
+    press_n: NonNegativeFloat = 2.0
     """Sorted out: an unintended contact with more force than this [N]."""
-    tries: int = 6
+    tries: PositiveInt = 6
     """Attempts per wanted episode before the shard is given up."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from pydantic import PositiveFloat
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.object import Asset, Support
@@ -14,9 +15,9 @@ from dextera_build.rule import Context, Options, rule
 class DimensionsOptions(Options):
     """Options of evaluate.dimensions: the truth, as far as it is known."""
 
-    size_m: tuple[float, float, float] | None = None
+    size_m: tuple[PositiveFloat, PositiveFloat, PositiveFloat] | None = None
     """True edge lengths in any order [m]."""
-    height_m: float | None = None
+    height_m: PositiveFloat | None = None
     """True height as it stands [m]."""
     hollow: bool | None = None
     """Whether the object is open upwards."""

@@ -7,13 +7,13 @@ import numpy as np
 from dextera_build.artifacts.image import LabelImage
 from dextera_build.artifacts.object import Segmentation
 from dextera_build.artifacts.table import Cell, Column, Table
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, Fraction, Options, rule
 
 
 class InstancesOptions(Options):
     """Options of evaluate.instances."""
 
-    found_iou: float = 0.5
+    found_iou: Fraction = 0.5
     """A true instance counts as found from this IoU on."""
 
 

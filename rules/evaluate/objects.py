@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.camera import Camera
@@ -10,7 +11,7 @@ from dextera_build.artifacts.object import Asset, Support
 from dextera_build.artifacts.scene import Truth
 from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.geometry import metrics
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, Fraction, Options, rule
 
 from .sight import Seen, render_assets, true_objects
 
@@ -37,15 +38,15 @@ PAPER: tuple[tuple[Cell, ...], ...] = (
 class ObjectsOptions(Options):
     """Options of evaluate.objects."""
 
-    boundary_tolerance: float = 0.008
+    boundary_tolerance: PositiveFloat = 0.008
     """Tolerance of the boundary F1: pixels, or a part of the image diagonal below 1."""
-    match_iou: float = 0.1
+    match_iou: Fraction = 0.1
     """Least mask IoU of an asset and a true object that count as the same thing."""
-    samples: int = 20000
+    samples: PositiveInt = 20000
     """Points on each surface."""
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of the points."""
-    threshold_m: float = 0.01
+    threshold_m: PositiveFloat = 0.01
     """Distance that counts as a hit in the F-score [m]."""
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import PositiveInt
+
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.artifacts.trials import Trials
@@ -13,7 +15,7 @@ from .series import Series, SeriesOptions
 class OutcomesOptions(SeriesOptions):
     """Options of evaluate.outcomes."""
 
-    reasons: int = 4
+    reasons: PositiveInt = 4
     """Reasons that are named, the most frequent first."""
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.scene import Scene
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, Fraction, Options, rule
 
 from .panels import board
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class OverlayOptions(Options):
     """Options of evaluate.overlay."""
 
-    blend: float = 0.5
+    blend: Fraction = 0.5
     """Part of the twin in the blended picture, 0..1."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle, View
@@ -35,9 +35,9 @@ class ReplayOptions(Options):
     """Standard deviation of the object tracker's positions, per axis [m]."""
     tracker_deg: float = Field(0.0, ge=0)
     """Standard deviation of the object tracker's rotations, per axis [deg]."""
-    lag_m: float = 0.02
+    lag_m: PositiveFloat = 0.02
     """A synthesis is sorted out where limits keep its joint targets farther than this from the commanded palm [m]."""
-    press_n: float = 2.0
+    press_n: NonNegativeFloat = 2.0
     """... or where the robot presses harder than this on what it is not meant to touch [N]."""
     linger_s: float = Field(1.0, ge=0)
     """The last joint targets are held for so long after the trajectory [s]."""

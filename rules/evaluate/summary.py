@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from pydantic import Field, NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.table import Cell, Column, Table
@@ -12,11 +13,11 @@ from dextera_build.rule import Context, Options, rule
 class SummaryOptions(Options):
     """Options of evaluate.summary."""
 
-    draws: int = 10000
+    draws: PositiveInt = 10000
     """Bootstrap samples."""
-    confidence: float = 0.95
+    confidence: float = Field(0.95, gt=0.0, lt=1.0)
     """Probability that the interval covers."""
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of the bootstrap."""
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 
+from pydantic import PositiveInt
+
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.table import Cell, Column, Table
@@ -16,7 +18,7 @@ from .outcomes import counted
 class YieldsOptions(Options):
     """Options of evaluate.yields."""
 
-    reasons: int = 4
+    reasons: PositiveInt = 4
     """Reasons that are named, the most frequent first."""
 
 

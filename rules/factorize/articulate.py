@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+from pydantic import NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.object import Body, Link, ObjectView, Shape
 from dextera_build.rule import Context, Options, rule
@@ -17,7 +18,7 @@ class DeclaredHinge(Options):
     """A point on the axis [m]."""
     axis: tuple[float, float, float]
     """Direction; the lid opens by the right-hand rule."""
-    angle_rad: float
+    angle_rad: NonNegativeFloat
     """How far it stands open in the photograph [rad]; 0 is closed."""
 
 
@@ -26,13 +27,13 @@ class ArticulateOptions(Options):
 
     hinge: DeclaredHinge | None = None
     """The hinge where it is known; None finds the crease."""
-    upper_rad: float = 2.29
+    upper_rad: PositiveFloat = 2.29
     """Opening that the joint allows where nothing is in the way [rad]; notebooks stop near 131 degrees."""
-    margin_rad: float = 0.1
+    margin_rad: NonNegativeFloat = 0.1
     """The joint allows at least this much more than was observed [rad]."""
-    clearance_m: float = 0.0002
+    clearance_m: NonNegativeFloat = 0.0002
     """Gap between the closed lid and the base [m]."""
-    overlap_m: float = 0.001
+    overlap_m: NonNegativeFloat = 0.001
     """Largest mean depth to which the lid may sink into the base while it closes [m]."""
     without_crease: Literal["fail", "rigid"] = "fail"
     """What to do where an object that should be articulated shows no crease."""

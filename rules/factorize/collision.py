@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
+from pydantic import Field, NonNegativeInt, PositiveInt
+
 from dextera_build.artifacts.object import Body, Collision
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, Fraction, Options, rule
 
 
 class CollisionOptions(Options):
     """Options of factorize.collision."""
 
-    convexity: float = 0.97
+    convexity: Fraction = 0.97
     """A link whose solid fills this part of its convex hull becomes that hull."""
-    cavity_fill: float = 0.05
+    cavity_fill: Fraction = 0.05
     """Largest part of a cavity's volume that pieces may cover."""
-    pieces: int = 96
+    pieces: PositiveInt = 96
     """Largest number of pieces of one link."""
-    corners: int = 192
+    corners: int = Field(192, ge=4)
     """Largest number of corners of one piece."""
-    threshold: float = 0.06
+    threshold: float = Field(0.06, ge=0.01, le=1.0)
     """Concavity at which CoACD stops, as a part of the link's size."""
-    faces: int = 1500
+    faces: int = Field(1500, ge=4)
     """CoACD works on a mesh simplified to about this many faces."""
-    attempts: int = 3
+    attempts: PositiveInt = 3
     """How often a container is cut finer until `cavity_fill` is met. Attempts, not seconds: results must repeat."""
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of CoACD."""
 
 

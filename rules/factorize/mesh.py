@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
+
 from dextera_build.artifacts.object import ObjectView, Shape
 from dextera_build.rule import Context, Options, rule
 
@@ -14,13 +16,13 @@ class MeshOptions(Options):
 
     hypotheses: tuple[str, ...] = HYPOTHESES
     """Families of bodies that may explain the view."""
-    wall_m: float = 0.003
+    wall_m: PositiveFloat = 0.003
     """Wall thickness of a vessel where the view does not tell [m]."""
-    texture_px: int = 1024
+    texture_px: PositiveInt = 1024
     """Largest width and height of the texture [px]."""
-    refine_steps: int = 14
+    refine_steps: NonNegativeInt = 14
     """Least-squares steps that each hypothesis may take; the best one takes three times as many."""
-    least_points: int = 150
+    least_points: PositiveInt = 150
     """Trusted depth pixels that a view must have."""
 
 

@@ -8,7 +8,7 @@ from dextera_build.artifacts.base import File
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.object import Element, Elements, Support
 from dextera_build.errors import listing
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, Fraction, Options, rule
 
 from . import scene_file
 from .heights import relief
@@ -18,7 +18,7 @@ from .marking import boxes
 class ParseOptions(Options):
     """Options of factorize.parse."""
 
-    match_iou: float = 0.3
+    match_iou: Fraction = 0.3
     """Smallest overlap between a box of `scene.yaml` and what it names."""
     model: str = ""
     """Model that a backend asks which asks a service (`vlm`)."""

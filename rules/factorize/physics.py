@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from pydantic import NonNegativeFloat, PositiveFloat
+
 from dextera_build.artifacts.object import Body, Inertial, Link, ObjectView, Physics
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.geometry import massprops
@@ -19,13 +21,13 @@ class PhysicsOptions(Options):
 
     material: str = ""
     """Key of the material table; empty takes the one that parsing proposed."""
-    mass_kg: float | None = None
+    mass_kg: PositiveFloat | None = None
     """Weighed mass of the whole body [kg]; None estimates it from material and volume."""
-    mass_sigma: float = 0.02
+    mass_sigma: NonNegativeFloat = 0.02
     """Relative standard deviation of `mass_kg`."""
-    volume_sigma: float = 0.10
+    volume_sigma: NonNegativeFloat = 0.10
     """Relative standard deviation of the volume of a body without a cavity: half of it was not seen."""
-    wall_sigma: float = 0.35
+    wall_sigma: NonNegativeFloat = 0.35
     """Relative standard deviation of the volume of walls, whose thickness is mostly guessed."""
 
 

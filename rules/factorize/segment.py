@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from pydantic import NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.image import DepthImage, Image, LabelImage
 from dextera_build.artifacts.object import Element, Elements, ObjectView, Segmentation, Support
 from dextera_build.errors import listing
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, Fraction, Options, rule
 
 from .heights import relief
 from .marking import outlines
@@ -19,13 +20,13 @@ from .overlap import suppress
 class SegmentOptions(Options):
     """Options of factorize.segment."""
 
-    margin_px: int = 24
+    margin_px: NonNegativeInt = 24
     """Width of the photograph around a mask that its view keeps [px]."""
-    duplicate_iou: float = 0.8
+    duplicate_iou: Fraction = 0.8
     """Two masks that overlap more are one object."""
-    duplicate_inside: float = 0.95
+    duplicate_inside: Fraction = 0.95
     """A mask of which a larger part lies inside another is the same object."""
-    smallest_px: int = 100
+    smallest_px: PositiveInt = 100
     """Masks with fewer pixels are not objects."""
 
 

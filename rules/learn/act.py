@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat
 
 from dextera_build.artifacts.episode import Episodes, Film
 from dextera_build.artifacts.policy import Checkpoint
@@ -56,7 +56,7 @@ class ActOptions(Options):
     """Share of the episodes that is not trained on, but only measured with."""
     every: int = Field(1, ge=1)
     """At run time a new chunk is asked for after this many steps."""
-    forget: float = 0.01
+    forget: NonNegativeFloat = 0.01
     """At run time overlapping chunks are averaged with weights exp(-forget * i), i = 0 for the oldest."""
     seed: int = Field(0, ge=0)
     """Seed of first weights, order, noise and split."""

@@ -30,7 +30,7 @@ class PpoOptions(Options):
     """Largest way of the palm by one decision, per axis [m]. What is light and slippery has to be pushed quickly."""
     grip: str | None = None
     """Posture of the fingers, one of the robot's grips; None: the first that suits the task, or else as at home."""
-    lean_rad: float = 0.4
+    lean_rad: float = Field(0.4, ge=-1.6, le=1.6)
     """How far the fingers lean from straight down towards where they push [rad]."""
     every: int = Field(4, ge=1)
     """Control periods that one decision holds for."""

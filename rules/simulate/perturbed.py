@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.rule import Context, Options, rule
@@ -11,31 +11,31 @@ from dextera_build.rule import Context, Options, rule
 class PerturbedOptions(Options):
     """Options of simulate.perturbed: how far the copy is from the twin."""
 
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of all draws."""
-    size_sigma: float = 0.02
+    size_sigma: NonNegativeFloat = 0.02
     """Standard deviation of the logarithm of an object's scale: along each axis, or of all if the object has joints."""
-    sizes: dict[str, tuple[float, float, float]] = Field(default_factory=dict)
+    sizes: dict[str, tuple[PositiveFloat, PositiveFloat, PositiveFloat]] = Field(default_factory=dict)
     """Body -> scale factors along x, y, z of its frame, instead of drawn ones."""
-    dynamics: float = 1.0
+    dynamics: NonNegativeFloat = 1.0
     """Share of the twin's own intervals of mass and friction that is drawn from."""
-    hinge_sigma: float = 0.15
+    hinge_sigma: NonNegativeFloat = 0.15
     """Standard deviation of the logarithm of the factor on a hinge's friction."""
-    centre_m: float = 0.003
+    centre_m: NonNegativeFloat = 0.003
     """Standard deviation of each coordinate of the centre of mass [m]."""
-    contact_sigma: float = 0.3
+    contact_sigma: NonNegativeFloat = 0.3
     """Standard deviation of the logarithm of the factor on the contacts' natural frequency."""
-    gain_spread: float = 0.08
+    gain_spread: float = Field(0.08, ge=0.0, lt=1.0)
     """Half range of the factors on stiffness and damping of every joint's controller."""
-    arm_friction: float = 0.01
+    arm_friction: NonNegativeFloat = 0.01
     """Dry friction of an arm joint, as a part of its largest torque."""
-    hand_friction: float = 0.03
+    hand_friction: NonNegativeFloat = 0.03
     """Dry friction of a hand joint, as a part of its largest torque."""
-    skin_spread: float = 0.15
+    skin_spread: float = Field(0.15, ge=0.0, lt=1.0)
     """Half range of the factor on the friction of parts that are made to grip: fingertips."""
-    timestep_s: float = 0.001
+    timestep_s: PositiveFloat = 0.001
     """Step of the simulation [s]."""
-    latency_s: float = 0.01
+    latency_s: NonNegativeFloat = 0.01
     """Time from a command to its effect [s]."""
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
+
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.world import World
@@ -11,23 +13,23 @@ from dextera_build.rule import Context, Options, rule
 class ReferenceOptions(Options):
     """Options of simulate.reference: the robot's own dynamics, which the twin does not know."""
 
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of the draws."""
-    gain_spread: float = 0.08
+    gain_spread: float = Field(0.08, ge=0.0, lt=1.0)
     """Half range of the factors on stiffness and damping of every joint's controller."""
-    arm_friction: float = 0.01
+    arm_friction: NonNegativeFloat = 0.01
     """Dry friction of an arm joint, as a part of its largest torque."""
-    hand_friction: float = 0.03
+    hand_friction: NonNegativeFloat = 0.03
     """Dry friction of a hand joint, as a part of its largest torque."""
-    skin_spread: float = 0.15
+    skin_spread: float = Field(0.15, ge=0.0, lt=1.0)
     """Half range of the factor on the friction of parts that are made to grip: fingertips."""
-    contact_rate_rad_s: float = 200.0
+    contact_rate_rad_s: PositiveFloat = 200.0
     """Natural frequency of contacts; the twin's is 100 [rad/s]."""
-    timestep_s: float = 0.001
+    timestep_s: PositiveFloat = 0.001
     """Step of the simulation [s]."""
-    latency_s: float = 0.01
+    latency_s: NonNegativeFloat = 0.01
     """Time from a command to its effect [s]."""
-    match_m: float = 0.05
+    match_m: PositiveFloat = 0.05
     """An asset and a thing whose surfaces are farther apart are not the same [m]."""
 
 

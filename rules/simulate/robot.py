@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import Follower, Grip, Group, RobotJoint, RobotModel
 from dextera_build.errors import listing
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, Fraction, Options, rule
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -28,9 +28,9 @@ class PieceOptions(Options):
     """Middle of any other primitive [m]."""
     quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Rotation of any other primitive, w x y z."""
-    radius_m: float = 0.0
+    radius_m: NonNegativeFloat = 0.0
     """Radius of a capsule, cylinder or sphere [m]."""
-    half_m: Vector = (0.0, 0.0, 0.0)
+    half_m: tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat] = (0.0, 0.0, 0.0)
     """Half edges of a box, half axes of an ellipsoid [m]."""
     colour: str
     """Name in `colours`."""
@@ -38,7 +38,7 @@ class PieceOptions(Options):
     """False: only for the eye."""
     drawn: bool = True
     """False: only for contacts."""
-    friction: float | None = None
+    friction: NonNegativeFloat | None = None
     """Sliding friction coefficient of a skin made to grip; in a contact the larger of the two sides counts. None: the
     other side's own."""
 
@@ -56,17 +56,17 @@ class JointOptions(Options):
     """Upper limit [rad]."""
     home_rad: float = 0.0
     """Home position [rad]."""
-    velocity_rad_s: float
+    velocity_rad_s: PositiveFloat
     """Largest speed [rad/s]."""
-    effort_nm: float
+    effort_nm: PositiveFloat
     """Largest torque [N m]."""
-    stiffness_nm_rad: float
+    stiffness_nm_rad: NonNegativeFloat
     """Gain of the position actuator [N m/rad]."""
-    damping_nms_rad: float
+    damping_nms_rad: NonNegativeFloat
     """Damping of joint and actuator [N m s/rad]."""
-    armature_kgm2: float = 0.0
+    armature_kgm2: NonNegativeFloat = 0.0
     """Inertia of the rotor seen at the joint [kg m^2]."""
-    friction_nm: float = 0.0
+    friction_nm: NonNegativeFloat = 0.0
     """Dry friction [N m]."""
 
 
@@ -83,9 +83,9 @@ class FollowerOptions(Options):
     """Its position where the leader is at 0 [rad]."""
     axis: Vector = (0.0, 0.0, 1.0)
     """Unit axis in the link's frame."""
-    damping_nms_rad: float = 0.0
+    damping_nms_rad: NonNegativeFloat = 0.0
     """Damping [N m s/rad]."""
-    armature_kgm2: float = 0.0
+    armature_kgm2: NonNegativeFloat = 0.0
     """Inertia of the mechanism seen at the joint [kg m^2]."""
 
 
@@ -98,11 +98,11 @@ class LinkOptions(Options):
     """Origin in the previous link; of a chain's first link in its mount [m]."""
     quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Rotation against the previous link, w x y z."""
-    mass_kg: float
+    mass_kg: NonNegativeFloat
     """Mass [kg]."""
     centre_m: Vector
     """Centre of mass [m]."""
-    inertia_kgm2: Vector
+    inertia_kgm2: tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat]
     """Principal moments of inertia [kg m^2]."""
     inertia_quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Rotation of the principal axes, w x y z."""
@@ -164,7 +164,7 @@ class GripOptions(Options):
     """Unit direction along the straight fingers, in frame `palm`."""
     surface_m: float = 0.0
     """Distance of the palm's surface from frame `palm`, along `facing` [m]."""
-    tip_radius_m: float = 0.0
+    tip_radius_m: NonNegativeFloat = 0.0
     """Distance of a finger's surface from its tip frame [m]."""
 
 
@@ -175,7 +175,7 @@ class RobotOptions(Options):
     """Name of the model."""
     source: str
     """Where kinematics, masses and limits come from."""
-    colours: dict[str, Vector]
+    colours: dict[str, tuple[Fraction, Fraction, Fraction]]
     """Name -> sRGB 0..1."""
     chains: tuple[ChainOptions, ...]
     """The first link of the first chain is called `base` and does not move."""

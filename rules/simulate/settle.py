@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import PositiveFloat
+
 from dextera_build.artifacts.scene import Scene, SettleReport
 from dextera_build.rule import Context, Options, rule
 
@@ -11,17 +13,17 @@ from .curves import settle_picture
 class SettleOptions(Options):
     """Options of simulate.settle."""
 
-    seconds: float = 3.0
+    seconds: PositiveFloat = 3.0
     """Simulated time [s]."""
-    max_tilt_rad: float = 0.17
+    max_tilt_rad: PositiveFloat = 0.17
     """A body that turned further fell over [rad]."""
-    max_drift_m: float = 0.05
+    max_drift_m: PositiveFloat = 0.05
     """A body that moved further was thrown or slid off [m]."""
-    max_joint_rad: float = 0.05
+    max_joint_rad: PositiveFloat = 0.05
     """A joint that moved further does not hold [rad or m]."""
-    max_speed_m_s: float = 0.01
+    max_speed_m_s: PositiveFloat = 0.01
     """A body that is faster at the end is not at rest [m/s]."""
-    max_turn_rad_s: float = 0.1
+    max_turn_rad_s: PositiveFloat = 0.1
     """A body that turns faster at the end is not at rest [rad/s]."""
 
 

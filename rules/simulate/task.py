@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.camera import Transform
@@ -20,17 +20,17 @@ from dextera_build.sim import names
 class ResetOptions(Options):
     """Start distribution: half ranges around the photograph's configuration."""
 
-    position_m: float = 0.05
+    position_m: NonNegativeFloat = 0.05
     """Half width of the square in which the task's object stands [m]."""
-    yaw_deg: float = 20.0
+    yaw_deg: NonNegativeFloat = 20.0
     """Largest turn of the task's object about the vertical [deg]."""
-    clutter_m: float = 0.01
+    clutter_m: NonNegativeFloat = 0.01
     """Half width of the square in which every other object stands [m]."""
-    joint_deg: float = 0.0
+    joint_deg: NonNegativeFloat = 0.0
     """Half range of the joints of the task's object [deg]."""
-    robot_deg: float = 2.0
+    robot_deg: NonNegativeFloat = 2.0
     """Half range of every joint of the robot around home [deg]."""
-    dynamics: float = 1.0
+    dynamics: NonNegativeFloat = 1.0
     """Share of the twin's own intervals that masses, friction and gains are drawn from."""
 
 
@@ -43,21 +43,21 @@ class TaskOptions(Options):
     """Kind of objective."""
     object: str
     """Label of the asset that the task is about."""
-    height_m: float = 0.10
+    height_m: PositiveFloat = 0.10
     """lift: how far it must rise [m]."""
     joints_deg: dict[str, float] = Field(default_factory=dict)
     """articulate: joint of the asset -> commanded position [deg]."""
-    tolerance_deg: float = 5.0
+    tolerance_deg: PositiveFloat = 5.0
     """articulate: largest distance from the command [deg]."""
-    hold_s: float = 0.5
+    hold_s: NonNegativeFloat = 0.5
     """How long the condition must hold [s]."""
-    timeout_s: float = 8.0
+    timeout_s: PositiveFloat = 8.0
     """When an episode is given up [s]."""
-    control_hz: float = 20.0
+    control_hz: PositiveFloat = 20.0
     """Rate of observations and actions [Hz]."""
     reset: ResetOptions = ResetOptions()
     """Start distribution."""
-    points: int = 256
+    points: PositiveInt = 256
     """Points sampled on every object's surface."""
 
 

@@ -6,6 +6,7 @@ import json
 from xml.etree import ElementTree
 
 import numpy as np
+from pydantic import NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.geometry import Hull, Mesh, obj_text
@@ -23,13 +24,13 @@ class UrdfOptions(Options):
 
     name: str = "object"
     """Name of the robot element."""
-    effort_nm: float = 5.0
+    effort_nm: PositiveFloat = 5.0
     """Largest torque or force of a joint [N m or N]."""
-    velocity_rad_s: float = 5.0
+    velocity_rad_s: PositiveFloat = 5.0
     """Largest speed of a joint [rad/s or m/s]."""
-    damping: float = 0.02
+    damping: NonNegativeFloat = 0.02
     """Viscous damping of a joint [N m s/rad or N s/m]."""
-    friction: float = 0.1
+    friction: NonNegativeFloat = 0.1
     """Dry friction of a joint [N m or N]; holds a lid where it stands."""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+from pydantic import PositiveInt
 
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.scene import Scene
@@ -18,9 +19,9 @@ Point = tuple[float, float, float]
 class ViewOptions(Options):
     """Options of simulate.view."""
 
-    width_px: int = 128
+    width_px: PositiveInt = 128
     """Width of a frame [px]."""
-    height_px: int = 96
+    height_px: PositiveInt = 96
     """Height of a frame [px]."""
     eye_m: Point | None = None
     """Where the camera stands in the world [m]; absent: where the photograph was taken."""

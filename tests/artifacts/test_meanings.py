@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Generic, TypeVar
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, PositiveFloat
 
 from dextera_build.artifacts.base import Collection, File
-from dextera_build.artifacts.meanings import meanings
+from dextera_build.artifacts.meanings import bounds, meanings
+from dextera_build.rule import Fraction
 
 T = TypeVar("T")
 
@@ -61,3 +62,18 @@ def test_a_class_within_a_function_and_one_without_source_have_what_can_be_had()
 
 def test_artifacts_say_what_they_hold() -> None:
     assert set(meanings(Collection[File])) == {"items"}
+
+
+class Bounded(BaseModel):
+    """Options with bounds of every form."""
+
+    free: float = 0.0
+    wall_m: PositiveFloat = 0.003
+    held_out: float = Field(0.1, ge=0, lt=1)
+    colour: tuple[Fraction, Fraction, Fraction] = (0.0, 0.0, 0.0)
+    weighed_kg: PositiveFloat | None = None
+
+
+def test_bounds_are_written_as_people_write_them():
+    said = {name: bounds(field) for name, field in Bounded.model_fields.items()}
+    assert said == {"free": "", "wall_m": "> 0", "held_out": ">= 0, < 1", "colour": ">= 0, <= 1", "weighed_kg": "> 0"}

@@ -17,8 +17,8 @@ from dextera_build.engine.executors.inline import InlineExecutor
 from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.survey import as_build, survey
 from dextera_build.store.bundle.closure import Closure
-from dextera_build.store.bundle.contents import Contents
-from dextera_build.store.bundle.made import Made
+from dextera_build.store.bundle.config import Contents
+from dextera_build.store.bundle.export import Export
 from dextera_build.store.choose import Limits
 from dextera_build.store.collect import collect
 from dextera_build.store.remotes.breaker import Guarded
@@ -181,7 +181,7 @@ def test_a_bundle_brings_what_leads_to_its_results(project: Path, store: Store, 
     built(project, store)
     found = survey(of(project), [Address(("reader",))], store)
     contents = Contents("full", "1.0", (as_build(found, "tiny/graph", "cpu", "full", str),), {})
-    bundle = Made(store, contents, {})
+    bundle = Export(store, contents, {})
     closure = Closure(bundle.get)
     for address, node in contents.nodes():
         closure.add(address, node)

@@ -24,14 +24,14 @@ from dextera_build.artifacts.table import Table
 from dextera_build.digest import canonical, of_bytes
 from dextera_build.errors import ArtifactError, DxbError, RecipeError, StoreError
 from dextera_build.project import Project
-from dextera_build.recipe import content, schema, strict_yaml
+from dextera_build.recipe import schema, strict_yaml
 from dextera_build.recipe.plan import plan
 from dextera_build.recipe.settings import parse as parse_setting
 from dextera_build.store import header, reapi
-from dextera_build.store.bundle import layout, oci, provenance, receive, signing
+from dextera_build.store.bundle import importer, layout, oci, provenance, sign
 from dextera_build.store.bundle.closure import read_header, read_result
-from dextera_build.store.bundle.contents import Contents
-from dextera_build.store.bundle.refusal import BundleRefused
+from dextera_build.store.bundle.config import Contents
+from dextera_build.store.bundle.errors import BundleRefused
 from dextera_build.store.remotes import entry as entries
 from dextera_build.store.remotes.remote import Digest
 from dextera_build.store.store import Store
@@ -63,11 +63,11 @@ def good(project, tmp_path_factory) -> Good:
     graph, store = small(root / "photo.bin"), Store(root / "store")
     result, _ = run(graph, store)
     made = bundle(store, graph, "full")
-    signing.generate(root / "key", "anna")
-    statement = provenance.statement(made.manifest.digest, made.contents, store.blobs.get, provenance.Circumstances())
-    made.attach(oci.DSSE, signing.seal(statement, root / "key")[0])
-    layout.write(made, root / "bundle")
-    opened = receive.open_bundle(layout.read(root / "bundle"))
+    sign.generate(root / "key", "anna")
+    statement = provenance.statement(made.digest, made.contents, store.blobs.get, provenance.Circumstances())
+    made.attach(oci.DSSE, sign.seal(statement, root / "key")[0])
+    made.write(root / "bundle")
+    opened = importer.open_bundle(layout.read(root / "bundle"))
     key = result.nodes["scene"].key or ""
     found = store.actions.get(key)
     message = store.actions.message(key)
@@ -78,7 +78,7 @@ def good(project, tmp_path_factory) -> Good:
         "manifest": opened.manifest.spell(),
         "config": opened.contents.spell(),
         "statement": statement,
-        "envelope": signing.seal(statement, root / "key")[0],
+        "envelope": sign.seal(statement, root / "key")[0],
         "result": found.document,
         "header": store.blobs.get(found.output),
     }
@@ -117,7 +117,6 @@ def planned(good: Good, text: str, folder: Path) -> None:
     """Read and resolve a recipe."""
     file = folder / "x.yaml"
     file.write_text(text, encoding="utf-8", errors="surrogatepass")
-    content.content(file)
     recipe = schema.read(file, "x")
     plan("x", lambda address: recipe if address == "x" else None, good.project.library, good.project.root)
 
@@ -188,7 +187,7 @@ READERS: dict[str, Callable[[bytes], object]] = {
     "manifest": oci.Manifest.read,
     "config": Contents.read,
     "statement": provenance.subject_of,
-    "envelope": signing.Envelope.read,
+    "envelope": sign.Envelope.read,
     "result": lambda text: read_result(text, "a"),
     "header": lambda text: read_header(text, "0" * 64),
 }

@@ -7,15 +7,8 @@ import pytest
 from dextera_build.engine.graph import Gather, Group, Item, Leaf, Output
 from dextera_build.engine.reach import copy_of
 from dextera_build.errors import DxbError, MachineError, RecipeError, UsageError
-from dextera_build.recipe import settings, strict_yaml
+from dextera_build.recipe import settings
 from dextera_build.recipe.plan import Request, plan
-
-
-@pytest.fixture(autouse=True, params=["loose", "packed"])
-def calls_are(request, monkeypatch):
-    """Of a large recipe calls are packed; that changes no plan and no error."""
-    if request.param == "packed":
-        monkeypatch.setattr(strict_yaml, "_MOST_LOOSE", 0)
 
 
 def planned(space, address="say/words", **request):
@@ -78,6 +71,31 @@ def test_a_setting_takes_a_list(space):
     assert dict(changed.calls())["s",].options["sizes_m"] == [1.0, 2.5]
     with pytest.raises(RecipeError, match=r"sizes_m\.1"):
         planned(space, "say/a", settings=(settings.parse("s.sizes_m=[1, {a: 2}]"),))
+
+
+BOUNDED = "nodes:\n  photo: {rule: capture.imgviz, farthest_m: %s}"
+
+
+@pytest.mark.parametrize("given", ["-3", "0"])
+def test_a_value_out_of_bounds_is_refused_where_it_is_written_with_the_bound_and_its_unit(space, given):
+    error = refused(space, BOUNDED % given)
+    assert error.message == "`farthest_m` of `capture.imgviz` must be greater than 0 m"
+    assert error.facts == {"given": given}
+    assert str(error.where).endswith("recipes/say/wrong.yaml:2:45")
+    assert error.hint
+    assert error.hint.startswith("`farthest_m`: Depth beyond this")
+
+
+def test_a_setting_out_of_bounds_is_refused_with_its_flag(space):
+    space.write("recipes/say/a.yaml", BOUNDED % 2)
+    with pytest.raises(RecipeError, match="must be greater than 0 m") as caught:
+        planned(space, "say/a", settings=(settings.parse("photo.farthest_m=-3"),))
+    assert str(caught.value.where) == "the command line: --set photo.farthest_m=-3"
+
+
+def test_bounds_are_in_no_key(space):
+    space.write("recipes/say/a.yaml", BOUNDED % 2)
+    assert dict(planned(space, "say/a").calls())["photo",].options == {"farthest_m": 2.0}
 
 
 def test_inputs_name_files_or_targets_of_recipes(space):
@@ -229,13 +247,13 @@ def test_a_listed_cycle_is_found(space):
         (
             "nodes: {a: {rule: toy.start, text: 5}}",
             "R109",
-            "`text` of `toy.start`: Input should be a valid string",
+            "`text` of `toy.start` must be a valid string",
             "1:36",
         ),
         (
             "nodes: {a: {rule: toy.start, sizes_m: [1, x]}}",
             "R109",
-            "`sizes_m.1` of `toy.start`: Input should be a valid number",
+            "`sizes_m.1` of `toy.start` must be a valid number",
             "1:43",
         ),
         (

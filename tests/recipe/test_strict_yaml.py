@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from unittest.mock import patch
 
 import pytest
 import yaml
@@ -138,28 +137,7 @@ def test_both_parsers_read_the_same(value):
     assert fast.at(("x",)) == slow.at(("x",))
 
 
-@settings(deadline=None)
-@given(st.dictionaries(words.filter(lambda key: key not in ("<<", "rule")), plain_data, max_size=4))
-def test_a_packed_call_says_what_it_said(options):
-    call = json.dumps({"rule": "a.b", **options})
-    # The second is no call of a recipe, so it is not packed; it stands at the same places.
-    with patch.object(strict_yaml, "_MOST_LOOSE", 0):
-        packed, plain = (parse(f"{word}: {{n: {call}, more: {{rule: c.d}}}}", "f") for word in ("nodes", "other"))
-    assert packed.plain()["nodes"] == plain.plain()["other"]
-    stack = [(packed.value["nodes"], plain.value["other"])]
-    while stack:
-        one, other = stack.pop()
-        assert (one.place, one.kind) == (other.place, other.kind)
-        if one.kind == "mapping":
-            assert one.keys == other.keys
-            stack += zip(one.value.values(), other.value.values(), strict=True)
-        elif one.kind == "list":
-            stack += zip(one.value, other.value, strict=True)
-
-
-@pytest.mark.parametrize("loose", [0, 1, 2])
-def test_a_packed_call_knows_its_places_over_many_lines(loose, monkeypatch):
-    monkeypatch.setattr(strict_yaml, "_MOST_LOOSE", loose)
+def test_a_call_knows_its_places_over_many_lines():
     text = "summary: x\nnodes:\n  a: &a\n    rule: x.y\n    b:\n      - 1\n      - {c: 2}\n  d: *a\n"
     root = parse(text, "f")
     for name in ("a", "d"):

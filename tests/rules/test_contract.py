@@ -7,8 +7,11 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from typing import get_args
 
 import pytest
+from pydantic import BaseModel
 
 from dextera_build.artifacts.meanings import meanings
 from dextera_build.code.loader import Library, RuleFile
@@ -52,6 +55,42 @@ def test_lengths_and_angles_name_their_unit(found):
         described = re.search(r"\[(m|rad|s|kg|px|deg|mm|Hz)[\]^/ ]", said.get(name, ""))
         if described and field.annotation is float:
             assert UNITS.search(name), f"{found.path}.{name} is in [{described[1]}], its name does not say so"
+
+
+UNBOUNDED = re.compile(
+    r"^(yaw_deg|at_m|(from|to|eye|target|shift|origin|centre)_m|(floor_z|wall_y|pedestal|surface)_m|axis|direction"
+    r"|facing|pointing|(inertia_)?quaternion|(lower|upper|home|offset|open|closed)_rad|joints_deg|ratio)$"
+)
+"""Positions, directions, signed angles and ratios, which may have either sign."""
+POSITIONS = {"align.base.position_m", "capture.world.robot.position_m"}
+
+
+def numbers(kind: type[BaseModel], path: str) -> Iterator[tuple[str, str]]:
+    """(option, its declared form) of every option that holds numbers, those of nested groups included."""
+    for name, field in kind.model_fields.items():
+        form = f"{field.annotation!r} {field.metadata!r}"
+        inner = [part for part in parts_of(field.annotation) if isinstance(part, type) and issubclass(part, BaseModel)]
+        for part in inner:
+            yield from numbers(part, f"{path}.{name}")
+        if not inner and re.search(r"\b(int|float)\b", form):
+            yield f"{path}.{name}", form
+
+
+def parts_of(annotation: object) -> Iterator[object]:
+    yield annotation
+    for part in get_args(annotation):
+        yield from parts_of(part)
+
+
+def test_every_number_has_the_bound_that_physics_gives_it(found):
+    free = [
+        option
+        for option, form in numbers(found.rule.options, found.path)
+        if not re.search(r"\b(Ge|Gt|Le|Lt)\(", form)
+        and not UNBOUNDED.match(option.rsplit(".", 1)[-1])
+        and option not in POSITIONS
+    ]
+    assert free == []
 
 
 def test_its_facts_can_be_stated(found):

@@ -1,1 +1,1 @@
-"""Bundles: results with all that they need, as an OCI image layout or in an OCI registry."""
+"""Bundles: results with all that they need, as an OCI image layout."""

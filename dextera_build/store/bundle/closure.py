@@ -15,9 +15,9 @@ from typing import Any
 from dextera_build.store import header
 from dextera_build.store.actions import ActionResult
 from dextera_build.store.bundle import documents
-from dextera_build.store.bundle.contents import Contents, Node
+from dextera_build.store.bundle.config import Contents, Node
 from dextera_build.store.bundle.documents import Read
-from dextera_build.store.bundle.refusal import BundleRefused, ill_formed, wrong_result
+from dextera_build.store.bundle.errors import BundleRefused, ill_formed, wrong_result
 from dextera_build.store.cas import is_digest
 from dextera_build.store.traces import steps as traces
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any, NoReturn
 
-from dextera_build.store.bundle.refusal import ill_formed
+from dextera_build.store.bundle.errors import ill_formed
 from dextera_build.store.cas import is_digest
 
 DEEPEST = 64

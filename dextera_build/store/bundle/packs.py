@@ -39,7 +39,7 @@ class Layer:
             yield tar.header(_FOLDER + digest, size)
             yield from read(digest)
             yield tar.padding(size)
-        yield tar.end()
+        yield tar.END
 
     def describe(self, read: Open, number: int) -> Descriptor:
         """The descriptor; an archive is gone through once for its digest."""
@@ -49,7 +49,7 @@ class Layer:
         state = hashlib.sha256()
         for chunk in self.chunks(read):
             state.update(chunk)
-        size = tar.length(size for _, size in self.blobs)
+        size = sum(tar.BLOCK + size + len(tar.padding(size)) for _, size in self.blobs) + len(tar.END)
         return Descriptor(PACK, state.hexdigest(), size, annotations={TITLE: f"blobs-{number:04d}.tar"})
 
 
@@ -71,11 +71,12 @@ def layers(sizes: Mapping[str, int], large: int = LARGE) -> list[Layer]:
 
 
 def _packs(blobs: list[tuple[str, int]], most: int) -> Iterator[list[tuple[str, int]]]:
-    """Split sorted blobs by the bits of their digests until no part exceeds `most` bytes."""
+    """Split sorted blobs by the bits of their digests until no part exceeds `most` bytes or the files of an archive."""
     stack = [(blobs, 255)] if blobs else []
     while stack:
         part, bit = stack.pop()
-        if len(part) == 1 or sum(size + 2 * tar.BLOCK for _, size in part) <= most:
+        fits = len(part) <= tar.MOST_FILES and sum(size + 2 * tar.BLOCK for _, size in part) <= most
+        if fits or len(part) == 1:
             yield part
             continue
         ones = [blob for blob in part if int(blob[0], 16) >> bit & 1]

@@ -10,8 +10,8 @@ from typing import Any
 from dextera_build import digest as digests
 from dextera_build.store import header
 from dextera_build.store.bundle import documents
-from dextera_build.store.bundle.contents import Contents, Node
-from dextera_build.store.bundle.refusal import ill_formed
+from dextera_build.store.bundle.config import Contents, Node
+from dextera_build.store.bundle.errors import ill_formed
 from dextera_build.store.cas import is_digest
 
 STATEMENT = "https://in-toto.io/Statement/v1"

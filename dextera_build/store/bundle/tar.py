@@ -1,31 +1,47 @@
-"""Archives with files and nothing else: what is written is the same for the same files, what is read is checked.
+"""Tar archives that hold plain files and nothing else, by the `tarfile` of the standard library.
 
-Headers are those of GNU tar (sizes beyond 8 GiB stand in base 256), so no second header ever precedes a file: whatever
-needs one (long names, sparse files, extended attributes) is refused, and so are links, devices and folders in layers.
+A header that announces anything but a file (a link, a device, a long name, an extended header) is refused before
+`tarfile` acts on it.
 """
 
 from __future__ import annotations
 
+import io
 import tarfile
 from collections.abc import Iterator
-from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
 
-from dextera_build.store.bundle.refusal import archive
+from dextera_build.store.bundle.errors import archive, not_a_bundle, too_large
 
-BLOCK = 512
-_END = bytes(2 * BLOCK)
+BLOCK = tarfile.BLOCKSIZE
+END = bytes(2 * BLOCK)
+MOST_FILES = 1 << 14
+"""Files of one archive; `tarfile` keeps a record of each in memory."""
+_CHUNK = 1 << 20
 
 
-@dataclass(frozen=True)
-class File:
-    """One file of an archive."""
+class _File(tarfile.TarInfo):
+    """The header of a plain file."""
 
-    name: str
-    size: int
+    kinds: tuple[bytes, ...] = (tarfile.REGTYPE, tarfile.AREGTYPE)
+
+    @classmethod
+    def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> Self:
+        found = super().frombuf(buf, encoding, errors)
+        if found.type not in cls.kinds:
+            raise archive(found.name[:200], "is neither a file nor a folder")
+        if found.size < 0:
+            raise archive(found.name[:200], "has a negative size")
+        return found
+
+
+class _FileOrFolder(_File):
+    kinds = (*_File.kinds, tarfile.DIRTYPE)
 
 
 def header(name: str, size: int) -> bytes:
-    """The header of a file, without owner and time."""
+    """The header of a file, without owner and time: equal files give equal archives."""
     info = tarfile.TarInfo(name)
     info.size, info.mode = size, 0o444
     return info.tobuf(tarfile.GNU_FORMAT, "ascii", "strict")
@@ -36,88 +52,71 @@ def padding(size: int) -> bytes:
     return bytes(-size % BLOCK)
 
 
-def length(sizes: Iterator[int]) -> int:
-    """Bytes of an archive with files of these sizes."""
-    return sum(BLOCK + size + -size % BLOCK for size in sizes) + len(_END)
-
-
-def end() -> bytes:
-    """What follows the last file."""
-    return _END
-
-
-def read_header(block: bytes, *, folders: bool = False) -> File | None:
-    """The file that a header announces; None for the end, a size of -1 for a folder where `folders` may stand.
+def places(path: Path, most: int) -> Iterator[tuple[str, int, int]]:
+    """Name, place and size of each file of an archive; folders are passed over.
 
     Raises:
-        BundleRefused: It is no header, or announces something else.
+        BundleRefused: It is no archive, is cut off, or holds something else, or more than `most` files.
     """
-    if block == bytes(BLOCK):
-        return None
+    total = path.stat().st_size
     try:
-        info = tarfile.TarInfo.frombuf(block, "utf-8", "strict")
-    except (tarfile.HeaderError, ValueError) as error:
-        raise archive("?", f"is no header of a tar archive ({error})") from None
-    name = info.name if info.name.isprintable() else repr(info.name)
-    if folders and info.type == tarfile.DIRTYPE:
-        return File(info.name, -1)
-    if info.type not in (tarfile.REGTYPE, tarfile.AREGTYPE):
-        raise archive(name, f"is {_KINDS.get(info.type, 'no plain file')}")
-    if info.size < 0:
-        raise archive(name, "has a negative size")
-    return File(info.name, info.size)
+        packed = tarfile.open(path, "r:", tarinfo=_FileOrFolder, errors="strict")  # noqa: SIM115 - closed below
+    except tarfile.TarError:
+        raise not_a_bundle(str(path), "it is no tar archive") from None
+    try:
+        with packed:
+            for number, info in enumerate(packed):
+                if number >= most:
+                    raise too_large("the list of files", number + 1, most)
+                if info.offset_data + info.size > total:
+                    raise archive(info.name[:200], "is cut off")
+                if not info.isdir():
+                    yield info.name, info.offset_data, info.size
+    except (tarfile.TarError, ValueError, OverflowError) as error:
+        raise archive("?", f"cannot be read ({error})") from None
 
 
-class Reader:
-    """The files of an archive that comes in pieces, one after the other.
+def files(chunks: Iterator[bytes]) -> Iterator[tuple[str, int, Iterator[bytes]]]:
+    """Name, size and content of each file of an archive that comes in pieces.
 
-    Args:
-        chunks: Its bytes.
+    Each content is to be read to its end before the next is asked for.
+
+    Raises:
+        BundleRefused: The archive ends too early, or holds something else.
     """
+    try:
+        with tarfile.open(fileobj=_Stream(chunks), mode="r|", bufsize=_CHUNK, tarinfo=_File) as packed:
+            for number, info in enumerate(packed):
+                if number >= MOST_FILES:
+                    raise too_large("an archive", number + 1, MOST_FILES)
+                yield info.name, info.size, _content(packed, info)
+    except (tarfile.TarError, ValueError, OverflowError) as error:
+        raise archive("?", f"cannot be read ({error})") from None
+    for _ in chunks:  # whoever gives them checks their digest after the last one
+        pass
+
+
+def _content(packed: tarfile.TarFile, info: tarfile.TarInfo) -> Iterator[bytes]:
+    content = packed.extractfile(info)
+    assert content is not None, "a plain file"
+    try:
+        while piece := content.read(_CHUNK):
+            yield piece
+    except tarfile.TarError as error:
+        raise archive(info.name[:200], f"cannot be read ({error})") from None
+
+
+class _Stream(io.RawIOBase):
+    """Pieces as a file that is read from its start to its end."""
 
     def __init__(self, chunks: Iterator[bytes]) -> None:
-        self._chunks = chunks
-        self._rest = b""
+        self._chunks, self._rest = chunks, b""
 
-    def files(self) -> Iterator[tuple[File, Iterator[bytes]]]:
-        """Each file with its content, which is to be read to its end before the next is asked for.
+    def readable(self) -> bool:
+        return True
 
-        Raises:
-            BundleRefused: The archive ends too early, or holds something else.
-        """
-        while (found := read_header(self._exactly(BLOCK))) is not None:
-            yield found, self._pieces(found.size)
-            self._exactly(-found.size % BLOCK)
-        # To the end in any case: there whoever counts and digests the bytes says that they are others.
-        rest = bool(self._rest.strip(b"\0"))
-        for chunk in self._chunks:
-            rest = rest or bool(chunk.strip(b"\0"))
-        if rest:
-            raise archive("?", "stands after the end")
-
-    def _exactly(self, size: int) -> bytes:
-        return b"".join(self._pieces(size))
-
-    def _pieces(self, size: int) -> Iterator[bytes]:
-        while size:
-            piece = self._rest or next(self._chunks, b"")
-            if not piece:
-                raise archive("?", "is cut off")
-            taken, self._rest = piece[:size], piece[size:]
-            size -= len(taken)
-            yield taken
-
-
-_KINDS = {
-    tarfile.SYMTYPE: "a symbolic link",
-    tarfile.LNKTYPE: "a hard link",
-    tarfile.CHRTYPE: "a device",
-    tarfile.BLKTYPE: "a device",
-    tarfile.FIFOTYPE: "a pipe",
-    tarfile.DIRTYPE: "a folder",
-    tarfile.GNUTYPE_SPARSE: "a sparse file",
-    tarfile.GNUTYPE_LONGNAME: "a long name",
-    tarfile.GNUTYPE_LONGLINK: "a long name",
-    tarfile.XHDTYPE: "an extended header",
-    tarfile.XGLTYPE: "an extended header",
-}
+    def read(self, size: int = -1) -> bytes:
+        while len(self._rest) < size and (chunk := next(self._chunks, b"")):
+            self._rest += chunk
+        found, self._rest = self._rest[:size], self._rest[size:]
+        return found

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from dextera_build.errors import listing
-from dextera_build.store.bundle import checked, oci, provenance
-from dextera_build.store.bundle.oci import Descriptor, Manifest
-from dextera_build.store.bundle.receive import Opened
-from dextera_build.store.bundle.refusal import BundleRefused, ill_formed
-from dextera_build.store.bundle.signing import Envelope, PublicKey
+from dextera_build.store.bundle import checked_stream, oci, provenance
+from dextera_build.store.bundle.errors import BundleRefused
+from dextera_build.store.bundle.importer import Opened
+from dextera_build.store.bundle.sign import Envelope, PublicKey
 
 State: TypeAlias = Literal["trusted", "unknown", "unsigned"]
 _MOST = 64 << 20
@@ -37,17 +36,23 @@ class Voucher:
 
 
 def judge(bundle: Opened, keys: Sequence[PublicKey]) -> Voucher:
-    """Read and check all that is said of a bundle.
+    """Read and check the provenance of a bundle.
 
     Raises:
         BundleRefused: A signature is wrong, or about another bundle.
     """
-    found = Voucher("unsigned")
-    for descriptor in bundle.said:
-        vouched = _judge(bundle, descriptor, keys)
-        if found.state == "unsigned" or vouched.state == "trusted":
-            found = vouched
-    return found
+    layer = bundle.manifest.provenance
+    if layer is None:
+        return Voucher("unsigned")
+    content = checked_stream.whole(bundle.source, layer, "the provenance", _MOST)
+    if layer.media_type == oci.IN_TOTO:
+        return Voucher("unsigned", (), _statement(bundle, content))
+    envelope = Envelope.read(content)
+    signers = _signers(envelope, keys)
+    statement = _statement(bundle, envelope.payload)
+    if signers:
+        return Voucher("trusted", tuple(signers), statement)
+    return Voucher("unknown", tuple(name for name, _ in envelope.signatures), statement)
 
 
 def require(bundle: Opened, voucher: Voucher, keys: Sequence[PublicKey]) -> None:
@@ -76,28 +81,6 @@ def require(bundle: Opened, voucher: Voucher, keys: Sequence[PublicKey]) -> None
     )
 
 
-def _judge(bundle: Opened, descriptor: Descriptor, keys: Sequence[PublicKey]) -> Voucher:
-    data = checked.whole(bundle.source, descriptor, "the manifest of the provenance", oci.MOST_MANIFEST)
-    manifest = Manifest.read(data)
-    if len(manifest.layers) != 1:
-        raise ill_formed("the manifest of the provenance", "it does not have one layer")
-    layer = manifest.layers[0]
-    content = checked.whole(bundle.source, layer, "the provenance", _MOST)
-    if layer.media_type == oci.IN_TOTO:
-        subject, statement = provenance.subject_of(content)
-        _refuse_other(bundle, subject)
-        return Voucher("unsigned", (), statement)
-    if layer.media_type != oci.DSSE:
-        raise ill_formed("the manifest of the provenance", f"`{layer.media_type}` is no provenance")
-    envelope = Envelope.read(content)
-    signers = _signers(envelope, keys)
-    subject, statement = provenance.subject_of(envelope.payload)
-    _refuse_other(bundle, subject)
-    if signers:
-        return Voucher("trusted", tuple(signers), statement)
-    return Voucher("unknown", tuple(name for name, _ in envelope.signatures), statement)
-
-
 def _signers(envelope: Envelope, keys: Sequence[PublicKey]) -> list[str]:
     """Trusted keys that signed; a wrong signature in the name of one of them is not passed over."""
     names = []
@@ -115,11 +98,13 @@ def _signers(envelope: Envelope, keys: Sequence[PublicKey]) -> list[str]:
     return names
 
 
-def _refuse_other(bundle: Opened, subject: str) -> None:
-    if subject != bundle.descriptor.digest:
+def _statement(bundle: Opened, payload: bytes) -> dict[str, Any]:
+    subject, statement = provenance.subject_of(payload)
+    if subject != bundle.digest:
         raise BundleRefused(
             "the provenance is that of another bundle",
             code="DXB-S311",
-            facts={"about": f"sha256:{subject}", "bundle": f"sha256:{bundle.descriptor.digest}"},
+            facts={"about": f"sha256:{subject}", "bundle": f"sha256:{bundle.digest}"},
             hint="get the bundle again from where it came",
         )
+    return statement

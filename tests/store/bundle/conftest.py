@@ -13,14 +13,13 @@ from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.key import manifest as key_document
 from dextera_build.engine.survey import as_build, survey
 from dextera_build.store.actions import ActionResult
-from dextera_build.store.bundle import layout
-from dextera_build.store.bundle.contents import Closure, Contents
-from dextera_build.store.bundle.made import Made
+from dextera_build.store.bundle.config import Closure, Contents
+from dextera_build.store.bundle.export import Export
 from dextera_build.store.store import Store
 from tests.engine.tiny import call, every, graph, group, item, leaf, out, run
 
 RECIPE = b"nodes: {}\n"
-Bundling = Callable[..., Made]
+Bundling = Callable[..., Export]
 
 
 def small(file: Path) -> Graph:
@@ -33,16 +32,16 @@ def small(file: Path) -> Graph:
     )
 
 
-def bundle(store: Store, plan: Graph, closure: Closure = "targets", **more: object) -> Made:
+def bundle(store: Store, plan: Graph, closure: Closure = "targets", **more: object) -> Export:
     """The bundle of a graph's default targets."""
     found = survey(plan, [Address(name) for name in plan.targets["default"]], store)
     assert found.stale == ()
     build = as_build(found, "tiny/graph", "cpu", closure, lambda path: path.name)
     contents = Contents(closure, "1.0", (build,), {"tiny/graph": of_bytes(RECIPE)})
-    return Made(store, contents, {"tiny/graph": RECIPE}, **more)  # type: ignore[arg-type]
+    return Export(store, contents, {"tiny/graph": RECIPE}, **more)  # type: ignore[arg-type]
 
 
-def large(store: Store, file: Path, size: int) -> Made:
+def large(store: Store, file: Path, size: int) -> Export:
     """The bundle of one result with one blob of this size, which is written to `file` first."""
     file.write_bytes(b"")
     os.truncate(file, size)
@@ -77,5 +76,5 @@ def other(tmp_path: Path) -> Store:
 @pytest.fixture
 def folder(tmp_path: Path, store: Store, plan: Graph) -> Path:
     """A good bundle, with all results, as a folder."""
-    layout.write(bundle(store, plan, "full"), tmp_path / "bundle")
+    bundle(store, plan, "full").write(tmp_path / "bundle")
     return tmp_path / "bundle"

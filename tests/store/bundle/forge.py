@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from dextera_build.digest import canonical, of_bytes
-from dextera_build.store.bundle import layout, oci, receive, tar
-from dextera_build.store.bundle.refusal import BundleRefused
+from dextera_build.store.bundle import importer, layout, oci, tar
+from dextera_build.store.bundle.errors import BundleRefused
 from dextera_build.store.store import Store
 
 Raw = dict[str, Any]
@@ -34,6 +34,7 @@ class Forgery:
         self._index = json.loads((folder / "index.json").read_bytes())
         self._manifest: Raw = json.loads(self._part(self._index["manifests"][0]["digest"]))
         self._config: Raw = json.loads(self._part(self._manifest["config"]["digest"]))
+        self._manifest["layers"] = [la for la in self._manifest["layers"] if la["mediaType"] not in oci.PROVENANCE]
         (self._pack,) = (layer for layer in self._manifest["layers"] if layer["mediaType"] == oci.PACK)
         with tarfile.open(fileobj=io.BytesIO(self._part(self._pack["digest"]))) as packed:
             self.files = [(info.name, packed.extractfile(info).read()) for info in packed]  # type: ignore[union-attr]
@@ -98,7 +99,7 @@ class Forgery:
     def write(self) -> Path:
         """The folder again."""
         packed = b"".join(_header(name, len(data)) + data + tar.padding(len(data)) for name, data in self.files)
-        self._pack |= self._write(packed + self._more + tar.end() + self._tail)
+        self._pack |= self._write(packed + self._more + tar.END + self._tail)
         self._manifest["config"] |= self._write(canonical(self._config))
         for change in self._edits:
             change(self._manifest)
@@ -121,9 +122,9 @@ def _header(name: str, size: int, kind: bytes = tarfile.REGTYPE) -> bytes:
     return info.tobuf(tarfile.GNU_FORMAT, "ascii", "strict")
 
 
-def take(path: Path, store: Store) -> receive.Taken:
+def take(path: Path, store: Store) -> importer.Taken:
     """Import the bundle at a path."""
-    return receive.take(receive.open_bundle(layout.read(path)), store)
+    return importer.take(importer.open_bundle(layout.read(path)), store)
 
 
 def refused(path: Path, other: Store, code: str, *words: str) -> BundleRefused:

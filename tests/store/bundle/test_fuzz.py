@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from dextera_build.digest import of_bytes
 from dextera_build.engine.graph import Graph
-from dextera_build.store.bundle import layout, oci, provenance, receive, signing, trust
-from dextera_build.store.bundle.refusal import BundleRefused
+from dextera_build.store.bundle import importer, layout, oci, provenance, sign, trust
+from dextera_build.store.bundle.errors import BundleRefused
 from dextera_build.store.store import Store
 from tests.engine.tiny import run
 from tests.store.bundle.conftest import bundle, small
@@ -40,11 +40,11 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     store = Store(root / "store")
     run(plan, store)
     made = bundle(store, plan, "full")
-    signing.generate(root / "key", "anna")
-    data = provenance.statement(made.manifest.digest, made.contents, store.blobs.get, provenance.Circumstances())
-    made.attach(oci.DSSE, signing.seal(data, root / "key")[0])
-    layout.write(made, root / "good")
-    layout.write(made, root / "good.tar")
+    sign.generate(root / "key", "anna")
+    data = provenance.statement(made.digest, made.contents, store.blobs.get, provenance.Circumstances())
+    made.attach(oci.DSSE, sign.seal(data, root / "key")[0])
+    made.write(root / "good")
+    made.write(root / "good.tar")
     return root
 
 
@@ -55,9 +55,9 @@ def take(path: Path, root: Path) -> bool:
     outside = {file for file in root.rglob("*") if not file.is_relative_to(other.root)}
     error = None
     try:
-        opened = receive.open_bundle(layout.read(path))
-        trust.judge(opened, signing.trusted([root / "key.pub"]))
-        receive.take(opened, other)
+        opened = importer.open_bundle(layout.read(path))
+        trust.judge(opened, sign.trusted([root / "key.pub"]))
+        importer.take(opened, other)
     except BundleRefused as refused:
         error = refused
     if error is not None:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import hashlib
 import io
 import tarfile
-from collections.abc import Iterator
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dextera_build.store.bundle import packs, tar
-from dextera_build.store.bundle.refusal import BundleRefused
+from dextera_build.store.bundle.errors import BundleRefused
 
 LARGE = 10_000
 SIZES = st.dictionaries(
@@ -39,7 +38,8 @@ def test_every_blob_stands_once(sizes):
 def test_an_archive_is_bounded_and_in_order(sizes):
     for layer in packs.layers(sizes, LARGE):
         if not layer.alone:
-            assert tar.length(size for _, size in layer.blobs) <= 4 * LARGE + 2 * tar.BLOCK or len(layer.blobs) == 1
+            octets = sum(size + 2 * tar.BLOCK for _, size in layer.blobs)
+            assert octets <= 4 * LARGE or len(layer.blobs) == 1
             assert list(layer.blobs) == sorted(layer.blobs)
 
 
@@ -70,33 +70,46 @@ def test_there_are_never_too_many_layers():
     st.integers(1, 700),
 )
 def test_an_archive_is_read_by_us_and_by_others(content, step):
-    data = b"".join(tar.header(n, len(d)) + d + tar.padding(len(d)) for n, d in content.items()) + tar.end()
-    assert len(data) == tar.length(len(d) for d in content.values())
+    data = b"".join(tar.header(n, len(d)) + d + tar.padding(len(d)) for n, d in content.items()) + tar.END
     pieces = (data[start : start + step] for start in range(0, len(data), step))
-    assert {file.name: b"".join(parts) for file, parts in tar.Reader(pieces).files()} == content
+    assert {name: b"".join(parts) for name, _, parts in tar.files(pieces)} == content
     with tarfile.open(fileobj=io.BytesIO(data)) as theirs:
         assert {info.name: theirs.extractfile(info).read() for info in theirs} == content  # type: ignore[union-attr]
 
 
-def test_sizes_beyond_eight_gigabytes_need_no_second_header():
-    block = tar.header("large", 10 << 40)
-    assert len(block) == tar.BLOCK
-    assert tar.read_header(block) == tar.File("large", 10 << 40)
+def test_the_size_of_a_layer_is_that_of_its_bytes():
+    blobs = {hashlib.sha256(data).hexdigest(): data for data in (b"", b"x" * 511, b"y" * 512, b"z" * 513)}
+    (layer,) = packs.layers({name: len(data) for name, data in blobs.items()})
+    whole = b"".join(layer.chunks(lambda name: iter([blobs[name]])))
+    found = layer.describe(lambda name: iter([blobs[name]]), 0)
+    assert (found.size, found.digest) == (len(whole), hashlib.sha256(whole).hexdigest())
+
+
+def test_an_archive_holds_a_bounded_number_of_files(monkeypatch):
+    monkeypatch.setattr(tar, "MOST_FILES", 10)
+    layers = packs.layers({digest(number): 1 for number in range(100)}, LARGE)
+    assert max(len(layer.blobs) for layer in layers) <= 10
+    too_many = b"".join(tar.header(digest(number), 0) for number in range(11)) + tar.END
+    with pytest.raises(BundleRefused) as error:
+        list(tar.files(iter([too_many])))
+    assert error.value.code == "DXB-S305"
+
+
+def test_a_size_beyond_eight_gigabytes_needs_no_second_header():
+    assert len(tar.header("large", 10 << 40)) == tar.BLOCK
 
 
 @given(st.binary(min_size=512, max_size=4096))
 def test_noise_is_refused_or_empty(data):
-    def pieces() -> Iterator[bytes]:
-        yield data
-
     try:
-        found = [(file, b"".join(parts)) for file, parts in tar.Reader(pieces()).files()]
+        found = [(name, b"".join(parts)) for name, _, parts in tar.files(iter([data]))]
     except BundleRefused:
         return
     assert found == []
 
 
-def test_a_header_of_another_program_is_read_as_it_is_meant():
-    files = tar.Reader(iter([tarfile.TarInfo("a" * 200).tobuf(tarfile.GNU_FORMAT)])).files()
-    with pytest.raises(BundleRefused, match="long name"):
-        next(files)
+def test_a_long_name_is_refused_before_it_is_read():
+    info = tarfile.TarInfo("a" * 200)
+    info.size = 1 << 60
+    with pytest.raises(BundleRefused, match="neither a file nor a folder"):
+        next(tar.files(iter([info.tobuf(tarfile.GNU_FORMAT)])))

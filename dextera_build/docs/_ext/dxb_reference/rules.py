@@ -6,13 +6,14 @@ import inspect
 import re
 from collections.abc import Iterator
 from itertools import groupby
-from typing import Any, get_args
+from types import UnionType
+from typing import Any, Union, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from dextera_build.artifacts.meanings import meanings
+from dextera_build.artifacts.meanings import bounds, meanings
 from dextera_build.code.loader import Library, RuleFile
 
 from .markdown import code, join, table
@@ -55,7 +56,8 @@ def options(kind: type[BaseModel], prefix: str = "") -> Iterator[list[str]]:
     """Rows of an options class; fields of nested groups stand below them as `group.field`."""
     said = meanings(kind)
     for name, field in kind.model_fields.items():
-        yield [code(prefix + name), code(type_name(field.annotation)), _default(field), said.get(name, "")]
+        form = ", ".join(filter(None, (code(type_name(field.annotation)), code(bounds(field)))))
+        yield [code(prefix + name), form, _default(field), said.get(name, "")]
         for inner in _groups(field.annotation):
             yield from options(inner, f"{prefix}{name}.")
 
@@ -64,6 +66,13 @@ def type_name(annotation: Any) -> str:
     """A type as a recipe's author reads it: `Collection[Asset]`, `tuple[float, ...]`."""
     if isinstance(annotation, type) and not get_args(annotation):
         return annotation.__name__
+    if hasattr(annotation, "__metadata__"):
+        return type_name(annotation.__origin__)
+    parts = ["..." if part is Ellipsis else type_name(part) for part in get_args(annotation)]
+    if get_origin(annotation) in (tuple, dict):
+        return f"{get_origin(annotation).__name__}[{', '.join(parts)}]"
+    if get_origin(annotation) in (Union, UnionType):
+        return " | ".join(parts)
     return re.sub(r"[A-Za-z_][\w.]*\.(\w+)", r"\1", str(annotation)).replace("NoneType", "None").replace("~", "")
 
 

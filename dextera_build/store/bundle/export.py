@@ -1,23 +1,30 @@
-"""A bundle that is made of what a store holds, piece by piece as it is read."""
+"""Writes a bundle of what a store holds, piece by piece as it is read."""
 
 from __future__ import annotations
 
 import hashlib
+import os
+import shutil
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 from dextera_build import digest as digests
-from dextera_build.store.bundle import closure, oci, packs
-from dextera_build.store.bundle.contents import Contents
+from dextera_build.errors import UsageError
+from dextera_build.store import failpoints, files
+from dextera_build.store.bundle import closure, oci, packs, tar
+from dextera_build.store.bundle.config import Contents
+from dextera_build.store.bundle.layout import BLOBS, VERSION
 from dextera_build.store.bundle.oci import Descriptor, Manifest
-from dextera_build.store.cas import MissingBlob
+from dextera_build.store.cas import MissingBlob, is_digest
 from dextera_build.store.store import Store
 
 _CHUNK = 1 << 20
 
 
-class Made:
-    """A source: the bundle of some nodes of a store.
+class Export:
+    """The bundle of some nodes of a store.
 
     Args:
         store: Holds all that the nodes need.
@@ -39,7 +46,6 @@ class Made:
         created: str = "",
         large: int = packs.LARGE,
     ) -> None:
-        self.name = "the store"
         self.contents = contents
         self._store = store
         self._keys = {node.result: node.key for _, node in contents.nodes() if node.result is not None}
@@ -51,20 +57,12 @@ class Made:
         needed = closure.of(contents, self.get).blobs
         texts = list({text.digest: text for text in texts}.values())
         held = [self._layer(layer, n) for n, layer in enumerate(packs.layers(self._sizes(needed), large))]
-        manifest = Manifest(oci.BUNDLE, config, (*texts, *held), annotations=_annotations(contents, created))
-        self.manifest = replace(self._keep(oci.MANIFEST, manifest.spell()), artifact_type=oci.BUNDLE)
-        self._manifests = [self.manifest]
+        self.manifest = Manifest(config, (*texts, *held), annotations=_annotations(contents, created))
 
-    def manifests(self) -> list[Descriptor]:
-        """The bundle's manifest, then that of its provenance."""
-        return list(self._manifests)
-
-    def chunks(self, wanted: Descriptor) -> Iterator[bytes]:
-        """The bytes of a manifest, config or layer."""
-        if wanted.digest in self._documents:
-            yield self._documents[wanted.digest]
-        else:
-            yield from self._layers[wanted.digest].chunks(self._read)
+    @property
+    def digest(self) -> str:
+        """What the provenance is about."""
+        return self.manifest.digest
 
     def get(self, digest: str) -> bytes:
         """The bytes of a small blob, or of a part that an entry holds.
@@ -75,11 +73,51 @@ class Made:
         return self._inside(digest) or self._store.blobs.get(digest)
 
     def attach(self, media_type: str, document: bytes, **annotations: str) -> None:
-        """Say something of the bundle: a document of its own whose subject is the bundle."""
-        layer = self._keep(media_type, document, **{oci.TITLE: "provenance.json", **annotations})
-        empty = self._keep(oci.EMPTY, oci.EMPTY_BYTES)
-        manifest = Manifest(media_type, empty, (layer,), self.manifest)
-        self._manifests.append(replace(self._keep(oci.MANIFEST, manifest.spell()), artifact_type=media_type))
+        """Add the provenance, signed or not."""
+        layer = self._keep(media_type, document, "provenance.json", **annotations)
+        self.manifest = replace(self.manifest, provenance=layer)
+
+    def write(self, path: Path) -> None:
+        """Write the bundle as a file `NAME.tar`, or as a folder.
+
+        Raises:
+            UsageError: The name says neither, or the folder holds something else than an unfinished bundle.
+            StoreError: The disk is full, the place cannot be written, or a blob of the store is damaged.
+        """
+        if path.suffix == ".tar" and not path.is_dir():
+            with files.new_file(os.path.abspath(path), 0o644) as descriptor:
+                for name, size, chunks in self._files():
+                    files.write_all(descriptor, tar.header(name, size))
+                    _pour(chunks, descriptor)
+                    files.write_all(descriptor, tar.padding(size))
+                files.write_all(descriptor, tar.END)
+            return
+        if path.suffix and not path.is_dir():
+            raise UsageError(
+                f"`{path}` is neither a folder nor a `.tar`", code="DXB-U140", hint=f"`-o {path.with_suffix('.tar')}`"
+            )
+        _make_room(path)
+        for name, _, chunks in self._files():
+            if name == "index.json":
+                failpoints.reach("bundle.index")
+            with files.new_file(str(path / name), 0o644) as descriptor:
+                _pour(chunks, descriptor)
+
+    def _files(self) -> Iterator[tuple[str, int, Iterator[bytes]]]:
+        """Name, size and content of every file; the index, which makes it a layout, comes last."""
+        whole = self.manifest
+        manifest = self._keep(oci.MANIFEST, whole.spell())
+        parts = (whole.config, *whole.layers, *([whole.provenance] if whole.provenance else []), manifest)
+        for part in {part.digest: part for part in parts}.values():
+            yield BLOBS + part.digest, part.size, self._chunks(part)
+        for name, document in (("oci-layout", VERSION), ("index.json", oci.spell_index(manifest))):
+            yield name, len(document), iter([document])
+
+    def _chunks(self, wanted: Descriptor) -> Iterator[bytes]:
+        if wanted.digest in self._documents:
+            yield self._documents[wanted.digest]
+        else:
+            yield from self._layers[wanted.digest].chunks(self._read)
 
     def _keep(self, media_type: str, data: bytes, title: str = "", **annotations: str) -> Descriptor:
         found = Descriptor.of(media_type, data, **({oci.TITLE: title} if title else {}), **annotations)
@@ -122,6 +160,36 @@ class Made:
                 raise MissingBlob(digest)
             found[digest] = size
         return found
+
+
+def _pour(chunks: Iterator[bytes], descriptor: int) -> None:
+    for chunk in chunks:
+        files.write_all(descriptor, chunk)
+
+
+def _make_room(path: Path) -> None:
+    """See that a folder is empty; the blobs of an attempt that was cut off before it wrote its index go.
+
+    Raises:
+        UsageError: It holds something else.
+    """
+    try:
+        found = set(os.listdir(path))
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    if found and not (found <= {"blobs", "oci-layout"} and _are_blobs(path / "blobs")):
+        raise UsageError(f"the folder `{path}` is not empty", code="DXB-U141", hint="name a new folder")
+    if found:
+        shutil.rmtree(path / "blobs")
+
+
+def _are_blobs(folder: Path) -> bool:
+    """Whether a folder holds blobs of a layout, finished or not, and nothing else."""
+    with suppress(OSError):
+        names = os.listdir(folder / "sha256")
+        unfinished = f"{files.TEMPORARY}-"
+        return os.listdir(folder) == ["sha256"] and all(is_digest(n) or n.startswith(unfinished) for n in names)
+    return False
 
 
 def _annotations(contents: Contents, created: str) -> dict[str, str]:

@@ -9,11 +9,9 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from dextera_build import digest as digests
 from dextera_build.store.bundle import documents
-from dextera_build.store.bundle.refusal import ill_formed
+from dextera_build.store.bundle.errors import ill_formed
 
-FORM = 2
-_FORMS = (1, FORM)
-"""In form 1 nodes had their whole result, or none."""
+FORM = 3
 Closure: TypeAlias = Literal["targets", "full"]
 """`targets`: the bytes of the targets, and what is known of all other nodes. `full`: the bytes of every node."""
 _RECIPE = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*")
@@ -94,8 +92,8 @@ class Contents:
         """
         what = "the config"
         reader = documents.Reader(documents.parse(data, what), what)
-        if reader.raw.get("form") not in _FORMS:
-            raise ill_formed(what, f"its form is not one of {_FORMS}; it may be of a newer dxb")
+        if reader.raw.get("form") != FORM:
+            raise ill_formed(what, f"its form is not {FORM}, the one that this dxb reads")
         closure = reader.text("closure")
         if closure not in get_args(Closure):
             raise ill_formed(what, "`closure` is neither `targets` nor `full`")
@@ -144,7 +142,7 @@ def _node(raw: object) -> Node:
         key=reader.digest("key"),
         output=reader.digest("output"),
         result=reader.maybe_digest("result"),
-        is_whole=reader.raw.get("is_whole", reader.raw.get("result") is not None) is True,
+        is_whole=reader.raw.get("is_whole") is True,
         seconds=reader.seconds("seconds"),
         depends_on=reader.texts("depends_on"),
         files=reader.table("files"),

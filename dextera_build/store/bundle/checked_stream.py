@@ -1,16 +1,16 @@
-"""Bytes from a source, checked as they pass: not more than was said, and with the digest that was said."""
+"""The bytes of a descriptor, checked as they pass: no more than its size, and with its digest."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
 
-from dextera_build.store.bundle import oci
-from dextera_build.store.bundle.oci import Descriptor, Manifest, Sink, Source
-from dextera_build.store.bundle.refusal import damaged, too_large
+from dextera_build.store.bundle.errors import damaged, too_large
+from dextera_build.store.bundle.layout import Layout
+from dextera_build.store.bundle.oci import Descriptor
 
 
-def stream(source: Source, wanted: Descriptor, what: str = "a layer") -> Iterator[bytes]:
+def stream(source: Layout, wanted: Descriptor, what: str = "a layer") -> Iterator[bytes]:
     """The bytes of a descriptor, in pieces; the last one is followed by the check of all.
 
     Raises:
@@ -29,7 +29,7 @@ def stream(source: Source, wanted: Descriptor, what: str = "a layer") -> Iterato
         raise damaged(what, wanted.digest, "has other bytes")
 
 
-def whole(source: Source, wanted: Descriptor, what: str, most: int) -> bytes:
+def whole(source: Layout, wanted: Descriptor, what: str, most: int) -> bytes:
     """All bytes of a small document.
 
     Raises:
@@ -38,15 +38,3 @@ def whole(source: Source, wanted: Descriptor, what: str, most: int) -> bytes:
     if wanted.size > most:
         raise too_large(what, wanted.size, most)
     return b"".join(stream(source, wanted, what))
-
-
-def copy(source: Source, sink: Sink) -> list[Descriptor]:
-    """Copy a bundle and what is said of it, piece by piece, and return its manifests."""
-    found = source.manifests()
-    for descriptor in found:
-        data = whole(source, descriptor, "the manifest", oci.MOST_MANIFEST)
-        for part in Manifest.read(data).parts():
-            if not sink.has(part):
-                sink.write(part, stream(source, part))
-        sink.manifest(descriptor, data)
-    return found

@@ -12,10 +12,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dextera_build.store import failpoints, files, space
-from dextera_build.store.bundle import checked, closure, oci, tar
-from dextera_build.store.bundle.contents import Contents
-from dextera_build.store.bundle.oci import Descriptor, Manifest, Source
-from dextera_build.store.bundle.refusal import BundleRefused, archive, ill_formed, lacking, too_large
+from dextera_build.store.bundle import checked_stream, closure, oci, tar
+from dextera_build.store.bundle.config import Contents
+from dextera_build.store.bundle.errors import BundleRefused, archive, ill_formed, lacking, too_large
+from dextera_build.store.bundle.layout import Layout
+from dextera_build.store.bundle.oci import Descriptor, Manifest
 from dextera_build.store.cas import is_digest
 from dextera_build.store.store import Store
 from dextera_build.store.traces.tree import publish
@@ -29,12 +30,14 @@ _KINDS = {oci.PACK, oci.BLOB, oci.RECIPE}
 class Opened:
     """A bundle of which the manifest and the config were read and checked."""
 
-    source: Source
-    descriptor: Descriptor
+    source: Layout
     manifest: Manifest
     contents: Contents
-    said: tuple[Descriptor, ...]
-    """Manifests that say something of it: its provenance."""
+
+    @property
+    def digest(self) -> str:
+        """What the provenance is about."""
+        return self.manifest.digest
 
     @property
     def size(self) -> int:
@@ -56,16 +59,13 @@ class Taken:
     """Nodes of which the store has another output under the same key; it keeps its own."""
 
 
-def open_bundle(source: Source) -> Opened:
+def open_bundle(source: Layout) -> Opened:
     """Read what a bundle says of itself.
 
     Raises:
         BundleRefused: It is none, or says what cannot be.
     """
-    descriptor, *said = source.manifests()
-    manifest = Manifest.read(checked.whole(source, descriptor, "the manifest", oci.MOST_MANIFEST))
-    if manifest.artifact_type != oci.BUNDLE:
-        raise ill_formed("the manifest", f"its artifact type is not `{oci.BUNDLE}`")
+    manifest = Manifest.read(checked_stream.whole(source, source.manifest(), "the manifest", oci.MOST_MANIFEST))
     if manifest.config.media_type != oci.CONFIG:
         raise ill_formed("the manifest", f"its config is not of type `{oci.CONFIG}`")
     digests = {manifest.config.digest, *(layer.digest for layer in manifest.layers)}
@@ -74,11 +74,11 @@ def open_bundle(source: Source) -> Opened:
     for layer in manifest.layers:
         if layer.media_type not in _KINDS:
             raise ill_formed("the manifest", f"`{layer.media_type}` is no type of its layers")
-    contents = Contents.read(checked.whole(source, manifest.config, "the config", oci.MOST_CONFIG))
+    contents = Contents.read(checked_stream.whole(source, manifest.config, "the config", oci.MOST_CONFIG))
     recipes = {layer.digest for layer in manifest.layers if layer.media_type == oci.RECIPE}
     if recipes != set(contents.recipes.values()):
         raise ill_formed("the manifest", "its recipes are not those of the config")
-    return Opened(source, descriptor, manifest, contents, tuple(said))
+    return Opened(source, manifest, contents)
 
 
 def take(bundle: Opened, store: Store) -> Taken:
@@ -137,18 +137,18 @@ class _Inbox:
 
     def layer(self, layer: Descriptor) -> None:
         """Take the blobs of one layer."""
-        chunks = checked.stream(self._source, layer)
+        chunks = checked_stream.stream(self._source, layer)
         if layer.media_type == oci.RECIPE:
             for _ in chunks:  # read for the check alone: recipes are the project's own
                 pass
         elif layer.media_type == oci.BLOB:
             self._take(layer.digest, layer.size, chunks)
         else:
-            for file, pieces in tar.Reader(chunks).files():
-                folder, _, digest = file.name.partition("/")
+            for name, size, pieces in tar.files(chunks):
+                folder, _, digest = name.partition("/")
                 if folder != "cas" or not is_digest(digest):
-                    raise archive(file.name[:200] if file.name.isprintable() else "?", "is not named by a digest")
-                self._take(digest, file.size, pieces)
+                    raise archive(name[:200], "is not named by a digest")
+                self._take(digest, size, pieces)
 
     def read(self, digest: str) -> bytes:
         """A small document that came with the bundle."""

@@ -19,8 +19,8 @@ from dextera_build import digest as digests
 from dextera_build.errors import MachineError, UsageError
 from dextera_build.store import files
 from dextera_build.store.bundle import documents
+from dextera_build.store.bundle.errors import ill_formed
 from dextera_build.store.bundle.oci import IN_TOTO
-from dextera_build.store.bundle.refusal import ill_formed
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
