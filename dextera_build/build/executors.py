@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dextera_build.project import Project
     from dextera_build.session import Session
 
-RUNNER = "dextera_build.code.runner:run_task"
+RUNNER = "dextera_build.code.entry:run_task"
 
 
 @contextmanager

@@ -34,9 +34,12 @@ def answer(words: list[str]) -> bool:
 
 
 def request(words: list[str], version: str) -> str:
-    """All that is asked, but for files, spelled out."""
+    """The digest of all that is asked, but for files: variables and words may hold passwords, and a note is a file."""
+    import hashlib
+
     said = [(name, value) for name, value in os.environ.items() if name.startswith("DXB_") or name in _PLACES]
-    return repr((FORM, version, sys.version, sys.path, words, os.getcwd(), sorted(said)))
+    asked = repr((FORM, version, sys.version, sys.path, words, os.getcwd(), sorted(said)))
+    return hashlib.sha256(asked.encode()).hexdigest()
 
 
 def place(asked: str) -> str:

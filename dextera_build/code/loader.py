@@ -21,13 +21,18 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest
-from dextera_build.code.code_digest import CodeIndex, is_young, syntax
+from dextera_build.code import importing
+from dextera_build.code.code_digest import CodeIndex
+from dextera_build.code.importer import IMPORTER, install
+from dextera_build.code.modules import PACKAGE as PACKAGE
+from dextera_build.code.modules import read
+from dextera_build.code.syntax import tree
 from dextera_build.errors import MachineError, Place, RecipeError, did_you_mean, listing
 
 if TYPE_CHECKING:
-    from dextera_build.rule import Backend, Rule
+    from importlib.metadata import EntryPoint
 
-PACKAGE = Path(__file__).parent.parent
+    from dextera_build.rule import Backend, Rule
 
 
 def bundled(kind: str) -> Path:
@@ -45,6 +50,7 @@ class Root:
 
     def mount(self) -> None:
         """Make `import <name>.<stage>.<module>` work, once per process."""
+        install().roots.add(self.name)
         if self.name in sys.modules:
             return
         spec = importlib.machinery.ModuleSpec(self.name, None, is_package=True)
@@ -91,7 +97,7 @@ class RuleFile:
     def place(self) -> Place:
         """The line of the rule's function, for messages."""
         name = self.path.rpartition(".")[2]
-        for node in syntax(self.file.read_text()).body:
+        for node in tree(read(self.file), str(self.file)).body:
             if isinstance(node, ast.FunctionDef) and node.name == name:
                 return Place(str(self.file), node.lineno)
         return Place(str(self.file))
@@ -144,19 +150,25 @@ class Library:
         self.project = project or Path.cwd()
         self._project = project
         self._found: dict[str, RuleFile] = {}
+        IMPORTER.forget_changed()
 
     @cached_property
     def roots(self) -> list[Root]:
         """Where rules are looked for, in order."""
-        import importlib.metadata  # slow to import, and not every command asks for rules
-
         folders = [
             Path(str(importlib.util.find_spec(point.value).submodule_search_locations[0]))  # type: ignore[union-attr,index]
-            for point in importlib.metadata.entry_points(group="dxb.rules")
+            for point in self._points
         ]
         folders += [] if (own := bundled("rules").resolve()) in folders else [own]
         known = {root.path for root in self._first}
         return [*self._first, *(_mounted(folder) for folder in folders if folder not in known)]
+
+    @cached_property
+    def _points(self) -> Sequence[EntryPoint]:
+        """What installed distributions say of rules that they bring."""
+        import importlib.metadata  # slow to import, and not every command asks for rules
+
+        return list(importlib.metadata.entry_points(group="dxb.rules"))
 
     @cached_property
     def _first(self) -> list[Root]:
@@ -194,9 +206,9 @@ class Library:
 
     @cached_property
     def code(self) -> CodeIndex:
-        """Code digests of the files in the roots, the package and the project."""
-        roots = {root.name: root.path for root in self.roots}
-        return CodeIndex(roots, PACKAGE, self._project)
+        """Code digests of the files in the roots, of dxb and of the project's own packages."""
+        own = frozenset(point.value.partition(".")[0] for point in self._points)
+        return CodeIndex({root.name: root.path for root in self.roots}, own)
 
     def _search(self, path: str, where: Place | None) -> RuleFile:
         # What the project has itself is found without a look at what is installed.
@@ -298,42 +310,28 @@ def _others(found: RuleFile, but: str) -> str:
 
 def _import(root: Root, path: str, file: Path) -> ModuleType:
     root.mount()
-    written = sys.dont_write_bytecode
-    sys.dont_write_bytecode = written or is_young(file.parent)
     try:
-        return importlib.import_module(root.module(file))
-    except ImportError as error:
-        package = (error.name or "").partition(".")[0]
-        if package and not package.startswith("dxb_rules") and importlib.util.find_spec(package) is None:
-            raise MachineError(
-                f"{path} needs the package `{package}`, which is not installed",
-                code="DXB-E302",
-                where=Place(str(file)),
-                hint="`pip install 'dextera-build[all]'`",
-            ) from None
-        raise RecipeError(f"{path} cannot be imported: {error}", code="DXB-R205", where=Place(str(file))) from error
-    except SyntaxError as error:
-        where = Place(error.filename or str(file), error.lineno or 0, error.offset or 0)
-        raise RecipeError(f"{path} is not valid Python: {error.msg}", code="DXB-R206", where=where) from None
-    finally:
-        sys.dont_write_bytecode = written
+        with importing.watched(path, file):
+            return importlib.import_module(root.module(file))
+    except Exception as error:
+        raise importing.refused(path, file, error) from error
 
 
 def _holds_rule(file: Path) -> bool:
-    text = file.read_text()
-    if "@rule(" not in text:
+    data = read(file)
+    if b"@rule(" not in data:
         return False
     try:
-        body = syntax(text).body
-    except SyntaxError:
-        return True  # Importing it says where the error is.
+        body = tree(data, str(file)).body
+    except RecipeError:
+        return True  # importing it says where the error is
     return any(isinstance(node, ast.FunctionDef) and node.name == file.stem and node.decorator_list for node in body)
 
 
 def _backend_facts(file: Path) -> Backend | None:
     from dextera_build.rule import Backend
 
-    for node in syntax(file.read_text()).body:
+    for node in tree(read(file), str(file)).body:
         if not (isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)):
             continue
         if not any(isinstance(target, ast.Name) and target.id == "BACKEND" for target in node.targets):

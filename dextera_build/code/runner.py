@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
+from dextera_build.code.importer import IMPORTER
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.rule import Context
@@ -34,7 +35,8 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
 
     Args:
         task: `rule`, `backend`, `options`, `inputs` (slot -> digest), `store`, `project`; `key` names the folder in
-            which the call keeps its progress, without it the call has a fresh one.
+            which the call keeps its progress, without it the call has a fresh one; `sources` says which code its
+            key stands for.
         emit: Takes progress and log lines as they come.
 
     Returns:
@@ -42,9 +44,17 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         size [bytes] of what was stored).
 
     Raises:
-        DxbError: The rule refused its inputs, a check failed, or a disk is full.
+        DxbError: The rule refused its inputs, a check failed, a disk is full, or code was edited since it was digested.
     """
+    try:
+        return _run(task, emit)
+    finally:
+        IMPORTER.verify()
+
+
+def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     found = _library(task["project"]).find(task["rule"])
+    IMPORTER.want(task.get("sources", {}), found.root.name)
     backend = found.backends[task["backend"]].load() if task["backend"] else None
     store = opened(task["store"])
     rule = found.rule

@@ -161,6 +161,7 @@ class Dispatch:
             needs=self._needs_of(rule)[0],
             devices=devices,
             key=node.key or "",
+            sources=rule.sources,
         )
 
     def _take(self, report: Report) -> End | None:

@@ -98,6 +98,8 @@ class RuleFacts:
     retries: Retries = _NONE
     discovers: str = ""
     """The folder in which calls of it read by themselves, the project's; "" where they do not."""
+    sources: Mapping[str, str] = field(default_factory=dict)
+    """What a worker compares before it runs the code; `code` is what the key holds of it."""
 
     @property
     def needs(self) -> Needs:

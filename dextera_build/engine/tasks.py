@@ -36,6 +36,8 @@ class Task:
     """GPUs that it may use, as `CUDA_VISIBLE_DEVICES` calls them."""
     key: str = ""
     """Names the folder in which the call keeps its progress; "" where it shall have a fresh one."""
+    sources: Mapping[str, str] = field(default_factory=dict)
+    """`RuleFacts.sources`."""
 
     def message(self) -> dict[str, object]:
         """What the runner gets."""
@@ -48,6 +50,7 @@ class Task:
             "project": self.project,
             "profile": self.profile,
             "key": self.key,
+            "sources": self.sources,
         }
 
 

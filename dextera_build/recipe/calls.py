@@ -214,6 +214,7 @@ def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> 
         named=tuple(sorted(rule.resources.items())),
         retries=Retries(rule.retries, tuple(_spelled(kind) for kind in rule.retry_on), rule.retry_wait_s),
         discovers=str(library.project) if rule.discovers else "",
+        sources=library.code.sources(*files),
     )
 
 

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.code.code_digest import CodeIndex
-from dextera_build.code.loader import PACKAGE
+from dextera_build.code.loader import Library
 
 RULE = '''"""A rule."""
 from __future__ import annotations
@@ -38,7 +37,7 @@ def stage(tmp_path: Path) -> Path:
 
 
 def code(stage: Path) -> dict[str, dict[str, str]]:
-    return CodeIndex({"r": stage.parent}, PACKAGE, stage.parents[1]).of(stage / "mesh.py")
+    return Library(stage.parents[1]).code.of(stage / "mesh.py")
 
 
 def test_the_closure_holds_what_runs(stage):
@@ -86,7 +85,7 @@ def test_a_change_names_its_definition(stage, file, old, new, where):
 
 
 def test_a_definition_is_found_again(stage):
-    index = CodeIndex({"r": stage.parent}, PACKAGE, stage.parents[1])
+    index = Library(stage.parents[1]).code
     index.of(stage / "mesh.py")
     assert index.find("rules/toy/mesh.py", "mesh") == (stage / "mesh.py", 11)
     assert index.find("rules/toy/gone.py", "mesh") is None

@@ -1,0 +1,162 @@
+"""Imports first-party modules from the source that was digested; byte code of them is neither read nor written.
+
+In the process that plans, a module is compiled from the bytes that `modules.read` keeps for the digest. A worker is
+told with each task which sources it was digested from, and refuses others.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from types import CodeType, ModuleType
+
+from dextera_build.code import syntax
+from dextera_build.code.code_digest import RULES
+from dextera_build.code.modules import DXB, digest_of, find_top, forget_changed, is_first_party, read
+from dextera_build.errors import DxbError, Place, RuleError
+
+_DIGESTED = tuple(f"{DXB}.{name}" for name in ("artifacts", "geometry", "learning", "policy", "sim"))
+"""What of dxb itself enters the keys of rules."""
+_PACKAGE = "/__init__.py"
+
+
+class Importer:
+    """A finder of Python's import system; there is one in a process."""
+
+    is_of_dxb = True
+
+    def __init__(self) -> None:
+        self.roots: set[str] = set()
+        """Packages under which rules are mounted."""
+        self.takes_dxb = False
+        """Whether dxb's own modules are compiled from source as well."""
+        self._wanted: dict[str, str] = {}
+        self._loaded: dict[str, str] = {}
+        self._told: tuple[str, Mapping[str, str]] = ("", {})
+        self._edited: RuleError | None = None
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Part of Python's import system."""
+        wanted = self._wanted.get(name)
+        if wanted == "":
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        if not (wanted or self._may_be_ours(name)):
+            return None
+        spec = find_top(name) if path is None else PathFinder.find_spec(name, path)
+        there = spec is not None and spec.has_location
+        if wanted is not None and there == (wanted == _PACKAGE):
+            raise self._refuse(str(spec.origin) if spec is not None and there else name)
+        if spec is not None and type(spec.loader) is SourceFileLoader and self._is_ours(name, spec.loader.path):
+            spec.loader = _Loader(name, spec.loader.path, self)
+        return spec
+
+    def want(self, sources: Mapping[str, str], root: str) -> None:
+        """Take note of what the code of a task was digested from.
+
+        Args:
+            sources: What `CodeIndex.sources` gave.
+            root: The package under which its rule is mounted.
+
+        Raises:
+            RuleError: A module of it was loaded from another source.
+        """
+        self._edited = None
+        if self._told == (root, sources):
+            return
+        for source, said in sources.items():
+            name = _module(source, root)
+            self._wanted[name] = said or (_PACKAGE if source.endswith(_PACKAGE) else "")
+            if self._loaded.get(name, said[:32]) != said[:32]:
+                self.check(name, sys.modules[name].__file__ or "")
+        self._told = (root, sources)
+
+    def verify(self) -> None:
+        """Say again what was refused, whatever the rule made of that.
+
+        Raises:
+            RuleError: A module is another than the one that was digested.
+        """
+        if self._edited is not None:
+            raise self._edited
+
+    def check(self, name: str, file: str) -> bytes:
+        """The source of a module, if it is what was digested.
+
+        Raises:
+            RuleError: It is not.
+        """
+        data = read(file)
+        wanted, found = self._wanted.get(name), digest_of(data)
+        if wanted is not None and wanted.partition(" ")[0] != found and not _says(data, file, wanted):
+            raise self._refuse(file)
+        self._loaded[name] = found
+        return data
+
+    def forget_changed(self) -> None:
+        """Have modules imported anew of which a source file was changed since."""
+        if forget_changed():
+            for name in self._loaded:
+                sys.modules.pop(name, None)
+            self._loaded.clear()
+
+    def _refuse(self, file: str) -> RuleError:
+        self._edited = RuleError(
+            "code was edited while the build ran, and is not what the key of this node stands for",
+            code="DXB-B315",
+            where=Place(file),
+            hint="build again",
+        )
+        return self._edited
+
+    def _may_be_ours(self, name: str) -> bool:
+        top = name.partition(".")[0]
+        if top == DXB:
+            return self.takes_dxb and name.startswith(_DIGESTED)
+        return top not in sys.stdlib_module_names
+
+    def _is_ours(self, name: str, file: str) -> bool:
+        top = name.partition(".")[0]
+        return top == DXB or top in self.roots or name in self._wanted or is_first_party(file)
+
+
+class _Loader(SourceFileLoader):
+    """Compiles a module from source."""
+
+    def __init__(self, name: str, path: str, importer: Importer) -> None:
+        super().__init__(name, path)
+        self._importer = importer
+
+    def get_code(self, fullname: str) -> CodeType:
+        """The module's code; without the detour by byte code that the class above takes."""
+        code: CodeType = self.source_to_code(self._importer.check(fullname, self.path), self.path)
+        return code
+
+
+def _module(source: str, root: str) -> str:
+    """The module that a source is imported as."""
+    stem = source.removesuffix(_PACKAGE) if source.endswith(_PACKAGE) else source.rpartition(".")[0]
+    top, *rest = stem.split("/")
+    return ".".join([root if top == RULES else top, *rest])
+
+
+def _says(data: bytes, file: str, wanted: str) -> bool:
+    """Whether a source differs from the one that was digested in comments and layout alone."""
+    try:
+        return syntax.source(data, file).content[:32] == wanted.partition(" ")[2]
+    except DxbError:
+        return False
+
+
+IMPORTER = Importer()
+
+
+def install() -> Importer:
+    """Have first-party modules imported by `IMPORTER` from now on."""
+    if IMPORTER not in sys.meta_path:
+        # Others that come before Python's own finder stay there: pytest rewrites what it imports.
+        place = sys.meta_path.index(PathFinder) if PathFinder in sys.meta_path else 0
+        sys.meta_path.insert(place, IMPORTER)
+    return IMPORTER

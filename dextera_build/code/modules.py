@@ -1,0 +1,185 @@
+"""Where imports of first-party modules lead, decided as Python decides it, and what their files hold.
+
+First-party is what lies neither in the standard library nor where distributions are installed: `rules/`, packages of a
+project wherever the module search path finds them, and dxb itself.
+"""
+
+from __future__ import annotations
+
+import os
+import pkgutil
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+
+from dextera_build import digest
+from dextera_build.errors import MachineError, Place
+
+PACKAGE = Path(__file__).parent.parent
+DXB = "dextera_build"
+_LIBRARY = os.path.dirname(os.path.realpath(os.__file__))
+_INSTALLED = {"site-packages", "dist-packages"}
+_READ: dict[str, bytes] = {}
+
+
+def read(file: str | os.PathLike[str]) -> bytes:
+    """What a source file held when this process looked first; what is digested and what is run are the same bytes.
+
+    Raises:
+        MachineError: It cannot be read.
+    """
+    name = os.fspath(file)
+    if name not in _READ:
+        try:
+            with open(name, "rb") as opened:
+                _READ[name] = opened.read()
+        except OSError as error:
+            raise MachineError(
+                f"a source file cannot be read: {error.strerror}",
+                code="DXB-E303",
+                where=Place(name),
+                hint="give yourself leave to read it, or take it away",
+            ) from None
+    return _READ[name]
+
+
+def forget_changed() -> bool:
+    """Forget what was read of files that hold something else now; whether there were any."""
+    changed = [name for name, data in _READ.items() if _now(name) != data]
+    for name in changed:
+        del _READ[name]
+    return bool(changed)
+
+
+def _now(name: str) -> bytes | None:
+    try:
+        with open(name, "rb") as opened:
+            return opened.read()
+    except OSError:
+        return None
+
+
+def digest_of(data: bytes) -> str:
+    """Short digest of the bytes of a source file."""
+    return digest.of_bytes(data)[:32]
+
+
+@cache
+def is_first_party(file: str) -> bool:
+    """Whether a module's file is neither of the standard library nor of an installed distribution."""
+    if not os.path.isabs(file):
+        return False  # built in, or frozen
+    return not file.startswith(f"{_LIBRARY}{os.sep}") and _INSTALLED.isdisjoint(file.split(os.sep))
+
+
+@dataclass(frozen=True)
+class Module:
+    """What an import finds."""
+
+    name: str
+    """As it is imported."""
+    file: Path | None
+    """None for a package without a file."""
+    search: tuple[str, ...] | None
+    """Where its submodules are looked for; None where it is no package."""
+
+    @property
+    def package(self) -> str:
+        """What relative imports in it start from."""
+        return self.name if self.search is not None else self.name.rpartition(".")[0]
+
+
+class Modules:
+    """Looks modules up, each once, and notes where it looked.
+
+    Args:
+        roots: Mounted package -> its folder.
+        own: Top-level packages that are first-party although they are installed.
+    """
+
+    def __init__(self, roots: dict[str, Path], own: frozenset[str] = frozenset()) -> None:
+        known = {name: Module(name, None, (str(folder),)) for name, folder in roots.items()}
+        known[DXB] = Module(DXB, PACKAGE / "__init__.py", (str(PACKAGE),))
+        self._found: dict[str, Module | None] = dict(known)
+        self._own = own
+        self._foreign: dict[str, bool] = {}
+        self.folders: set[str] = set()
+        """Folders that were searched."""
+        self.absent: set[str] = set()
+        """Files that would have been found first."""
+
+    def find(self, name: str) -> Module | None:
+        """What `import name` finds; None where that is nothing, or nothing first-party."""
+        if name not in self._found:
+            parent, _, tail = name.rpartition(".")
+            self._found[name] = self._inner(name, tail, parent) if parent else self._top(name)
+        return self._found[name]
+
+    def is_foreign(self, top: str) -> bool:
+        """Whether a top-level module is there, and not first-party."""
+        self.find(top)
+        return self._foreign.get(top, False)
+
+    def _inner(self, name: str, tail: str, parent: str) -> Module | None:
+        above = self.find(parent)
+        if above is None or above.search is None:
+            return None
+        self.folders.update(above.search)
+        spec = _find_below(name, above.search)
+        return None if spec is None else self._module(name, spec, tail)
+
+    def _top(self, name: str) -> Module | None:
+        if name in sys.builtin_module_names:
+            self._foreign[name] = True
+            return None
+        spec = find_top(name)
+        if spec is None:
+            return None
+        found = self._module(name, spec, name)
+        places = [str(found.file)] if found.file else [os.path.join(folder, "_") for folder in found.search or ()]
+        if name in self._own or all(is_first_party(place) for place in places):
+            return found
+        self._foreign[name] = True
+        return None
+
+    def _module(self, name: str, spec: ModuleSpec, tail: str) -> Module:
+        if spec.origin is None or not spec.has_location:
+            inner = tuple(spec.submodule_search_locations or ())
+            self.absent.update(os.path.join(place, "__init__.py") for place in inner)
+            return Module(name, Path(spec.origin) if spec.origin else None, inner or None)
+        if spec.submodule_search_locations is None:
+            beside = os.path.join(os.path.dirname(spec.origin), tail)
+            if os.path.isdir(beside):  # a package here would come first
+                self.absent.add(os.path.join(beside, "__init__.py"))
+            return Module(name, Path(spec.origin), None)
+        return Module(name, Path(spec.origin), tuple(spec.submodule_search_locations))
+
+
+def find_top(name: str) -> ModuleSpec | None:
+    """What Python finds for a top-level module, by all finders but our own."""
+    for finder in sys.meta_path:
+        if getattr(finder, "is_of_dxb", False) or not hasattr(finder, "find_spec"):
+            continue
+        spec: ModuleSpec | None = finder.find_spec(name, None)
+        if spec is not None:
+            return spec
+    return None
+
+
+def _find_below(name: str, search: Sequence[str]) -> ModuleSpec | None:
+    """As `PathFinder.find_spec`, which wants the package above to be imported."""
+    folders: list[str] = []
+    for entry in search:
+        finder = pkgutil.get_importer(entry)
+        spec = finder.find_spec(name) if finder is not None else None
+        if spec is not None and spec.loader is not None:
+            return spec
+        folders += (spec.submodule_search_locations or []) if spec is not None else []
+    if not folders:
+        return None
+    found = ModuleSpec(name, None, is_package=True)
+    found.submodule_search_locations = folders
+    return found

@@ -1,0 +1,208 @@
+"""What Python source says, without comments, docstrings and positions: the same on every version of Python.
+
+Digests are kept per top-level definition, so that `dxb why` can name the function that changed.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import threading
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from dextera_build import digest
+from dextera_build.errors import Place, RecipeError
+
+_PARSING = threading.Lock()
+# Fields that versions add are empty for what older ones can read, and empty fields are left out.
+_UNSAID = {"ctx", "kind", "type_comment", "type_ignores"}
+
+# What `@rule(...)` and `Backend(...)` say of how a call runs; it changes no result, so it stays out of the key.
+_NEEDS = {"cpus", "memory_gb", "gpus", "resources", "retries", "retry_on", "retry_wait_s"}
+_BACKEND_NEEDS = {"gpu_gb", "summary"}
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a source file says."""
+
+    definitions: dict[str, str]
+    """Top-level definition, or `<module>` -> digest."""
+    lines: dict[str, int]
+    imports: tuple[tuple[int, str, tuple[str, ...]], ...]
+    """(level, module, imported names) of every import statement that may run."""
+    exports: tuple[str, ...] = ()
+    """`__all__`, where it is a literal."""
+
+    @property
+    def content(self) -> str:
+        """Digest of everything it says."""
+        return digest.of_value([list(self.definitions.items()), list(self.lines), self.imports, self.exports])
+
+
+def tree(data: bytes, file: str) -> ast.Module:
+    """The syntax tree of a source file.
+
+    One thread at a time: Python 3.11 fails where two build trees at once.
+
+    Raises:
+        RecipeError: It is not Python, or nested more deeply than Python can read.
+    """
+    try:
+        with _PARSING, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of escapes that are out of date; whoever imports the module is told
+            return ast.parse(data, file)
+    except (RecursionError, MemoryError):
+        raise too_deep(file) from None
+    except (SyntaxError, ValueError) as error:
+        said, line = getattr(error, "msg", str(error)), getattr(error, "lineno", None) or 0
+        column = getattr(error, "offset", None) or 0
+        raise RecipeError(f"not valid Python: {said}", code="DXB-R206", where=Place(file, line, column)) from None
+
+
+def too_deep(file: str) -> RecipeError:
+    """What to say of a file that Python itself cannot read."""
+    return RecipeError(
+        "an expression or a statement is nested too deeply for Python to read",
+        code="DXB-R210",
+        where=Place(file),
+        hint="split a long sum or chain over several statements, turn a long `elif` chain into a table",
+    )
+
+
+def source(data: bytes, file: str) -> Source:
+    """What a source file says.
+
+    Raises:
+        RecipeError: It is not Python, or nested more deeply than Python can read.
+    """
+    module = tree(data, file)
+    imports = tuple(_imports(module))
+    exports = next((found for node in module.body if (found := _exports(node)) is not None), ())
+    _strip_needs(module)
+    parts: dict[str, list[str]] = {}
+    lines: dict[str, int] = {}
+    for node in module.body:
+        if not _is_text(node):
+            name = _definition(node)
+            parts.setdefault(name, []).append(dump(node))
+            lines.setdefault(name, node.lineno)
+    return Source({name: digest.of_value(dumps)[:16] for name, dumps in parts.items()}, lines, imports, exports)
+
+
+def dump(node: ast.AST) -> str:
+    """Digest of a syntax tree, without docstrings; no recursion, for a tree can be deep."""
+    said: list[str] = []
+    todo: list[object] = [node]
+    while todo:
+        part = todo.pop()
+        if isinstance(part, str):
+            said.append(part)
+        elif isinstance(part, ast.Constant):
+            said.append(_constant(part.value))
+        elif isinstance(part, ast.AST):
+            said.append(f"({type(part).__name__}")
+            todo.append(")")
+            for name in reversed(part._fields):
+                value = _field(part, name)
+                if value is not None and value != []:
+                    todo += (value, f" {name}=")
+        elif isinstance(part, list):
+            said.append("[")
+            todo.append("]")
+            for item in reversed(part):
+                todo += (item, ",")
+        else:
+            said.append(_constant(part))
+    return hashlib.sha256("".join(said).encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def _field(node: ast.AST, name: str) -> object:
+    """A field of a node as every version of Python says it; None where it says nothing."""
+    if name in _UNSAID:
+        return None
+    value = getattr(node, name, None)
+    if isinstance(value, ast.JoinedStr) and name == "format_spec" and not _pieces(value):
+        return None
+    if isinstance(value, list):
+        if isinstance(node, ast.JoinedStr):
+            return _pieces(node)
+        return [inner for inner in value if not _is_text(inner)]
+    # A name must not be taken for a mark of ours.
+    return f"{len(value)}:{value}" if isinstance(value, str) else value
+
+
+def _pieces(node: ast.JoinedStr) -> list[object]:
+    """The parts of an f-string; versions split its text at different places."""
+    found: list[object] = []
+    text = ""
+    for piece in node.values:
+        if isinstance(piece, ast.Constant):
+            text += str(piece.value)
+            continue
+        found += [ast.Constant(text), piece] if text else [piece]
+        text = ""
+    return [*found, ast.Constant(text)] if text else found
+
+
+def _constant(value: object) -> str:
+    kind = type(value).__name__
+    if isinstance(value, str):
+        return f"{kind}{len(value)}:{value}"
+    # `repr` of a large integer is refused.
+    return f"{kind}:{hex(value)}" if isinstance(value, int) and not isinstance(value, bool) else f"{kind}:{value!r}"
+
+
+def _imports(module: ast.Module) -> Iterator[tuple[int, str, tuple[str, ...]]]:
+    todo: list[ast.AST] = [module]
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.Import):
+            yield from ((0, alias.name, ()) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.level, node.module or "", tuple(alias.name for alias in node.names)
+        elif isinstance(node, ast.If) and _is_checking(node.test):
+            todo += node.orelse
+        elif isinstance(node, ast.If) and isinstance(node.test, ast.UnaryOp) and _is_not_checking(node.test):
+            todo += node.body
+        else:
+            todo += ast.iter_child_nodes(node)
+
+
+def _is_checking(test: ast.expr) -> bool:
+    name = test.attr if isinstance(test, ast.Attribute) else test.id if isinstance(test, ast.Name) else ""
+    return name == "TYPE_CHECKING"
+
+
+def _is_not_checking(test: ast.UnaryOp) -> bool:
+    return isinstance(test.op, ast.Not) and _is_checking(test.operand)
+
+
+def _exports(node: ast.stmt) -> tuple[str, ...] | None:
+    if isinstance(node, ast.Assign | ast.AnnAssign) and _definition(node) == "__all__":
+        items = node.value.elts if isinstance(node.value, ast.List | ast.Tuple) else []
+        return tuple(item.value for item in items if isinstance(item, ast.Constant) and isinstance(item.value, str))
+    return None
+
+
+def _is_text(node: object) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
+def _definition(node: ast.stmt) -> str:
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+        return node.name
+    targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+    names = [target.id for target in targets if isinstance(target, ast.Name)]
+    return names[0] if names else "<module>"
+
+
+def _strip_needs(module: ast.Module) -> None:
+    for node in module.body:
+        marks = node.decorator_list if isinstance(node, ast.FunctionDef) else [getattr(node, "value", None)]
+        for mark in marks:
+            if isinstance(mark, ast.Call) and isinstance(mark.func, ast.Name):
+                out = {"rule": _NEEDS, "Backend": _BACKEND_NEEDS}.get(mark.func.id, set())
+                mark.keywords = [keyword for keyword in mark.keywords if keyword.arg not in out]
