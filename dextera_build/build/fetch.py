@@ -57,19 +57,17 @@ def held(session: Session, nodes: Sequence[Planned]) -> set[str]:
     stale = [node for node in nodes if node.status == "stale" and node.key is not None]
     if not stale:
         return set()
-    from dextera_build.store.remotes import entry
     from dextera_build.store.remotes.connect import guarded
     from dextera_build.store.remotes.crew import Crew
-    from dextera_build.store.remotes.remote import Digest, RemoteFault
+    from dextera_build.store.remotes.remote import RemoteFault
+    from dextera_build.store.transfer import entry_at
 
     remotes, found = [guarded(spec) for spec in used], set[str]()
 
     def ask(node: Planned) -> None:
-        key = Digest(node.key or "", len(node.key_document))
         for remote in remotes:
             with suppress(RemoteFault):
-                message = remote.get_action(key)
-                if message is not None and entry.read(message, key) is not None:
+                if entry_at(remote, node.key or "") is not None:
                     found.add(node.address)
                     return
 

@@ -11,7 +11,7 @@ from dextera_build.engine.graph import Call, Group, Leaf, RuleFacts
 from dextera_build.engine.states import State
 from dextera_build.engine.tasks import Ended
 from dextera_build.errors import DxbError
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.traces.steps import Steps
 
 Path = tuple[str, ...]

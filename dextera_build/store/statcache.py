@@ -71,7 +71,7 @@ class StatCache:
             data = json.dumps({"form": _FORM, "files": self._known}).encode()
             failpoints.reach("leaves.save")
             with suppress(StoreError):
-                files.write(str(self._table), data, 0o644)
+                files.write(str(self._table), data, 0o644, str(self._table.parent))
                 self._dirty = False
 
     def _files(self, inside: list[tuple[str, os.stat_result]]) -> dict[str, tuple[str, int]]:

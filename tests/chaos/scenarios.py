@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build.store import inventory
-from dextera_build.store.actions import ABSENT
 from dextera_build.store.store import Store
 from tests.chaos.children import dxb
 from tests.e2e.space import Space
@@ -237,8 +236,8 @@ def results(space: Space) -> dict[str, tuple[str, frozenset[str]]]:
 def bare_results(space: Space) -> set[str]:
     """Keys whose results came from elsewhere without the bytes that nobody has to read."""
     actions = Store(space.root / "cache").actions
-    messages = {key: actions.message(key) for key in actions.keys()}  # noqa: SIM118 - no mapping
-    return {key for key, message in messages.items() if message is not None and ABSENT in message[1]}
+    entries = {key: actions.entry(key) for key in actions.keys()}  # noqa: SIM118 - no mapping
+    return {key for key, entry in entries.items() if entry is not None and entry.is_bare}
 
 
 def exported(space: Space) -> dict[str, bytes]:
