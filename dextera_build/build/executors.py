@@ -38,6 +38,8 @@ def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False
         wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
         capacity = project.capacity(gpus=wants_gpu)
         with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity) as workers:
+            if not idle:
+                workers.warm()  # a build whose snapshot is not fresh mostly runs something
             yield workers
 
 

@@ -36,7 +36,6 @@ def run(args: argparse.Namespace) -> int:
         wanted = options.wish(text)
         session = Session(project, wanted.recipe, options.added(args), makes=True)
         result = _bring(session, wanted.target, args)
-        lacking += [f"{wanted.recipe}:{node}" for node in result.own.errors()]
         lacking += [f"{wanted.recipe}:{place}" for place in result.errors]
     if lacking:
         count = "1 node is" if len(lacking) == 1 else f"{len(lacking)} nodes are"

@@ -225,7 +225,7 @@ def _spelled(kind: type[BaseException] | str) -> str:
 
 @cache
 def _schema(annotation: Any) -> str:
-    from dextera_build.artifacts.base import schema_digest
+    from dextera_build.artifacts.schema import schema_digest
 
     return schema_digest(annotation)[:16]
 
