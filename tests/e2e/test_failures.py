@@ -131,7 +131,7 @@ def test_a_damaged_blob_is_not_believed(space):
 
 
 @pytest.mark.parametrize(
-    "words", [["build"], ["build", "say/words", "--nope"], ["get", "say/words"], ["why", "say/words"], ["show"]]
+    "words", [["build"], ["build", "say/words", "--nope"], ["get", "say/words"], ["show"]]
 )
 def test_a_wrong_command_line_exits_with_two(space, words):
     answer = space.dxb(*words)

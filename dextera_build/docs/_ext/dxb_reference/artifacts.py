@@ -10,9 +10,9 @@ from types import ModuleType
 from dextera_build import artifacts
 from dextera_build.artifacts.base import Artifact, Value, array_specs
 from dextera_build.artifacts.meanings import meanings
+from dextera_build.explain.rule_card import type_name
 
 from .markdown import code, join, table
-from .rules import type_name
 
 
 def page() -> str:
