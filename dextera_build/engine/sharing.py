@@ -57,7 +57,7 @@ class Sharing:
         if not node.rule.discovers:
             return self._ask(node, self._exchange)
         here = (node.key, node.document, node.reads)
-        self._reading.begin(node)  # a remote knows ways of its own to what it holds
+        self._reading.begin(node)
         if self._ask(node, self._exchange):
             return True
         node.key, node.document, node.reads = here
@@ -93,14 +93,14 @@ class Sharing:
                 self._go_without(node)
             else:
                 node.remote, node.seconds = answer.remote, answer.seconds
-                self._take(node, answer.result, bare=not answer.is_whole)
+                if node.rule.discovers and node.reads is None:
+                    self._go_on(node)
+                else:
+                    self._succeed(node, "fetched", answer.result, bare=not answer.is_whole)
 
-    def _take(self, node: Node, result: ActionResult, *, bare: bool) -> None:
-        """A remote has something under the key of a node: its result, or what it reads next."""
-        onward = self._reading.onward(node, result)
-        if onward is None:
-            self._succeed(node, "fetched", result, bare=bare)
-        elif self._exchange is None or not (self._reading.follow(node, onward) and self._ask(node, self._exchange)):
+    def _go_on(self, node: Node) -> None:
+        """A remote has traces of a node that reads by itself; one of them may lead to its result."""
+        if self._exchange is None or not (self._reading.follow(node) and self._ask(node, self._exchange)):
             self._go_without(node)
 
     def _go_without(self, node: Node) -> None:

@@ -197,8 +197,8 @@ class Node(Unit):
     """How often it ran here."""
     calls = Rare[tuple[Mapping[str, Any], ...]](())
     """What it called when it ran here, as `store.calls` notes it."""
-    reads = Rare[Steps](())
-    """What it reads by itself, as far as is known."""
+    reads = Rare[Steps | None](None)
+    """What it reads by itself, None where that is not known."""
     owned = Rare[str]("")
     """The key that it had when it became the one to build it."""
     rests_until = Rare[float](0.0)

@@ -19,7 +19,7 @@ from dextera_build.store.bundle.layout import Layout
 from dextera_build.store.bundle.oci import Descriptor, Manifest
 from dextera_build.store.cas import is_digest
 from dextera_build.store.store import Store
-from dextera_build.store.traces.tree import publish
+from dextera_build.store.traces.lists import publish
 
 MOST_DOCUMENT = 64 << 20
 """Bytes of a key document, a header or a `result.json`."""
