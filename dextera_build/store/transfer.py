@@ -76,13 +76,11 @@ class Transfer:
         if entry is None:
             return None
         try:
-            octets = self._whole(remote, entry) if whole else self._headers(remote, entry)
+            octets = self._bring(remote, entry.files) if whole else self._headers(remote, entry)
             if octets is None:
                 return None
             failpoints.reach("fetch.blobs")
-            is_whole = self._publish(entry)
-            if not is_whole and not whole:
-                lists.publish(self._store, key, entry.result, entry.document, bare=True)
+            is_whole = lists.publish(self._store, key, entry.result, entry.document, may_lack=not whole)
         except UNREADABLE:
             # A header is not one, or names what the entry does not.
             return None
@@ -90,19 +88,7 @@ class Transfer:
             if error.code != header.ESCAPES:
                 raise
             return None
-        return Fetched(entry.result, is_whole, octets) if is_whole or not whole else None
-
-    def _publish(self, entry: Entry) -> bool:
-        """Write the entry of a result if all that it needs is here."""
-        try:
-            lists.publish(self._store, entry.key, entry.result, entry.document)
-        except MissingBlob:
-            return False
-        return True
-
-    def _whole(self, remote: Remote, entry: Entry) -> int | None:
-        """Bring all that an entry names; the bytes that came, or None where the remote lacks something."""
-        return self._bring(remote, entry.files)
+        return Fetched(entry.result, is_whole, octets)
 
     def _headers(self, remote: Remote, entry: Entry) -> int | None:
         """Bring the key document of an entry and the headers of its output, level by level."""

@@ -91,35 +91,36 @@ def made(store: Store, static: Static, found: Iterable[Steps]) -> ActionResult:
     return ActionResult(output, f"{len(content)} traces", (), {}, 0.0, None, key)
 
 
-def publish(store: Store, key: str, result: ActionResult, document: bytes = b"", *, bare: bool = False) -> None:
-    """Store a result; that of a call that reads by itself is listed under the call's static key, too.
+def publish(store: Store, key: str, result: ActionResult, document: bytes = b"", *, may_lack: bool = False) -> bool:
+    """Store a result; returns False where that is bare.
+
+    That of a call that reads by itself is listed under the call's static key, too.
 
     Args:
         store: Takes it.
         key: Digest of the key document.
         result: The result, or a list of traces: those that the store does not have are added to its own.
         document: The key document; b"": the store holds it already.
-        bare: Whether bytes of the result are absent.
+        may_lack: See `Actions.put`.
 
     Raises:
         MissingBlob: The result refers to something that is not in the store.
         StoreError: The disk is full, or the store cannot be written.
         ValueError: The result or its key document is not what it must be.
     """
-    put = store.actions.put_bare if bare else store.actions.put
     parts = traces.parts_of(document or store.blobs.get(key))
     if parts is None:
-        put(key, result, document=document)
-        return
+        return store.actions.put(key, result, document=document, may_lack=may_lack)
     static, steps = parts
     if steps is None:
         _keep(store, static, merged(known(store, key), listed(store, result)))
-        return
+        return True
     # Whoever holds on to the result holds on to the list, and can say which files a pattern matched.
     root = store.blobs.put(traces.spelled(static, None))
     lists = (answer for kind, _, answer in steps if kind == "names" and store.blobs.has(answer))
-    put(key, result, dict.fromkeys([root, *lists]), document=document)
+    is_whole = store.actions.put(key, result, dict.fromkeys([root, *lists]), document=document, may_lack=may_lack)
     _keep(store, static, merged([steps], known(store, root)))
+    return is_whole
 
 
 def _keep(store: Store, static: Static, found: list[Steps]) -> None:
