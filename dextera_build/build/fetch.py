@@ -49,6 +49,17 @@ def exchange(session: Session, mode: str, named: str | None = None) -> Exchange:
     return Exchange(session.store, [guarded(replace(spec, mode=mode)) for spec in used])
 
 
+def usable(session: Session) -> Exchange | None:
+    """The remotes that the settings let a build use, or None where there are none."""
+    used = session.project.used_remotes
+    if not used or session.project.remotes.local == "r":
+        return None
+    from dextera_build.store.remotes.connect import guarded
+    from dextera_build.store.remotes.exchange import Exchange
+
+    return Exchange(session.store, [guarded(spec) for spec in used])
+
+
 def held(session: Session, nodes: Sequence[Planned]) -> set[str]:
     """Addresses of the stale nodes whose results a remote has; only entries are asked for, no blobs."""
     used = [spec for spec in session.project.used_remotes if "r" in spec.mode]

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import failpoints, files
+from dextera_build.store import failpoints, files, signature
 from dextera_build.store.cas import is_digest
 from dextera_build.store.store import Store
 
@@ -53,22 +53,28 @@ class History:
         store: Holds the file, in its machine-local part.
         recipe: Address of the recipe.
         project: Folder of the project; two projects may share a store and have recipes of one name.
+        variant: What tells the request from the recipe's own; "" for that.
     """
 
-    def __init__(self, store: Store, recipe: str, project: str = "") -> None:
-        name = digests.of_value([project, recipe])[:16]
+    def __init__(self, store: Store, recipe: str, project: str = "", variant: str = "") -> None:
+        name = digests.of_value([project, recipe, variant] if variant else [project, recipe])[:16]
+        self._base = History(store, recipe, project) if variant else None
         stem = "".join(c if c.isalnum() else "-" for c in recipe)[-40:]
         self._path = store.local / "history" / f"{stem}-{name}.json"
         self._project = project
+        self._locks, self._lock = store.locks, digests.of_bytes(f"history {name}".encode())
         self._entries: _Packed | None = None
-        self._dirty = False
+        self._state: signature.Signature | None = None
+        """Of the file that the entries come from."""
+        self._noted: set[str] = set()
+        """Addresses of entries that are not written down."""
 
     def get(self, address: str) -> Entry | None:
-        """The entry of a node, or None where it was never made here."""
-        return self._load().entry(address)
+        """The entry of a node, else that of the recipe's own request; None where it was never made here."""
+        return self._load().entry(address) or (self._base.get(address) if self._base else None)
 
     def all(self) -> dict[str, Entry]:
-        """Every entry."""
+        """Every entry of this request."""
         return dict(self._load())
 
     def note(self, address: str, entry: Entry) -> None:
@@ -79,7 +85,7 @@ class History:
                 return
             entry = replace(known, usage=entry.usage)
         self._load()[address] = _with_usage(entry, known)
-        self._dirty = True
+        self._noted.add(address)
 
     def peak_gb(self, address: str) -> float | None:
         """Most memory that the last run of a node took [GiB], where that is known."""
@@ -93,10 +99,21 @@ class History:
         return known.usage if known else {}
 
     def save(self) -> None:
-        """Write it down, all or nothing; a store that cannot be written keeps the old one."""
-        if self._dirty and self._write(self._load()):
-            self._dirty = False
-            failpoints.reach("history.saved")
+        """Write down what was noted, beside what other builds wrote meanwhile; all or nothing.
+
+        A store that cannot be written keeps the old file.
+        """
+        if not self._noted:
+            return
+        with self._locks.hold(self._lock):
+            entries = self._load()
+            if signature.look(str(self._path)) != self._state:
+                own, entries = entries, self._read()
+                entries.update((address, own[address]) for address in self._noted)
+            if self._write(entries):
+                self._entries, self._state = entries, signature.look(str(self._path))
+                self._noted.clear()
+                failpoints.reach("history.saved")
 
     def _load(self) -> _Packed:
         if self._entries is None:
@@ -104,6 +121,7 @@ class History:
         return self._entries
 
     def _read(self) -> _Packed:
+        self._state = signature.look(str(self._path))
         with suppress(OSError, ValueError, KeyError, TypeError, AttributeError), self._path.open("rb") as file:
             head = file.readline()
             stored = digests.plain(head + _CLOSE if head.endswith(_OPEN) else head)

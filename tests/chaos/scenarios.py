@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -64,7 +65,6 @@ nodes:
   dice: {rule: toy.dice}
 targets: {default: [all, large, aside, dice]}
 """
-_STAMPED = re.compile(rb" [0-9]+$")
 BUILD = ("build", "say")
 PLAIN = (*BUILD, "--cache", "local:rw")
 
@@ -241,10 +241,15 @@ def bare_results(space: Space) -> set[str]:
 
 
 def exported(space: Space) -> dict[str, bytes]:
-    """What stands where people look for it, stamps included but for the times that end them."""
+    """What stands where people look for it, and what is noted of it but for signatures."""
     base = space.root / "cache" / "out"
     found = {str(path.relative_to(base)): path.read_bytes() for path in sorted(base.rglob("*")) if path.is_file()}
-    return {name: _STAMPED.sub(b"", data) if name.endswith("/.digest") else data for name, data in found.items()}
+    return {name: _unsigned(data) if name.endswith("/.placed") else data for name, data in found.items()}
+
+
+def _unsigned(table: bytes) -> bytes:
+    nodes = json.loads(table)["nodes"]
+    return repr(sorted((node, copy[0], copy[1], sorted(copy[2])) for node, copy in nodes.items())).encode()
 
 
 def unfinished(space: Space) -> list[str]:
