@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -140,6 +141,9 @@ class Session:
         request = Request(self.project.profile, added.inputs, tuple(texts), added.backends)
         made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
         self.project.forget_recipes()
+        if self.project.console != "jsonl":
+            for text in self.project.library.warnings.values():
+                print(f"warning: {text}", file=sys.stderr)
         return made
 
     @cached_property

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build import digest
 from dextera_build.code import importing
 from dextera_build.code.code_digest import RULES, CodeIndex
+from dextera_build.code.declared import undeclared
 from dextera_build.code.importer import IMPORTER, install
 from dextera_build.code.modules import PACKAGE as PACKAGE
 from dextera_build.code.modules import read
@@ -153,6 +154,8 @@ class Library:
         self.project = project or Path.cwd()
         self._project = project
         self._found: dict[str, RuleFile] = {}
+        self.warnings: dict[str, str] = {}
+        """What to say of modules that rules import and do not declare, by module."""
         IMPORTER.forget_changed()
 
     @cached_property
@@ -198,6 +201,11 @@ class Library:
                 if path not in seen:
                     seen.add(path)
                     yield self.find(path)
+
+    def note_undeclared(self, found: RuleFile, files: Sequence[Path], packages: Sequence[str]) -> None:
+        """Add to `warnings` what a rule, with its backend, imports beside the distributions that it declares."""
+        if found.root.path != bundled(RULES).resolve():
+            self.warnings |= undeclared(found.path, self.code.foreign(*files), packages)
 
     def looked_at(self) -> set[str]:
         """Files and folders that decided which code the rules found so far run; some of them are not there."""

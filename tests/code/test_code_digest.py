@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.code.loader import Library
+from dextera_build.code.loader import Library, RuleFile
 
 RULE = '''"""A rule."""
 from __future__ import annotations
@@ -170,6 +170,21 @@ def test_a_package_that_an_editable_install_finds_is_seen(stage, monkeypatch):
 
     monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, Finder()])
     assert "mapped_package/__init__.py" in code(stage)
+
+
+def test_what_a_rule_imports_and_does_not_declare_is_named(stage):
+    text = "import json, numpy, yaml, scipy.spatial, cv2, rich\ndef mesh():\n    import trimesh, own_missing\n"
+    write(stage, {"mesh.py": text})
+    library = Library(stage.parents[1])
+    library.note_undeclared(RuleFile("toy.mesh", stage / "mesh.py", library.roots[0]), [stage / "mesh.py"], ("rich",))
+    assert set(library.warnings) == {"cv2", "scipy", "trimesh"}
+    assert library.warnings["cv2"].startswith(
+        "toy.mesh imports `cv2`, which is neither code of the project nor a package"
+    )
+    library.warnings.clear()
+    packages = ("opencv-python-headless", "scipy", "trimesh", "rich")
+    library.note_undeclared(RuleFile("toy.mesh", stage / "mesh.py", library.roots[0]), [stage / "mesh.py"], packages)
+    assert library.warnings == {}
 
 
 def test_a_definition_is_found_again(stage):
