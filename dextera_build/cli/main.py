@@ -79,10 +79,9 @@ def _run(words: list[str]) -> int:
     import gc
     import importlib
 
-    from dextera_build.cli.grammar import parser
+    from dextera_build.cli.grammar import parse
 
-    verb = next((word for word in words if not word.startswith("-")), "")
-    args = parser(verb).parse_args(words)
+    args = parse(words or ["--help"])
     args.words = words
     # What a command makes it keeps. To look for circles in it at every 700 objects takes a tenth of a small build.
     gc.set_threshold(_YOUNG)

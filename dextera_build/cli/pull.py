@@ -1,4 +1,4 @@
-"""`dxb pull`: brings targets from a remote, and runs nothing."""
+"""`dxb cache pull`: brings targets from a remote, and runs nothing."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--from", metavar="NAME|URL", dest="source", help="the remote; else those that the settings let be read"
     )
-    options.project_arguments(parser)
     options.request_arguments(parser)
 
 
