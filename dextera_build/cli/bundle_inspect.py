@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.cli import options
 from dextera_build.cli.bundle_import import judged, source_of
 from dextera_build.errors import UsageError, did_you_mean, listing
-from dextera_build.store.bundle import checked_stream, importer, oci
+from dextera_build.store.bundle import importer, oci
 
 if TYPE_CHECKING:
     from dextera_build.store.bundle.importer import Opened
@@ -82,4 +82,4 @@ def _recipe(bundle: Opened, name: str) -> str:
             hint=did_you_mean(name, known),
         )
     layer = next(layer for layer in bundle.manifest.layers if layer.digest == known[name])
-    return checked_stream.whole(bundle.source, layer, "a recipe", _MOST_RECIPE).decode(errors="replace")
+    return bundle.source.whole(layer, "a recipe", _MOST_RECIPE).decode(errors="replace")

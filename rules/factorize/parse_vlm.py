@@ -7,6 +7,7 @@ import io
 import json
 import os
 from typing import Any, Literal
+from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -145,6 +146,13 @@ def _send(request: dict[str, Any], timeout_s: float) -> Response:
             "no vision-language model can be asked: `DXB_VLM_URL` is not set",
             code="DXB-E362",
             hint="export DXB_VLM_URL=https://api.openai.com/v1 DXB_VLM_API_KEY=...",
+        )
+    if key and url.startswith("http://") and urlsplit(url).hostname not in ("localhost", "127.0.0.1", "::1"):
+        raise MachineError(
+            "the key of the vision-language model would be sent in the clear",
+            code="DXB-E363",
+            facts={"address": url},
+            hint="export DXB_VLM_URL=https://..., or unset DXB_VLM_API_KEY where the service wants no key",
         )
     picture = "data:image/jpeg;base64," + base64.b64encode(request["picture"]).decode()
     content = [{"type": "text", "text": request["prompt"]}, {"type": "image_url", "image_url": {"url": picture}}]

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dextera_build.store import failpoints, files, space
-from dextera_build.store.bundle import checked_stream, closure, oci, tar
+from dextera_build.store.bundle import closure, oci, tar
 from dextera_build.store.bundle.config import Contents
 from dextera_build.store.bundle.errors import BundleRefused, archive, ill_formed, lacking, too_large
 from dextera_build.store.bundle.layout import Layout
@@ -65,7 +65,7 @@ def open_bundle(source: Layout) -> Opened:
     Raises:
         BundleRefused: It is none, or says what cannot be.
     """
-    manifest = Manifest.read(checked_stream.whole(source, source.manifest(), "the manifest", oci.MOST_MANIFEST))
+    manifest = Manifest.read(source.whole(source.manifest(), "the manifest", oci.MOST_MANIFEST))
     if manifest.config.media_type != oci.CONFIG:
         raise ill_formed("the manifest", f"its config is not of type `{oci.CONFIG}`")
     digests = {manifest.config.digest, *(layer.digest for layer in manifest.layers)}
@@ -74,7 +74,7 @@ def open_bundle(source: Layout) -> Opened:
     for layer in manifest.layers:
         if layer.media_type not in _KINDS:
             raise ill_formed("the manifest", f"`{layer.media_type}` is no type of its layers")
-    contents = Contents.read(checked_stream.whole(source, manifest.config, "the config", oci.MOST_CONFIG))
+    contents = Contents.read(source.whole(manifest.config, "the config", oci.MOST_CONFIG))
     recipes = {layer.digest for layer in manifest.layers if layer.media_type == oci.RECIPE}
     if recipes != set(contents.recipes.values()):
         raise ill_formed("the manifest", "its recipes are not those of the config")
@@ -137,7 +137,7 @@ class _Inbox:
 
     def layer(self, layer: Descriptor) -> None:
         """Take the blobs of one layer."""
-        chunks = checked_stream.stream(self._source, layer)
+        chunks = self._source.stream(layer)
         if layer.media_type == oci.RECIPE:
             for _ in chunks:  # read for the check alone: recipes are the project's own
                 pass

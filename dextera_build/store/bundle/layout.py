@@ -1,7 +1,8 @@
-"""OCI image layouts: a folder, or the same in one tar archive."""
+"""OCI image layouts: a folder, or the same in one tar archive. Bytes are checked as they are read."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -9,7 +10,7 @@ from pathlib import Path
 
 from dextera_build.store import files
 from dextera_build.store.bundle import documents, oci, tar
-from dextera_build.store.bundle.errors import MAGIC, archive, lacking, not_a_bundle, too_large
+from dextera_build.store.bundle.errors import MAGIC, archive, damaged, lacking, not_a_bundle, too_large
 from dextera_build.store.bundle.oci import Descriptor
 from dextera_build.store.cas import is_digest
 
@@ -46,16 +47,36 @@ class Layout(ABC):
             raise not_a_bundle(self.name, f"its index names {len(found)} things, not one manifest", hint)
         return found[0]
 
-    def chunks(self, wanted: Descriptor) -> Iterator[bytes]:
-        """The bytes of a part as they lie there, in pieces; whoever reads them checks them.
+    def stream(self, wanted: Descriptor, what: str = "a layer") -> Iterator[bytes]:
+        """The bytes of a part, in pieces; size and digest are checked after the last one.
 
         Raises:
-            BundleRefused: It is not there, or cannot be read.
+            BundleRefused: It is missing, cannot be read, or has other bytes than the descriptor says.
         """
+        state, size = hashlib.sha256(), 0
         try:
-            yield from self._pieces(BLOBS + wanted.digest)
+            for piece in self._pieces(BLOBS + wanted.digest):
+                size += len(piece)
+                if size > wanted.size:
+                    raise damaged(what, wanted.digest, f"has more than its {wanted.size} bytes")
+                state.update(piece)
+                yield piece
         except FileNotFoundError:
             raise lacking(f"a part of type `{wanted.media_type}`", wanted.digest) from None
+        if size != wanted.size:
+            raise damaged(what, wanted.digest, f"has {size} of its {wanted.size} bytes")
+        if state.hexdigest() != wanted.digest:
+            raise damaged(what, wanted.digest, "has other bytes")
+
+    def whole(self, wanted: Descriptor, what: str, most: int) -> bytes:
+        """All bytes of a small document.
+
+        Raises:
+            BundleRefused: It is larger than `most` bytes, or not what the descriptor names.
+        """
+        if wanted.size > most:
+            raise too_large(what, wanted.size, most)
+        return b"".join(self.stream(wanted, what))
 
     def _document(self, name: str) -> bytes:
         held, size = [], 0

@@ -25,7 +25,6 @@ from dextera_build.store.bundle.oci import IN_TOTO
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-_KIND = b"ssh-ed25519"
 _MOST_KEY = 1 << 16
 PASSPHRASE = "DXB_KEY_PASSPHRASE"
 
@@ -40,6 +39,8 @@ class PublicKey:
     """Whose it is, as the file says."""
     raw: bytes
     """Its 32 bytes."""
+    line: bytes
+    """As OpenSSH writes it, without the name."""
 
     def verifies(self, signature: bytes, message: bytes) -> bool:
         """Whether this key signed `message`."""
@@ -123,7 +124,7 @@ def generate(path: Path, name: str) -> PublicKey:
     public = _public(private.public_key(), name)
     secret = private.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption())
     files.write(os.path.abspath(path), secret, 0o600)
-    files.write(os.path.abspath(public_path), _line(public), 0o644)
+    files.write(os.path.abspath(public_path), b"%s %s\n" % (public.line, public.name.encode()), 0o644)
     return public
 
 
@@ -153,7 +154,10 @@ def _read_public(file: Path) -> list[PublicKey]:
         if data.lstrip().startswith(b"-----BEGIN"):
             return [_public(form.load_pem_public_key(data), file.stem)]
         lines = [line for line in data.splitlines() if line.strip() and not line.startswith(b"#")]
-        return [_public(form.load_ssh_public_key(line), _comment(line) or file.stem) for line in lines]
+        names = [b" ".join(line.split()[2:]).decode(errors="replace") for line in lines]
+        return [
+            _public(form.load_ssh_public_key(line), name or file.stem) for line, name in zip(lines, names, strict=True)
+        ]
     except (ValueError, TypeError, UnsupportedAlgorithm) as error:
         raise _no_key(file, "public", str(error)) from None
 
@@ -188,20 +192,9 @@ def _public(key: object, name: str) -> PublicKey:
     if not isinstance(key, Ed25519PublicKey):
         raise ValueError("it is of another kind than ed25519")
     raw = key.public_bytes(form.Encoding.Raw, form.PublicFormat.Raw)
-    print_ = base64.b64encode(hashlib.sha256(_wire(raw)).digest()).decode().rstrip("=")
-    return PublicKey(f"SHA256:{print_}", "".join(c for c in name if c.isprintable())[:200], raw)
-
-
-def _wire(raw: bytes) -> bytes:
-    return b"".join(len(part).to_bytes(4, "big") + part for part in (_KIND, raw))
-
-
-def _line(key: PublicKey) -> bytes:
-    return b"%s %s %s\n" % (_KIND, base64.b64encode(_wire(key.raw)), key.name.encode())
-
-
-def _comment(line: bytes) -> str:
-    return b" ".join(line.split()[2:]).decode(errors="replace")
+    line = key.public_bytes(form.Encoding.OpenSSH, form.PublicFormat.OpenSSH)
+    fingerprint = base64.b64encode(hashlib.sha256(base64.b64decode(line.split()[1])).digest()).decode().rstrip("=")
+    return PublicKey(f"SHA256:{fingerprint}", "".join(c for c in name if c.isprintable())[:200], raw, line)
 
 
 def _bytes_of(file: Path) -> bytes:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from dextera_build.errors import listing
-from dextera_build.store.bundle import checked_stream, oci, provenance
+from dextera_build.store.bundle import oci, provenance
 from dextera_build.store.bundle.errors import BundleRefused
 from dextera_build.store.bundle.importer import Opened
 from dextera_build.store.bundle.sign import Envelope, PublicKey
@@ -44,7 +44,7 @@ def judge(bundle: Opened, keys: Sequence[PublicKey]) -> Voucher:
     layer = bundle.manifest.provenance
     if layer is None:
         return Voucher("unsigned")
-    content = checked_stream.whole(bundle.source, layer, "the provenance", _MOST)
+    content = bundle.source.whole(layer, "the provenance", _MOST)
     if layer.media_type == oci.IN_TOTO:
         return Voucher("unsigned", (), _statement(bundle, content))
     envelope = Envelope.read(content)

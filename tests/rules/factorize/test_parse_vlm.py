@@ -101,6 +101,13 @@ def test_an_answer_that_cannot_be_is_refused_and_not_recorded(parse, service, th
     assert caught.value.code == "DXB-B340"
 
 
+def test_the_key_does_not_go_to_another_machine_in_the_clear(parse, service, monkeypatch):
+    monkeypatch.setenv("DXB_VLM_URL", "http://192.0.2.1/v1")
+    with pytest.raises(DxbError, match="in the clear") as caught:
+        parse()
+    assert caught.value.code == "DXB-E363"
+
+
 def test_without_an_address_or_a_model(parse, monkeypatch):
     monkeypatch.delenv("DXB_VLM_URL", raising=False)
     with pytest.raises(DxbError) as caught:

@@ -140,4 +140,4 @@ def test_the_config_reads_what_it_spells(folder):
     opened = importer.open_bundle(layout.read(folder))
     assert Contents.read(opened.contents.spell()) == opened.contents
     source = layout.read(folder)
-    assert opened.manifest.spell() == b"".join(source.chunks(source.manifest()))
+    assert opened.manifest.spell() == source.whole(source.manifest(), "the manifest", 1 << 20)
