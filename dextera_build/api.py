@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from dextera_build import project as settings_of
-from dextera_build.build import build as execution
+from dextera_build.build import build as building
 from dextera_build.build.lock import Locking
 from dextera_build.cli.options import wish
 from dextera_build.engine.events import Listener
 from dextera_build.errors import UsageError, did_you_mean, listing
-from dextera_build.session import Session, addresses
+from dextera_build.session import Added, Session, addresses
 from dextera_build.store import header
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from dextera_build.engine.execute import NodeRecord
     from dextera_build.errors import DxbError
     from dextera_build.explain.causes import Cause
-    from dextera_build.recipe.plan import Request
 
 
 @dataclass(frozen=True)
@@ -42,6 +41,8 @@ class Result:
     """Address -> what became of it: `status`, `output`, `line`, `seconds`, `key`, ..."""
     targets: tuple[str, ...]
     """Addresses of the nodes that were asked for, every copy by itself."""
+    paths: Mapping[str, Path]
+    """Address of a target -> its main file below `<cache>/out/`."""
     errors: Mapping[str, DxbError]
     """Address of what failed -> why."""
     _session: Session = field(repr=False)
@@ -134,22 +135,14 @@ class Project(settings_of.Project):
             MachineError: A chosen backend is not installed.
         """
         here = self._with(profile, jobs)
-        session, names = here._open(recipe, targets, makes=True)
-        plan = session.plan(_request(here.profile, inputs, settings, backends))
-        wanted = [address for name in names for address in addresses(plan.graph, name)]
-        forced = frozenset(name.partition(":")[2] or name for name in force)
-        for name in forced:
-            addresses(plan.graph, name)
-        locking = Locking(here, lock=lock, locked=locked, added=(inputs, settings, backends))
-        locking.refuse(session, plan, wanted)
-        manner = execution.Manner(keep_going=keep_going, force=forced, whole=whole)
-        done = execution.carry_out(session, plan, wanted, listen or (lambda event: None), manner)
-        if done.result.ok:
-            locking.refuse(session, plan, wanted)
-            locking.note(session, plan, wanted, done.result)
-            locking.write()
-        errors = {**done.result.errors, **done.result.own.errors()}
-        return Result(done.result.ok, done.run, done.result.nodes, done.result.targets, errors, session)
+        session, names = here._open(recipe, targets, _added(inputs, settings, backends), makes=True)
+        order = building.Order(names, keep_going, tuple(force), whole)
+        locking = Locking(here, lock=lock, locked=locked, added=session.added)
+        built = building.build(session, order, locking, listen or (lambda event: None))
+        result = built.run_result
+        paths = {node: Path(path) for node, path in built.placed.paths.items()}
+        errors = {**result.errors, **result.own.errors()}
+        return Result(result.ok, built.run, result.nodes, result.targets, paths, errors, session)
 
     def plan(
         self,
@@ -164,8 +157,8 @@ class Project(settings_of.Project):
         from dextera_build.engine.dryrun import plan as dry
 
         here = self._with(profile, None)
-        session, names = here._open(recipe, targets)
-        graph = session.plan(_request(here.profile, inputs, settings, backends)).graph
+        session, names = here._open(recipe, targets, _added(inputs, settings, backends))
+        graph = session.plan().graph
         wanted = [address for name in names for address in addresses(graph, name)]
         return list(dry(graph, wanted, session.store, history=session.past_builds))
 
@@ -183,9 +176,8 @@ class Project(settings_of.Project):
 
         here = self._with(profile, None)
         named = wish(node)
-        sentence, causes = explain(
-            Session(here, named.recipe), _request(here.profile, inputs, settings, backends), named.target
-        )
+        session = Session(here, named.recipe, _added(inputs, settings, backends))
+        sentence, causes = explain(session, named.target)
         return Why(node, sentence, tuple(causes))
 
     def get(self, node: str) -> Artifact:
@@ -196,7 +188,7 @@ class Project(settings_of.Project):
             RuleError: It was, but the store no longer holds it.
         """
         named = wish(node)
-        return Session(self, named.recipe).artifact(named.target)
+        return Session(self, named.recipe, last=True).artifact(named.target)
 
     def _with(self, profile: str | None, jobs: int | None) -> Project:
         if profile is None and jobs is None:
@@ -206,26 +198,23 @@ class Project(settings_of.Project):
         }
         return Project(self.root, flags, declared=self.declared)
 
-    def _open(self, recipe: str, targets: tuple[str, ...], *, makes: bool = False) -> tuple[Session, list[str]]:
+    def _open(
+        self, recipe: str, targets: tuple[str, ...], added: Added, *, makes: bool = False
+    ) -> tuple[Session, list[str]]:
         named = wish(recipe)
-        session = Session(self, named.recipe, makes=makes)
+        session = Session(self, named.recipe, added, makes=makes)
         return session, [*([named.target] if named.target or not targets else []), *targets]
 
 
-def _request(
-    profile: str,
+def _added(
     inputs: Mapping[str, str | os.PathLike[str]] | None,
     settings: Mapping[str, object] | None,
     backends: Mapping[str, str] | None,
-) -> Request:
-    from dextera_build.recipe import plan
-    from dextera_build.recipe.settings import parse
-
-    return plan.Request(
-        profile=profile,
-        inputs={name: os.fspath(path) for name, path in (inputs or {}).items()},
-        settings=tuple(parse(f"{name}={_spelled(name, value)}") for name, value in (settings or {}).items()),
-        backends=dict(backends or {}),
+) -> Added:
+    return Added(
+        {name: os.fspath(path) for name, path in (inputs or {}).items()},
+        tuple(f"{name}={_spelled(name, value)}" for name, value in (settings or {}).items()),
+        dict(backends or {}),
     )
 
 

@@ -40,6 +40,8 @@ EXECUTORS = ("local", "ray")
 PROFILES = ("stub", "cpu", "gpu", "cloud")
 CONSOLES = ("live", "plain", "jsonl", "none")
 """What a build may show; `auto`, the default, chooses between the first two."""
+_OVER = ("environment", "command line")
+"""Origins of settings that are no file's."""
 _ON, _OFF = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
 """What a setting that is true or false may be spelled as, in a file or in the environment."""
 _BARE = "settings stand here without `tool.dxb`: `[resources]`, not `[tool.dxb.resources]`"
@@ -67,6 +69,7 @@ class Project:
         self.root = root
         self.declared = declared
         self._recipes: dict[tuple[Path, int, int, int], Recipe] = {}
+        self._looked_at: set[str] = set()
         self.remotes = Choice(root)
         """The remotes; known when `config` is."""
         self._flags = {name: value for name, value in (flags or {}).items() if value is not None}
@@ -124,6 +127,12 @@ class Project:
         return str(self.config["profile"].value)
 
     @property
+    def own_profile(self) -> str:
+        """The profile of the files, whatever the environment and the command line say."""
+        named = [values["profile"] for origin, values in self._layers() if "profile" in values and origin not in _OVER]
+        return str(named[-1] if named else _DEFAULTS["profile"])
+
+    @property
     def jobs(self) -> int:
         """Cores to share out among nodes; 0 in the settings means all that this process may use."""
         value = self.config["jobs"].value
@@ -177,7 +186,7 @@ class Project:
         from dextera_build.engine.capacity import measure
 
         said = dict(self.config["resources"].value)
-        if self.config["jobs"].origin in ("command line", "environment"):
+        if self.config["jobs"].origin in _OVER:
             said.pop("cpu", None)
         return measure(self.jobs, said, gpus=gpus)
 
@@ -303,6 +312,7 @@ class Project:
             return None
         for folder in self.recipe_folders():
             file = folder / f"{address}.yaml"
+            self._looked_at.add(str(file))
             # `Path.is_file` raises where a name is too long.
             if os.path.isfile(file) and file.resolve().is_relative_to(folder.resolve()):
                 state = file.stat()
@@ -312,6 +322,11 @@ class Project:
                     self._recipes[place] = read(file, address, self.shown(file))
                 return self._recipes[place]
         return None
+
+    def looked_at(self) -> set[str]:
+        """Files and folders that decided what its recipes mean; some of them are not there."""
+        configuration = (settings_file.PYPROJECT, MARKER, "dxb.local.toml")
+        return {*(str(self.root / name) for name in configuration), *self._looked_at, *self.library.looked_at()}
 
     def forget_recipes(self) -> None:
         """Let go of what was read: a plan holds all that a build needs, and a large recipe is large in memory."""
@@ -344,10 +359,10 @@ class Project:
             if file.is_file():
                 yield self.shown(file), settings_file.read(file)
         yield (
-            "environment",
+            _OVER[0],
             {name: os.environ[f"DXB_{name.upper()}"] for name in _DEFAULTS if os.environ.get(f"DXB_{name.upper()}")},
         )
-        yield "command line", self._flags
+        yield _OVER[1], self._flags
 
 
 def find(start: Path | None = None, flags: Mapping[str, Any] | None = None) -> Project:

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import os
+import re
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.engine.graph import Address, Graph, parse_address
-from dextera_build.errors import RuleError, UsageError, did_you_mean, listing
+from dextera_build import digest as digests
+from dextera_build.errors import RuleError, StoreError, UsageError, did_you_mean, listing
 from dextera_build.project import Project
-from dextera_build.store import header
-from dextera_build.store.store import Store
+from dextera_build.store import files
 
+# A build of which nothing changed loads none of these.
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
+    from dextera_build.engine.graph import Address, Graph
     from dextera_build.engine.history import Entry, History
-    from dextera_build.recipe.plan import Plan, Request
+    from dextera_build.recipe.plan import Plan
+    from dextera_build.store.store import Store
 
 
 NO_BYTES = "its bytes are not in the store"
@@ -25,10 +33,31 @@ absent_stores: dict[str, str] = {}
 
 def reading(project: Project) -> Store:
     """The store of a project for a verb that only reads; a missing folder is noted in `absent_stores`, not made."""
+    from dextera_build.store.store import Store
+
     store = Store(project.cache, make=False)
     if not store.root.is_dir():
         absent_stores[project.shown(store.root)] = project.config["cache"].origin
     return store
+
+
+_LONGEST = 40
+"""Characters of the readable part of a variant's name."""
+
+
+@dataclass(frozen=True)
+class Added:
+    """What a request adds to a recipe, as it was written."""
+
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    """Input of the recipe -> path, or target of another recipe."""
+    settings: tuple[str, ...] = ()
+    """`body[mug].mesh.wall_m=0.004`."""
+    backends: Mapping[str, str] = field(default_factory=dict)
+    """Rule -> backend."""
+
+    def __bool__(self) -> bool:
+        return bool(self.inputs or self.settings or self.backends)
 
 
 class Session:
@@ -37,26 +66,68 @@ class Session:
     Args:
         project: Where to work.
         recipe: The recipe's address.
+        added: What the request adds to it.
         makes: Something is to be built, so that the store is made where it is not there.
+        last: Where the request adds nothing, the past is that of the request that was built last.
     """
 
-    def __init__(self, project: Project, recipe: str, *, makes: bool = False) -> None:
+    def __init__(
+        self, project: Project, recipe: str, added: Added | None = None, *, makes: bool = False, last: bool = False
+    ) -> None:
         self.project = project
         self.recipe = recipe
-        self._makes = makes
+        self.added = added or Added()
+        self._makes, self._last = makes, last
 
     @cached_property
     def store(self) -> Store:
         """The project's store."""
+        from dextera_build.store.store import Store
+
         return Store(self.project.cache) if self._makes else reading(self.project)
 
-    def plan(self, request: Request) -> Plan:
-        """The recipe, resolved.
+    @cached_property
+    def variant(self) -> str:
+        """What tells the files and the past of a request from those of the recipe's own: `@gpu-1a2b3c4d`, or ""."""
+        project, added = self.project, self.added
+        profile = project.profile if project.profile != project.own_profile else ""
+        if not (profile or added):
+            return self._built_last() if self._last else ""
+        inputs = {name: path if ":" in path else os.path.abspath(path) for name, path in added.inputs.items()}
+        # Of two values for one option the later one counts, so these stay in their order.
+        settings = sorted(added.settings, key=lambda text: text.partition("=")[0])
+        said = [profile, sorted(inputs.items()), settings, sorted(added.backends.items())]
+        words = [profile, *added.settings, *map("=".join, added.backends.items())]
+        words += [f"{name}={os.path.basename(path)}" for name, path in inputs.items()]
+        readable = re.sub(r"[^A-Za-z0-9._=+]+", "-", "+".join(filter(None, words)))[:_LONGEST].strip("-.")
+        return f"@{readable}-{digests.of_value(said)[:8]}"
+
+    def note_last(self) -> None:
+        """Remember that this request is the one of its recipe that was built last."""
+        if self._built_last() != self.variant:
+            with suppress(StoreError):
+                files.write(self.last_path, self.variant.encode(), 0o644)
+
+    @cached_property
+    def last_path(self) -> str:
+        """The file that says which request was built last; absent where that is the recipe's own."""
+        name = digests.of_value([str(self.project.root), self.recipe])[:16]
+        return f"{self.project.cache}/local/last/{name}"
+
+    def _built_last(self) -> str:
+        try:
+            return files.read(self.last_path).decode()
+        except (OSError, UnicodeDecodeError):
+            return ""
+
+    def plan(self) -> Plan:
+        """The recipe, resolved, with what the request adds.
 
         Raises:
             UsageError: No recipe is called so.
         """
-        from dextera_build.recipe.plan import plan
+        from dextera_build.recipe import settings
+        from dextera_build.recipe.plan import Request, plan
 
         if self.project.recipe(self.recipe) is None:
             known = [address for address, _ in self.project.recipes()]
@@ -66,8 +137,13 @@ class Session:
                 facts={"recipes": listing(known, most=30)},
                 hint=did_you_mean(self.recipe, known) or "`dxb ls` shows all of them",
             )
+        texts, added = map(settings.parse, self.added.settings), self.added
+        request = Request(self.project.profile, added.inputs, tuple(texts), added.backends)
         made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
         self.project.forget_recipes()
+        if self.project.console != "jsonl":
+            for text in self.project.library.warnings.values():
+                print(f"warning: {text}", file=sys.stderr)
         return made
 
     @cached_property
@@ -75,7 +151,7 @@ class Session:
         """What this machine remembers of the recipe."""
         from dextera_build.engine.history import History
 
-        return History(self.store, self.recipe, str(self.project.root))
+        return History(self.store, self.recipe, str(self.project.root), self.variant)
 
     @cached_property
     def history(self) -> dict[str, Entry]:
@@ -87,7 +163,7 @@ class Session:
         """Nodes that the recipe's last run brought up to date; what only older runs knew is not among them."""
         from dextera_build.engine import eventlog
 
-        run = eventlog.latest(self.store, self.recipe)
+        run = eventlog.latest(self.store, self.recipe, self.variant)
         events = eventlog.read(self.store, run) if run else []
         return [
             event["node"]
@@ -129,6 +205,8 @@ class Session:
     def artifact(self, node: str) -> Artifact:
         """What a node returned last, decoded."""
         document = self.document(node)
+        from dextera_build.store import header
+
         kind: Any = self.project.library.find(str(document["rule"])).rule.returns
         with header.reading(f"`{node}`"):
             decoded: Artifact = kind.decode(self.output(node), self.store.reader)
@@ -148,6 +226,8 @@ def addresses(graph: Graph, target: str) -> list[Address]:
     Raises:
         UsageError: It stands for nothing.
     """
+    from dextera_build.engine.graph import Address, parse_address
+
     if target in graph.targets or not target:
         return [Address(call) for call in graph.targets[target or "default"]]
     address = parse_address(target)

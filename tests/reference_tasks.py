@@ -13,8 +13,8 @@ from dextera_build.artifacts.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.task import TaskBundle, TaskObject, TaskSpec
 from dextera_build.artifacts.world import World
 from dextera_build.geometry import kinematics, metrics, transforms
-from dextera_build.sim import compose, mjcf
-from dextera_build.sim.model import at_home, compile_folder
+from dextera_build.sim.model import compose, mjcf
+from dextera_build.sim.model.model import at_home, compile_folder
 from tests import factories
 from tests.rules.capture.cameras import CAMERA
 

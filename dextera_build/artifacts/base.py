@@ -27,8 +27,6 @@ from typing import (
     Generic,
     Self,
     TypeVar,
-    get_args,
-    get_origin,
 )
 
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, model_validator
@@ -326,11 +324,6 @@ def array_specs(kind: type[BaseModel]) -> dict[str, Array]:
     }
 
 
-def schema_digest(annotation: Any) -> str:
-    """Digest of a type's structure: names, field types and array forms, through all artifacts that it refers to."""
-    return digest.of_value(_schema(annotation, ()))
-
-
 def _encode(value: Any, put: Put) -> Any:
     if is_array(value):
         return {"$array": [value.dtype.name, list(value.shape), put(array_bytes(value))]}
@@ -376,24 +369,6 @@ def _decode(raw: Any, hint: Any, get: Get) -> Any:
 def _artifact_in(hint: Any) -> type[Artifact]:
     found: type[Artifact] = first(hint, Artifact)
     return found
-
-
-def _schema(annotation: Any, seen: tuple[str, ...]) -> Any:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        if annotation.__name__ in seen:
-            return annotation.__name__
-        inner = (*seen, annotation.__name__)
-        fields = {
-            name: [_schema(info.annotation, inner), [m.describe() for m in info.metadata if isinstance(m, Array)]]
-            for name, info in annotation.model_fields.items()
-        }
-        return [annotation.__name__, fields]
-    if get_args(annotation):
-        origin = getattr(get_origin(annotation), "__name__", str(get_origin(annotation)))
-        return [origin, [_schema(part, seen) for part in get_args(annotation)]]
-    if isinstance(annotation, Array):
-        return annotation.describe()
-    return getattr(annotation, "__name__", repr(annotation))
 
 
 def _plain(value: Any) -> Any:

@@ -11,8 +11,6 @@ _LONGEST, _LONGEST_PATH = 255, 2000
 """Bytes of a file name and of a path that every usual file system takes."""
 _ROOM = 55
 """Bytes that exported files add to the label of a collection: the name of the node and the ending."""
-_STAMP = ".digest"
-"""The name that dxb takes for itself beside exported files."""
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 """Characters that steer a terminal, break a line or turn the order of what is shown."""
 
@@ -48,8 +46,6 @@ def check_paths(kind: str, paths: Iterable[str]) -> None:
 
 def path_fault(path: str) -> str:
     """Why a relative path cannot be written below a folder, or ""."""
-    if path == _STAMP:
-        return "dxb writes a file of this name beside the others"
     found = next(filter(None, (_fault(part, _LONGEST) for part in path.split("/"))), "")
     return found or ("it is longer than 2,000 bytes" if len(path.encode()) > _LONGEST_PATH else "")
 

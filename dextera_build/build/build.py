@@ -1,87 +1,222 @@
-"""Runs a plan: workers, remotes, event log."""
+"""One build, from a request to the files in `out/`: what `dxb build`, `dxb watch`, `dxb pull` and Python call."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from dextera_build import __version__
-from dextera_build.build.executors import executor
-from dextera_build.engine.events import Listener, fan_out
-from dextera_build.engine.graph import Address
-from dextera_build.session import Session
+from dextera_build.build import fetch, snapshots
+from dextera_build.build.snapshots import Placed
+from dextera_build.errors import DxbError, StoreError, UsageError
+from dextera_build.session import Session, addresses
 
 if TYPE_CHECKING:
-    from dextera_build.engine.execute import RunResult
+    from dextera_build.build.export import Out
+    from dextera_build.build.lock import Locking
+    from dextera_build.build.snapshots import Seen
+    from dextera_build.engine.dryrun import Planned
+    from dextera_build.engine.events import Listener
+    from dextera_build.engine.graph import Address
+    from dextera_build.engine.records import RunResult
+    from dextera_build.engine.snapshot import Head
     from dextera_build.recipe.plan import Plan
     from dextera_build.store.remotes.exchange import Exchange
 
 
 @dataclass(frozen=True)
-class Manner:
-    """How to build; see `engine.execute.build`."""
+class Order:
+    """What one build is asked for, and how it goes about it; see `engine.execute.build`."""
 
+    targets: Sequence[str] = ("",)
+    """Names of targets or addresses of nodes; "" stands for the default ones."""
     keep_going: bool = False
-    force: frozenset[str] = frozenset()
-    argv: tuple[str, ...] = ()
+    force: Sequence[str] = ()
+    """Addresses of nodes that run although they are cached."""
     whole: bool = False
+    argv: Sequence[str] = ()
     bring_from: Exchange | None = None
     """Nothing runs: what the store lacks comes from these remotes, all of it, or is lacking."""
 
+    @property
+    def forced(self) -> frozenset[str]:
+        """`force` without names of recipes."""
+        return frozenset(name.partition(":")[2] or name for name in self.force)
+
 
 @dataclass(frozen=True)
-class Done:
-    """A run that ended."""
+class Built:
+    """What became of an order."""
 
-    run: str
-    """Its id; "" where the store cannot be written."""
-    result: RunResult
-    lost: int
-    """How many events had no room in its log."""
+    nodes: int
+    """How many the targets need."""
+    placed: Placed = field(default_factory=Placed)
+    """The targets in `out/`."""
+    result: RunResult | None = None
+    """What became of every node; None where a snapshot answered, so that nothing was looked at."""
+    run: str = ""
+    """Id of the run; "" where there was none, or the store cannot be written."""
+    lost: int = 0
+    """How many events had no room in the log of the run."""
+    notice: str = ""
+    """What changed in `dxb.lock`."""
+    head: Head | None = None
+    """The snapshot that answers the same request from now on, where there is one."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether every target is up to date."""
+        return self.result is None or self.result.ok
+
+    @property
+    def run_result(self) -> RunResult:
+        """The `result` of a run."""
+        assert self.result is not None
+        return self.result
 
 
-def exchange(session: Session) -> Exchange | None:
-    """The remotes that the settings let a build use, or None where there are none."""
-    used = session.project.used_remotes
-    if not used or session.project.remotes.local == "r":
+def answer(session: Session, order: Order, locking: Locking) -> Built | None:
+    """The answer to a request of which nothing changed since it was built last; None: it has to be built."""
+    if order.force or session.project.asks_again:
         return None
-    from dextera_build.store.remotes.connect import guarded
-    from dextera_build.store.remotes.exchange import Exchange
+    head = snapshots.load(session, order, locking)
+    if head is None:
+        return None
+    session.note_last()
+    nodes, *lines = head["lines"]
+    placed = Placed(dict(line.split("\t", 1) for line in lines))
+    return Built(int(nodes), placed, notice=locking.write(), head=head)
 
-    return Exchange(session.store, [guarded(spec) for spec in used])
+
+def build(session: Session, order: Order, locking: Locking, listen: Listener, seen: Seen | None = None) -> Built:
+    """Plan a recipe, run what is stale, place the targets, and remember all of it.
+
+    Args:
+        session: The recipe, with what the request adds to it.
+        order: What is wanted.
+        locking: Keeps `dxb.lock` up to date, or refuses what differs from it; written here.
+        listen: Takes every event.
+        seen: Notes what is read, also where an error ends the build.
+
+    Raises:
+        UsageError: A name does not exist.
+        RecipeError: A recipe or an input is wrong.
+        StaleError: A target is not what `dxb.lock` says.
+        MachineError: A chosen backend is not installed.
+        StoreError: The disk is full, or a folder cannot be written.
+    """
+    from dextera_build.build.export import Out
+
+    store = session.store
+    seen = seen or snapshots.seen(session)
+    store.leaves.watch, store.actions.presence = seen.watch, seen.presence
+    plan = session.plan()
+    snapshots.note(session.project, seen.watch, plan)
+    wanted = [address for target in order.targets for address in addresses(plan.graph, target)]
+    _refuse_unknown_force(order, plan)
+    locking.refuse(session, plan, wanted)
+    # Until its results are placed nobody may collect them.
+    with store.running.announced():
+        build = _Build(session, order, plan, wanted, listen)
+        built = build.run()
+        if built.ok:
+            locking.refuse(session, plan, wanted)
+        out = Out(session)
+        with out.held():
+            built = build.place(out, built)
+            if not built.ok:
+                return built
+            locking.note(session, plan, wanted, built.run_result)
+            built = replace(built, notice=locking.write())
+            return replace(built, head=snapshots.save(session, order, locking, seen, built))
 
 
-def carry_out(
-    session: Session,
-    plan: Plan,
-    wanted: Sequence[Address],
-    listen: Listener,
-    manner: Manner,
-) -> Done:
-    """Build `wanted` with the executor of the settings and an event log; `listen` takes every event, too."""
-    project, store = session.project, session.store
-    # What is only brought runs nowhere.
-    only = frozenset[str]() if manner.bring_from or project.remotes.local == "r" else None
-    with executor(session, plan.rules, idle=manner.bring_from is not None) as workers:
-        # Loaded while a worker loads what it needs.
+@dataclass(frozen=True)
+class _Build:
+    session: Session
+    order: Order
+    plan: Plan
+    wanted: Sequence[Address]
+    listen: Listener
+
+    def run(self) -> Built:
+        """Run what is stale, with the executor and the remotes of the settings, and an event log."""
+        from dextera_build.build.executors import executor
         from dextera_build.engine.eventlog import EventLog
+        from dextera_build.engine.events import fan_out
         from dextera_build.engine.execute import RunInfo, build
 
-        with EventLog(store, gathers=True) as log:
+        session, order, project = self.session, self.order, self.session.project
+        brings = order.bring_from is not None
+        with executor(session, self.plan.rules, idle=brings) as workers, EventLog(session.store, gathers=True) as log:
+            info = RunInfo(log.run, str(project.root), project.profile, __version__, tuple(order.argv), session.variant)
             result = build(
-                plan.graph,
-                wanted,
-                store=store,
+                self.plan.graph,
+                self.wanted,
+                store=session.store,
                 executor=workers,
-                listen=fan_out(log, listen),
-                info=RunInfo(log.run, str(project.root), project.profile, __version__, manner.argv),
-                keep_going=manner.keep_going,
-                force=manner.force,
-                only=only,
-                exchange=manner.bring_from or exchange(session),
-                recall=project.asks_again and not manner.bring_from,
-                whole=manner.whole or manner.bring_from is not None,
+                listen=fan_out(log, self.listen),
+                info=info,
+                keep_going=order.keep_going,
+                force=order.forced,
+                # What is only brought runs nowhere.
+                only=frozenset() if brings or project.remotes.local == "r" else None,
+                exchange=order.bring_from or fetch.usable(session),
+                recall=project.asks_again and not brings,
+                whole=order.whole or brings,
                 pause=log.flush,
             )
-    return Done(log.run, result, log.lost)
+        session.note_last()
+        return Built(result=result, nodes=len(result.nodes), run=log.run, lost=log.lost)
+
+    def place(self, out: Out, built: Built) -> Built:
+        """Place the targets; where bytes of one were damaged on disk, build once more."""
+        from dextera_build.store.cas import MissingBlob
+
+        result = built.run_result
+        try:
+            placed = out.place(result, self._out_of_date(out, result) if built.ok else ())
+        except StoreError as error:
+            if error.code != MissingBlob.CODE:
+                if any(failed.code == error.code for failed in result.own.errors().values()):
+                    return built  # a node failed of the same, and that was said
+                raise
+            # All damaged blobs are set aside, so building again makes them anew.
+            for node in result.targets:
+                self.session.store.actions.verify(result.nodes[node].key or "")
+            built = self.run()
+            placed = out.place(built.run_result)
+        return replace(built, placed=placed)
+
+    def _out_of_date(self, out: Out, result: RunResult) -> list[str]:
+        """Nodes whose copies in `out/` are not what the recipe makes now: gone, or of an earlier capture."""
+        others = {node: output for node, output in out.nodes().items() if node not in result.targets}
+        if not others:
+            return []
+        from dextera_build.engine.dryrun import plan as dry
+        from dextera_build.engine.graph import Address, parse_address
+
+        # The snapshot of this build does not rest on what is looked at here.
+        store, graph = self.session.store, self.plan.graph
+        store.leaves.watch = store.actions.presence = None
+        there = {call for call, _ in graph.calls()}
+        calls = dict.fromkeys(call for node in others if (call := parse_address(node).call) in there)
+        try:
+            now = {node.address: node for node in dry(graph, [Address(call) for call in calls], store)}
+        except DxbError:
+            return []  # the next build of these nodes says it
+        return [node for node, output in others.items() if node not in now or not _makes(now[node], output)]
+
+
+def _makes(node: Planned, output: str) -> bool:
+    return node.output == output or node.bare
+
+
+def _refuse_unknown_force(order: Order, plan: Plan) -> None:
+    for name in order.force:
+        try:
+            addresses(plan.graph, name.partition(":")[2] or name)
+        except UsageError as error:
+            error.message = f"`--force {name}`: {error.message}"
+            raise

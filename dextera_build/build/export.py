@@ -2,60 +2,206 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import os
 import re
-import sys
-from collections.abc import Callable
-from contextlib import suppress
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dextera_build import digest as digests
+from dextera_build.build.snapshots import Placed, Signatures
 from dextera_build.errors import DxbError
 from dextera_build.session import Session
-from dextera_build.store import durable, failpoints, files, header, sharing
+from dextera_build.store import durable, failpoints, files, header, sharing, signature
+from dextera_build.store.signature import Signature
 
 if TYPE_CHECKING:
     from dextera_build.engine.execute import RunResult
 
-_STAMP = ".digest"
+TABLE = ".placed"
+"""File beside the folders of the nodes: what dxb wrote there."""
+_FORM = 1
 _SMALL = 1 << 20
 """Files up to this size [bytes] are written at once; larger ones never lie whole in memory."""
+_OLD_S = 3600.0
+"""Unfinished folders of this age [s] go also where locks do not work."""
 
 
-def place(session: Session, result: RunResult) -> list[str]:
-    """Write every target that was built and return one line each: its address, a tab, the whole path of its main file.
+@dataclass(frozen=True)
+class _Copy:
+    """A node's files as dxb wrote them."""
+
+    output: str
+    main: str
+    files: Signatures
+
+    def is_intact(self, folder: str) -> bool:
+        """Whether every file is as it was written; files that somebody added do not count."""
+        return all(signature.look(f"{folder}/{name}") == known for name, known in self.files.items())
+
+
+class Out:
+    """The folder of one recipe and request.
 
     Args:
-        session: Whose store has the outputs.
-        result: What was built.
-
-    Raises:
-        StoreError: The disk is full, or the folder cannot be written.
+        session: The recipe, whose store has the outputs.
     """
-    lines = []
-    stamps: dict[str, str] = {}
-    # Texts, because a thousand outputs are placed in the time that some ten thousand `Path` objects take.
-    base = os.path.abspath(session.project.cache / "out" / session.recipe)
-    for node in result.targets:
-        output = result.output(node)
-        if output is not None:
-            folder = f"{base}/{node.replace('/', '.').replace(':', '.')}"
-            try:
-                with header.reading(f"`{node}`"):
-                    main = _export(session, folder, node, result.rule, output, stamps)
-            except OSError as error:
-                raise files.store_error(error, error.filename or folder) from None
-            lines.append(f"{node}\t{main}")
-    # A stamp says that the files beside it are whole, so it comes when they are on the disk.
-    if session.project.durable and (stamps or "ran" in result.own.statuses()):
-        durable.settle(session.store.root)
-    for folder, text in stamps.items():
-        failpoints.reach("export.stamp")
-        files.write(f"{folder}/{_STAMP}", text.encode(), 0o644)
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self.base = os.path.abspath(session.project.cache / "out" / f"{session.recipe}{session.variant}")
+        self._scratch = ""
+        self._placed = Placed()
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Keep other builds out, from the look at what is there until it is remembered what was written."""
+        with self._session.store.locks.hold(digests.of_bytes(f"out {self.base}".encode())):
+            yield
+
+    def place(self, result: RunResult, gone: Iterable[str] = ()) -> Placed:
+        """Write every target that was built; call it while the folder is `held`.
+
+        Every folder is written under another name first, so nobody sees half of one, and the signatures are those of
+        files that no other process knew of.
+
+        Args:
+            result: What was built.
+            gone: Of `nodes`, those whose copies are out of date; they are removed.
+
+        Raises:
+            StoreError: The disk is full, or the folder cannot be written.
+        """
+        self._placed = Placed()
+        table = self._table()
+        outputs = {node: output for node in result.targets if (output := result.output(node)) is not None}
+        stale = {node for node in outputs if not self._stands(table.get(node), outputs[node], node)}
+        gone = [node for node in gone if node in table]
+        try:
+            if stale or gone:
+                self._replace(table, {node: outputs[node] for node in outputs if node in stale}, gone, result)
+                self._placed.removed = gone
+            elif self._session.project.durable and "ran" in result.own.statuses():
+                durable.settle(self._session.store.root)
+        except OSError as error:
+            raise files.store_error(error, error.filename or self.base) from None
+        for node in outputs:
+            folder, copy = self._folder(node), table[node]
+            self._placed.paths[node] = folder if copy.main == "." else f"{folder}/{copy.main}"
+            self._placed.present |= {f"{folder}/{name}": known for name, known in copy.files.items()}
+        return self._placed
+
+    def nodes(self) -> dict[str, str]:
+        """Address -> output of everything that lies in the folder."""
+        return {node: copy.output for node, copy in self._table().items()}
+
+    def _stands(self, copy: _Copy | None, output: str, node: str) -> bool:
+        return copy is not None and copy.output == output and copy.is_intact(self._folder(node))
+
+    def _replace(
+        self, table: dict[str, _Copy], stale: Mapping[str, str], gone: Iterable[str], result: RunResult
+    ) -> None:
+        sharing.make_folder(self.base)
+        self._sweep()
+        self._scratch = f"{self.base}/{files.TEMPORARY}-{files.unique()}"
+        sharing.make_folder(self._scratch)
+        try:
+            made = {node: self._write(node, output, result.rule) for node, output in stale.items()}
+            failpoints.reach("export.written")
+            # The table says that files are whole, so it comes when they are on the disk.
+            if self._session.project.durable:
+                durable.settle(self._session.store.root)
+            old = {node: table.pop(node) for node in (*stale, *gone) if node in table}
+            if old:
+                self._save(table)
+            for node in (*stale, *gone):
+                self._swap(node, old.get(node), result.rule)
+            table |= made
+            failpoints.reach("export.stamp")
+            self._save(table)
+        finally:
+            shutil.rmtree(self._scratch, ignore_errors=True)
+
+    def _write(self, node: str, output: str, rule: Callable[[str], str]) -> _Copy:
+        folder = f"{self._scratch}/{_name(node)}"
+        os.mkdir(folder)
+        main = self._restore(folder, node, rule, output)
         sharing.share_tree(folder)
-    return lines
+        return _Copy(output, main, {name: signature.of(os.stat(f"{folder}/{name}")) for name in _files(folder)})
+
+    def _restore(self, folder: str, node: str, rule: Callable[[str], str], output: str) -> str:
+        """Write the files of an output into a folder; the name of the main one."""
+        with header.reading(f"`{node}`"):
+            main = _restore_file(self._session, folder, stem_of(node), output)
+            if main is None:
+                kind, where = self._session.project.library.find(rule(node)).rule.returns, Path(folder)
+                written = kind.restore(output, self._session.store.reader, where, stem_of(node))
+                main = written[0].relative_to(where).as_posix() if written else "."
+        return main
+
+    def _swap(self, node: str, old: _Copy | None, rule: Callable[[str], str]) -> None:
+        """Move the new folder of a node into its place; what somebody changed in the old one is kept."""
+        folder, new, aside = self._folder(node), f"{self._scratch}/{_name(node)}", f"{self._scratch}/~{_name(node)}"
+        with suppress(FileNotFoundError):
+            os.rename(folder, aside)
+        failpoints.reach("export.cleared")
+        if os.path.isdir(new):
+            os.rename(new, folder)
+        if old is not None and os.path.isdir(aside) and self._is_changed(aside, node, old, rule):
+            self._placed.kept[node] = _free(folder)
+            os.rename(aside, self._placed.kept[node])
+
+    def _is_changed(self, folder: str, node: str, old: _Copy, rule: Callable[[str], str]) -> bool:
+        """Whether a folder holds what dxb did not write; another time stamp of the same bytes is no change."""
+        names = {*_files(folder)}
+        if not names <= old.files.keys():
+            return True
+        touched = [name for name in names if signature.look(f"{folder}/{name}") != old.files[name]]
+        if not touched:
+            return False
+        import filecmp  # seldom needed
+
+        scratch = f"{self._scratch}/={_name(node)}"
+        with suppress(DxbError, OSError):
+            os.mkdir(scratch)
+            self._restore(scratch, node, rule, old.output)
+            return not all(filecmp.cmp(f"{scratch}/{name}", f"{folder}/{name}", shallow=False) for name in touched)
+        return True
+
+    def _folder(self, node: str) -> str:
+        return f"{self.base}/{_name(node)}"
+
+    def _sweep(self) -> None:
+        """Remove what killed builds left unfinished: while the folder is held nobody else writes here."""
+        import time
+
+        sure = self._session.store.locks.reliable()
+        for entry in os.scandir(self.base):
+            if entry.name.startswith(f"{files.TEMPORARY}-"):
+                with suppress(OSError):
+                    if sure or entry.stat().st_mtime < time.time() - _OLD_S:
+                        shutil.rmtree(entry.path) if entry.is_dir() else os.unlink(entry.path)
+
+    def _table(self) -> dict[str, _Copy]:
+        """What dxb wrote; nothing where that is not known, so that all is written anew."""
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+            said = json.loads(files.read(f"{self.base}/{TABLE}"))
+            if said["form"] == _FORM and said["check"] == digests.of_value(said["nodes"]):
+                return {
+                    node: _Copy(output, main, {name: _signature(known) for name, known in written.items()})
+                    for node, (output, main, written) in said["nodes"].items()
+                }
+        return {}
+
+    def _save(self, table: Mapping[str, _Copy]) -> None:
+        nodes = {node: [copy.output, copy.main, copy.files] for node, copy in table.items()}
+        text = json.dumps({"form": _FORM, "check": digests.of_value(nodes), "nodes": nodes})
+        files.write(f"{self.base}/{TABLE}", text.encode(), 0o644)
 
 
 def stem_of(node: str) -> str:
@@ -63,105 +209,29 @@ def stem_of(node: str) -> str:
     return re.split("[./:]", node)[-1]
 
 
-def _export(
-    session: Session, folder: str, node: str, rule: Callable[[str], str], output: str, stamps: dict[str, str]
-) -> str:
-    digest, name, changed = _standing_in(folder)
-    if digest == output and name and not changed:
-        return _joined(folder, name)
-    aside = _set_aside(folder) if changed else ""
-    _clear(folder)
-    main = _restored(session, folder, node, rule, output)
-    failpoints.reach("export.written")
-    stamps[folder] = f"{output}\n{main}\n{_written(folder, main)}"
-    if aside and _is_as_written(session, f"{aside}/{name}", node, rule, digest):
-        _remove(aside)
-    elif aside:
-        kept = aside.removeprefix(f"{os.getcwd()}/")
-        print(f"`{node}` was changed where it lay and is written anew; what it held is in {kept}", file=sys.stderr)
-    return _joined(folder, main)
+def _name(node: str) -> str:
+    return node.replace("/", ".").replace(":", ".")
 
 
-def _restored(session: Session, folder: str, node: str, rule: Callable[[str], str], output: str) -> str:
-    """Write the files of an output into a folder; the name of the main one."""
-    main = _export_file(session, folder, stem_of(node), output)
-    if main is None:
-        kind, where = session.project.library.find(rule(node)).rule.returns, Path(folder)
-        written = kind.restore(output, session.store.reader, where, stem_of(node))
-        main = written[0].relative_to(where).as_posix() if written else "."
-    return main
+def _files(folder: str) -> Iterator[str]:
+    """Paths of all files below a folder, relative to it."""
+    for place, _, names in os.walk(folder):
+        below = place[len(folder) + 1 :]
+        yield from (f"{below}/{name}" if below else name for name in names)
 
 
-def _standing_in(folder: str) -> tuple[str, str, bool]:
-    """(digest, name of the main file, whether that was changed since it was written) of what lies in a folder.
-
-    Two empty texts where nothing does that is whole.
-    """
-    try:
-        digest, _, rest = files.read(f"{folder}/{_STAMP}").decode().partition("\n")
-        name, _, written = rest.partition("\n")
-        return digest, name, _written(folder, name) != written != ""
-    except (OSError, UnicodeDecodeError):
-        return "", "", False
+def _free(folder: str) -> str:
+    """A name beside a folder that nothing has."""
+    names = (f"{folder}~{number}" if number > 1 else f"{folder}~" for number in count(1))
+    return next(name for name in names if not os.path.exists(name))
 
 
-def _written(folder: str, name: str) -> str:
-    """What changes when a file is written to; a folder's own times say nothing of what was done to its files."""
-    if name == ".":
-        return ""
-    state = os.stat(f"{folder}/{name}")
-    return f"{state.st_size} {state.st_mtime_ns}"
+def _signature(known: list[int]) -> Signature:
+    mtime, ctime, size, inode = known
+    return mtime, ctime, size, inode
 
 
-def _set_aside(folder: str) -> str:
-    """Keep what somebody else wrote into a folder: nobody else has it."""
-    aside = f"{folder}~"
-    for number in itertools.count(2):
-        if not os.path.exists(aside):
-            break
-        aside = f"{folder}~{number}"
-    os.rename(folder, aside)
-    return aside
-
-
-def _is_as_written(session: Session, file: str, node: str, rule: Callable[[str], str], output: str) -> bool:
-    """Whether a file with a new time holds what was written of `output` all the same: nothing is lost with it."""
-    import filecmp  # seldom needed
-    import tempfile
-
-    with suppress(DxbError, OSError), header.reading(f"`{node}`"), tempfile.TemporaryDirectory() as scratch:
-        return filecmp.cmp(f"{scratch}/{_restored(session, scratch, node, rule, output)}", file, shallow=False)
-    return False
-
-
-def _remove(folder: str) -> None:
-    import shutil  # slow to import
-
-    shutil.rmtree(folder, ignore_errors=True)
-
-
-def _clear(folder: str) -> None:
-    """Leave an empty folder."""
-    try:
-        left = os.listdir(folder)
-    except FileNotFoundError:
-        sharing.make_folder(folder)
-        return
-    except OSError:
-        left = []
-    if left == [_STAMP]:
-        os.unlink(f"{folder}/{_STAMP}")
-    else:
-        _remove(folder)
-        sharing.make_folder(folder)
-    failpoints.reach("export.cleared")
-
-
-def _joined(folder: str, name: str) -> str:
-    return folder if name == "." else f"{folder}/{name}"
-
-
-def _export_file(session: Session, folder: str, stem: str, output: str) -> str | None:
+def _restore_file(session: Session, folder: str, stem: str, output: str) -> str | None:
     """What `File.restore` does, without what takes longer to import than a thousand files to write; the file's name."""
     stored = json.loads(session.store.blobs.get(output))
     if stored["artifact"] != "File":

@@ -49,6 +49,17 @@ def exchange(session: Session, mode: str, named: str | None = None) -> Exchange:
     return Exchange(session.store, [guarded(replace(spec, mode=mode)) for spec in used])
 
 
+def usable(session: Session) -> Exchange | None:
+    """The remotes that the settings let a build use, or None where there are none."""
+    used = session.project.used_remotes
+    if not used or session.project.remotes.local == "r":
+        return None
+    from dextera_build.store.remotes.connect import guarded
+    from dextera_build.store.remotes.exchange import Exchange
+
+    return Exchange(session.store, [guarded(spec) for spec in used])
+
+
 def held(session: Session, nodes: Sequence[Planned]) -> set[str]:
     """Addresses of the stale nodes whose results a remote has; only entries are asked for, no blobs."""
     used = [spec for spec in session.project.used_remotes if "r" in spec.mode]
@@ -57,19 +68,17 @@ def held(session: Session, nodes: Sequence[Planned]) -> set[str]:
     stale = [node for node in nodes if node.status == "stale" and node.key is not None]
     if not stale:
         return set()
-    from dextera_build.store.remotes import entry
     from dextera_build.store.remotes.connect import guarded
     from dextera_build.store.remotes.crew import Crew
-    from dextera_build.store.remotes.remote import Digest, RemoteFault
+    from dextera_build.store.remotes.remote import RemoteFault
+    from dextera_build.store.transfer import entry_at
 
     remotes, found = [guarded(spec) for spec in used], set[str]()
 
     def ask(node: Planned) -> None:
-        key = Digest(node.key or "", len(node.key_document))
         for remote in remotes:
             with suppress(RemoteFault):
-                message = remote.get_action(key)
-                if message is not None and entry.read(message, key) is not None:
+                if entry_at(remote, node.key or "") is not None:
                     found.add(node.address)
                     return
 

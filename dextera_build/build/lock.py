@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from dextera_build.errors import StaleError, UsageError
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dextera_build.lockfile import Name, Pin, Pins
     from dextera_build.project import Project
     from dextera_build.recipe.plan import Plan
-    from dextera_build.session import Session
+    from dextera_build.session import Added, Session
     from dextera_build.store.store import Store
 
 
@@ -30,15 +30,15 @@ class Locking:
         project: Whose lock file.
         lock: Pin what is built.
         locked: Refuse what differs.
-        added: What the request adds to the recipes: inputs, settings, backends.
+        added: What the request adds to the recipes.
 
     Raises:
         UsageError: The arguments do not go together.
         RecipeError: The lock file is not valid.
     """
 
-    def __init__(self, project: Project, *, lock: bool, locked: bool, added: Iterable[object]) -> None:
-        self._project, self._plain = project, not any(added)
+    def __init__(self, project: Project, *, lock: bool, locked: bool, added: Added) -> None:
+        self._project, self._plain = project, not added
         self.lock, self.locked = lock, locked
         self.path = project.pins
         if lock and locked:
@@ -124,7 +124,7 @@ class Locking:
             self._new |= {name: None} if gone else {}
 
     def write(self) -> str:
-        """Bring the file up to date, once, if anything changed; return a line about what did, or ""."""
+        """Bring the file up to date if anything changed; return a line about what did, or ""."""
         if self.locked or not (self.lock or self._new):
             return ""
         from dextera_build import digest, lockfile
@@ -137,7 +137,9 @@ class Locking:
             pins = {name: pin for name, pin in (now | self._new).items() if pin is not None}
             gone = self._gone(pins) if self.lock else []
             kept = {name: pin for name, pin in pins.items() if name not in gone}
-            return f"{self.path.name}: {_told(now, kept, gone)}" if lockfile.write(self.path, kept) else ""
+            written = lockfile.write(self.path, kept)
+        self._old, self._new = self._pins(), {}
+        return f"{self.path.name}: {_told(now, kept, gone)}" if written else ""
 
     def _gone(self, pins: Pins) -> list[Name]:
         known = {address for address, _ in self._project.recipes()}

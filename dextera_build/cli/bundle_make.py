@@ -81,8 +81,8 @@ def _survey(
     from dextera_build.engine.survey import as_build, survey
     from dextera_build.session import Session, addresses
 
-    session = Session(project, recipe)
-    plan = session.plan(options.request(args, project.profile))
+    session = Session(project, recipe, options.added(args))
+    plan = session.plan()
     asked = [address for name in names for address in addresses(plan.graph, name)]
     full = args.closure == "full"
     found = survey(plan.graph, asked, session.store, whole=full)
@@ -99,7 +99,7 @@ def _survey(
 
 
 def _past(session: Session, found: Survey) -> list[tuple[float, str]]:
-    known = [(session.history.get(node.address), node) for node in found.nodes if node.address in found.targets]
+    known = [(session.past_builds.get(node.address), node) for node in found.nodes if node.address in found.targets]
     return [(entry.time, entry.run) for entry, node in known if entry is not None and entry.key == node.key]
 
 

@@ -11,8 +11,8 @@ from typing import Any
 from dextera_build.errors import UsageError
 from dextera_build.project import Project
 from dextera_build.session import reading
-from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import entries
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 
 _DIGEST = re.compile(r"[0-9a-f]{8,64}")
@@ -88,9 +88,9 @@ def _all(store: Store) -> Iterator[tuple[str, tuple[Any, ActionResult]]]:
     from dextera_build.store.calls import recorder
 
     for key, _ in entries(store.actions.root):
-        message = store.actions.message(key)
+        result = store.actions.known(key)
         # Other entries are not looked into further: a store holds many more nodes than calls.
-        if message is not None and b'"line":"call ' in message[0] and (known := recorder.of(store, key)):
+        if result is not None and result.line.startswith("call ") and (known := recorder.of(store, key)):
             yield key, known
 
 

@@ -53,7 +53,7 @@ def _resolve(args: argparse.Namespace, project: Project, recipe: str) -> str:
     from dextera_build.session import Session
 
     try:
-        graph = Session(project, recipe).plan(options.request(args, project.profile)).graph
+        graph = Session(project, recipe, options.added(args)).plan().graph
     except UsageError as error:
         if error.code != "DXB-U105":
             raise
@@ -66,7 +66,7 @@ def _repeat(args: argparse.Namespace, project: Project, recipe: str, node: str) 
     from dextera_build.code.runner import run_task
     from dextera_build.session import Session
 
-    session = Session(project, recipe)
+    session = Session(project, recipe, options.added(args), last=True)
     before, document, key = session.output(node), session.document(node), session.past(node).key
     task = {
         "rule": document["rule"],

@@ -14,6 +14,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("node", metavar="RECIPE:NODE", help="twin/laptop_scene:body[mug].mesh")
     parser.add_argument("-o", "--out", metavar="DIR", default=".", help="where to write (the current folder)")
     options.project_arguments(parser)
+    options.request_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -26,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             "name a node", code="DXB-U111", hint=f"`dxb get {wanted.recipe}:NODE`; `dxb ls {wanted.recipe}`"
         )
-    session = Session(options.project(args), wanted.recipe)
+    session = Session(options.project(args), wanted.recipe, options.added(args), last=True)
     try:
         written = session.artifact(wanted.target).export(Path(args.out), stem_of(wanted.target))
     except OSError as error:

@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
         )
     project = options.project(args)
     wanted = options.wish(args.target)
-    session = Session(project, wanted.recipe)
+    session = Session(project, wanted.recipe, options.added(args))
     nodes = _nodes(session, wanted.target, args)
     return give(project, _written(args, wanted.recipe, wanted.target, nodes), args.out)
 
@@ -62,7 +62,7 @@ def _nodes(session: Session, target: str, args: argparse.Namespace) -> list[Node
 
     found = known.of_runs(session.store, session.recipe)
     try:
-        graph = session.plan(options.request(args, session.project.profile)).graph
+        graph = session.plan().graph
     except UsageError as error:
         # An input is not given; what the runs saw with one can be drawn all the same.
         if error.code != "DXB-U105" or not found or target or args.status:
@@ -71,7 +71,7 @@ def _nodes(session: Session, target: str, args: argparse.Namespace) -> list[Node
         found = _planned(graph, found)
         if target:
             found = _below(graph, found, target)
-    states = query.statuses(session, args) if args.status else {}
+    states = query.statuses(session) if args.status else {}
     return [
         Node(index, node.address, node.rule, node.backend, _state(states, node), None, None, 0.0, 0.0,
              depends_on=_sources(found, node))

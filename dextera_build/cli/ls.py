@@ -104,9 +104,9 @@ def _divergent(project: Project) -> Iterator[Row]:
 
 
 def _nodes(project: Project, args: argparse.Namespace) -> Iterator[Row]:
-    from dextera_build.recipe.plan import plan
+    from dextera_build.session import Session
 
-    graph = plan(args.what, project.recipe, project.library, project.root, options.request(args, project.profile)).graph
+    graph = Session(project, args.what, options.added(args)).plan().graph
     for address, call in graph.calls():
         copies = [f"{name}[*]" for name in address[:-1]]
         yield {

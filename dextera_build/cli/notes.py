@@ -11,15 +11,18 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dextera_build import __version__
-from dextera_build.build import snapshots as fresh
 from dextera_build.cli import quick
+from dextera_build.cli.shown import lines
 from dextera_build.engine import snapshot
 from dextera_build.errors import StoreError
 from dextera_build.project import deciding_files
 from dextera_build.store import files, presence, signature
+
+if TYPE_CHECKING:
+    from dextera_build.session import Session
 
 _MOST = 64
 """So many notes are kept; each stands for one command line in one folder."""
@@ -37,12 +40,12 @@ class Notes:
         self._asked = quick.request(list(words), __version__)
         self._started_ns = time.time_ns()
         self._settings = {path: signature.look(path) for path in deciding_files()}
-        self._found: list[tuple[str, Path, dict[str, Any]]] = []
+        self._found: list[tuple[Session, Path, dict[str, Any]]] = []
 
-    def add(self, recipe: str, path: Path, head: dict[str, Any] | None) -> None:
+    def add(self, session: Session, path: Path, head: dict[str, Any] | None) -> None:
         """Note the answer for one recipe: the head of its snapshot, or None where none was written."""
         if head is not None:
-            self._found.append((recipe, path, head))
+            self._found.append((session, path, head))
 
     def write(self, recipes: int, *, told: bool) -> None:
         """Write the note, if there is an answer for each of so many recipes and all that it rests on is at rest.
@@ -77,10 +80,14 @@ def _keep(asked: str, data: bytes) -> None:
         os.unlink(name)
 
 
-def _add(note: dict[str, Rows], recipe: str, path: Path, head: dict[str, Any]) -> bool:
+def _add(note: dict[str, Rows], session: Session, path: Path, head: dict[str, Any]) -> bool:
     """Add what one snapshot says; False where a folder is too young for its time stamp to be trusted."""
-    nodes, *lines = head["lines"]
-    note["answers"].append([recipe, nodes, fresh.told(lines)])
+    nodes, *placed = head["lines"]
+    note["answers"].append([session.recipe, nodes, lines(dict(line.split("\t", 1) for line in placed))])
+    if os.path.exists(session.last_path):
+        note["contents"].append([session.last_path, session.variant])
+    else:
+        note["absent"].append([session.last_path])
     note["snapshots"].append([os.fspath(path)])
     note["contents"] += [[presence.BOOT, f"{head['boot']}\n"]] if head["boot"] else []
     _put(note, head["files"])

@@ -60,7 +60,7 @@ def find(project: Project, store: Store, text: str) -> Side | Run:
     if colon:
         from dextera_build.session import Session
 
-        session = Session(project, named.recipe)
+        session = Session(project, named.recipe, last=True)
         return Side(text, session.past(named.target).key, session.output(named.target))
     if len(text) >= _SHORTEST and not set(text) - set("0123456789abcdef"):
         return _by_digest(store, text)

@@ -11,7 +11,7 @@ from dextera_build.errors import UsageError
 
 if TYPE_CHECKING:
     from dextera_build.project import Project
-    from dextera_build.recipe.plan import Request
+    from dextera_build.session import Added
 
 
 @dataclass(frozen=True)
@@ -101,9 +101,12 @@ def project(args: argparse.Namespace) -> Project:
     return found
 
 
-def added(args: argparse.Namespace) -> tuple[object, ...]:
-    """What the arguments add to a recipe, as it was written."""
-    return args.input, args.settings, args.backends
+def added(args: argparse.Namespace) -> Added:
+    """What the arguments add to a recipe."""
+    from dextera_build.session import Added
+
+    inputs = dict(_pair(text, "--input NAME=PATH") for text in args.input)
+    return Added(inputs, tuple(args.settings), dict(_pair(text, "--backend RULE=NAME") for text in args.backends))
 
 
 def again(args: argparse.Namespace) -> list[str]:
@@ -111,18 +114,6 @@ def again(args: argparse.Namespace) -> list[str]:
     told = (("--input", args.input), ("--set", args.settings), ("--backend", args.backends))
     words = [word for flag, texts in told for text in texts for word in (flag, text)]
     return [*words, "--profile", args.profile] if args.profile else words
-
-
-def request(args: argparse.Namespace, profile: str) -> Request:
-    """What the arguments add to a recipe."""
-    from dextera_build.recipe import plan, settings
-
-    return plan.Request(
-        profile=profile,
-        inputs=dict(_pair(text, "--input NAME=PATH") for text in args.input),
-        settings=tuple(settings.parse(text) for text in args.settings),
-        backends=dict(_pair(text, "--backend RULE=NAME") for text in args.backends),
-    )
 
 
 def _pair(text: str, form: str) -> tuple[str, str]:

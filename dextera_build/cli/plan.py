@@ -7,7 +7,7 @@ import json
 from collections.abc import Container
 from typing import TYPE_CHECKING
 
-from dextera_build.build import fetch as remotes
+from dextera_build.build import fetch
 from dextera_build.cli import options
 
 if TYPE_CHECKING:
@@ -50,8 +50,8 @@ def run(args: argparse.Namespace) -> int:
 
     project = options.project(args)
     wanted = options.wish(args.target)
-    session = Session(project, wanted.recipe)
-    graph = session.plan(options.request(args, project.profile)).graph
+    session = Session(project, wanted.recipe, options.added(args))
+    graph = session.plan().graph
     if args.check:
         from dextera_build.cli import stale
 
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     rows: list[dict[str, str]] = []
     lines: list[str] = []
     nodes = plan(graph, addresses(graph, wanted.target), session.store, history=session.past_builds)
-    elsewhere = remotes.held(session, nodes)
+    elsewhere = fetch.held(session, nodes)
     for node in nodes:
         rule = node.rule or copy_of(graph, parse_address(node.address).call, ()).rule
         row = {

@@ -7,7 +7,7 @@ import shlex
 import sys
 from typing import TYPE_CHECKING
 
-from dextera_build.build import fetch as remotes
+from dextera_build.build import fetch
 from dextera_build.cli import options
 from dextera_build.errors import StoreError, listing
 
@@ -29,17 +29,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Place results as `build` does; one line each: address, main file."""
-    from dextera_build.build import export as results
-    from dextera_build.build import snapshots as fresh
     from dextera_build.session import Session
 
     project = options.project(args)
     lacking: list[str] = []
     for text in args.targets:
         wanted = options.wish(text)
-        session = Session(project, wanted.recipe, makes=True)
+        session = Session(project, wanted.recipe, options.added(args), makes=True)
         result = _bring(session, wanted.target, args)
-        print(fresh.told(results.place(session, result)), end="", flush=True)
         lacking += [f"{wanted.recipe}:{node}" for node in result.own.errors()]
         lacking += [f"{wanted.recipe}:{place}" for place in result.errors]
     if lacking:
@@ -54,13 +51,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _bring(session: Session, target: str, args: argparse.Namespace) -> RunResult:
-    from dextera_build.build.build import Manner, carry_out
-    from dextera_build.session import addresses
+    from dextera_build.build.build import Order, build
+    from dextera_build.build.lock import Locking
+    from dextera_build.cli.shown import lines, tell
 
-    plan = session.plan(options.request(args, session.project.profile))
-    bring_from = remotes.exchange(session, "r", args.source)
-    manner = Manner(keep_going=True, argv=tuple(sys.argv[1:]), bring_from=bring_from)
-    return carry_out(session, plan, addresses(plan.graph, target), _Shown(), manner).result
+    order = Order([target], keep_going=True, argv=sys.argv[1:], bring_from=fetch.exchange(session, "r", args.source))
+    built = build(session, order, Locking(session.project, lock=False, locked=False, added=session.added), _Shown())
+    tell(built)
+    print(lines(built.placed.paths), end="", flush=True)
+    return built.run_result
 
 
 class _Shown:

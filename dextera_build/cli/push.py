@@ -7,7 +7,7 @@ import sys
 import time
 from typing import TYPE_CHECKING, TextIO
 
-from dextera_build.build import fetch as remotes
+from dextera_build.build import fetch
 from dextera_build.cli import options
 from dextera_build.errors import StoreError, listing
 
@@ -38,9 +38,9 @@ def run(args: argparse.Namespace) -> int:
     bare: list[str] = []
     for text in args.targets:
         wanted = options.wish(text)
-        session = Session(project, wanted.recipe)
-        graph = session.plan(options.request(args, project.profile)).graph
-        exchange = exchange or remotes.exchange(session, "w", args.to)
+        session = Session(project, wanted.recipe, options.added(args))
+        graph = session.plan().graph
+        exchange = exchange or fetch.exchange(session, "w", args.to)
         for node in plan(graph, addresses(graph, wanted.target), session.store):
             address = f"{wanted.recipe}:{node.address}"
             if node.status == "cached" and node.bare:

@@ -42,6 +42,7 @@ def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:
         UsageError: Nothing is called so.
     """
     from dextera_build.cli import nodes as known
+    from dextera_build.cli import options
     from dextera_build.session import Session
 
     depth = _depth(args)
@@ -58,8 +59,8 @@ def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:
     matched = False
     seen: dict[str, Known] = {}
     for address in chosen:
-        session = Session(project, address)
-        found = _nodes(session, args, several=len(chosen) > 1)
+        session = Session(project, address, options.added(args))
+        found = _nodes(session, several=len(chosen) > 1)
         start = known.matching(found, node or "*")
         seen |= found
         matched = matched or bool(start)
@@ -78,16 +79,14 @@ def _depth(args: argparse.Namespace) -> int | None:
     return int(args.depth)
 
 
-def _nodes(session: Session, args: argparse.Namespace, *, several: bool) -> dict[str, Known]:
+def _nodes(session: Session, *, several: bool) -> dict[str, Known]:
     from dextera_build.cli import nodes as known
 
     found = known.of_runs(session.store, session.recipe)
     if found:
         return found
-    from dextera_build.cli import options
-
     try:
-        return known.of_graph(session.plan(options.request(args, session.project.profile)).graph)
+        return known.of_graph(session.plan().graph)
     except UsageError as error:
         # Of many recipes one may need an input that is not given; it has no nodes as long as it was not built.
         if several and error.code == "DXB-U105":
@@ -105,7 +104,7 @@ def _rows(
     if args.rule:
         rule = known.pattern(args.rule)
         start = [address for address in start if rule.fullmatch(found[address].rule)]
-    states = statuses(session, args) if start and (args.stale or args.cached) else None
+    states = statuses(session) if start and (args.stale or args.cached) else None
     for address in start:
         node = found[address]
         status = node.status if states is None else states.get(address) or states.get(node.call, "")
@@ -118,12 +117,11 @@ def _rows(
             }
 
 
-def statuses(session: Session, args: argparse.Namespace) -> dict[str, str]:
+def statuses(session: Session) -> dict[str, str]:
     """What a build of everything in the recipe would do with each node; see `dxb plan`."""
-    from dextera_build.cli import options
     from dextera_build.engine.dryrun import plan
 
-    graph = session.plan(options.request(args, session.project.profile)).graph
+    graph = session.plan().graph
     planned = plan(graph, [call for call, _ in graph.calls()], session.store)
     return {node.address: node.status for node in planned}
 

@@ -16,6 +16,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--out", metavar="FILE", help="where to write it (<cache>/out/<recipe>/report.html)")
     parser.add_argument("--open", action="store_true", help="open it in the browser")
     options.project_arguments(parser)
+    options.request_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -26,9 +27,10 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.session import reading
 
     project = options.project(args)
-    _, events = runs.find(project, args.run)
-    recipe = next(event["recipe"] for event in events if event["event"] == "run_started")
-    out = Path(args.out) if args.out else project.cache / "out" / recipe / "report.html"
+    events = runs.of_last_built(project, args.run, options.added(args))
+    start = next(event for event in events if event["event"] == "run_started")
+    recipe, variant = start["recipe"], start.get("variant", "")
+    out = Path(args.out) if args.out else project.cache / "out" / f"{recipe}{variant}" / "report.html"
     licences = {
         f"{found.path}:{backend.name}": backend.facts.licence
         for found in project.library.rules()

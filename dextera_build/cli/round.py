@@ -17,15 +17,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dextera_build.build import export as results
-from dextera_build.build import snapshots as fresh
+from dextera_build.build import snapshots
+from dextera_build.build.build import Order, build
 from dextera_build.build.lock import Locking
-from dextera_build.cli import execution, options
+from dextera_build.cli import options
 from dextera_build.cli.errors import render, wants_colour
+from dextera_build.cli.shown import Shown, tell
 from dextera_build.errors import DxbError, MachineError, UsageError
 from dextera_build.project import LOCK
 from dextera_build.report.wording import duration, states
-from dextera_build.session import Session, addresses
+from dextera_build.session import Session
 from dextera_build.store.signature import Watch
 
 if TYPE_CHECKING:
@@ -63,26 +64,19 @@ def main(words: Sequence[str]) -> int:
 
 
 def _one(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch: Watch) -> tuple[DxbError | None, str]:
+    project = None
     try:
         # Anew for each recipe, because an error leaves things half read.
-        project = options.project(args)
-    except DxbError as error:
-        return _refused(None, error, watch)
-    try:
-        session = Session(project, recipe, makes=True)
-        session.store.leaves.watch = watch
-        plan = session.plan(options.request(args, project.profile))
-        fresh.note(project, watch, plan)
-        wanted = [address for target in targets for address in addresses(plan.graph, target)]
-        locking = Locking(project, lock=False, locked=False, added=options.added(args))
-        result = execution.execute(session, plan, wanted, args)
-        results.place(session, result)
-        if result.ok:
-            locking.note(session, plan, wanted, result)
-            locking.write()
+        project, added = options.project(args), options.added(args)
+        session = Session(project, recipe, added, makes=True)
+        locking = Locking(project, lock=False, locked=False, added=added)
+        order = Order(targets, keep_going=args.keep_going, argv=tuple(sys.argv[1:]))
+        with Shown(project.console, verbose=args.verbose) as shown:
+            built = build(session, order, locking, shown, snapshots.seen(session, watch))
     except DxbError as error:
         return _refused(project, error, watch)
-    return None, states(Counter(result.own.statuses()))
+    tell(built, quiet=True)
+    return None, states(Counter(built.run_result.own.statuses()))
 
 
 def _refused(project: Project | None, error: DxbError, watch: Watch) -> tuple[DxbError, str]:
@@ -101,7 +95,7 @@ def _refused(project: Project | None, error: DxbError, watch: Watch) -> tuple[Dx
         if text:
             watch.folder(_nearest(Path(text).absolute()))
     if isinstance(error, MachineError):
-        fresh.note_packages(watch)
+        snapshots.note_packages(watch)
     return error, f"error {error.code}"
 
 

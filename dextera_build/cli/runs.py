@@ -8,7 +8,7 @@ from typing import Any
 
 from dextera_build.errors import UsageError
 from dextera_build.project import Project
-from dextera_build.session import reading
+from dextera_build.session import Added, Session, reading
 
 Events = list[dict[str, Any]]
 
@@ -47,6 +47,34 @@ def find(project: Project, text: str | None) -> tuple[str, Events]:
         what = f"of `{text}` " if text else ""
         raise UsageError(f"no run {what}is logged here", code="DXB-U112", hint="`dxb ls runs`, or `dxb build RECIPE`")
     return run, eventlog.read(store, run)
+
+
+def of_last_built(project: Project, text: str | None, added: Added) -> Events:
+    """The events of a run named by its id, or of the last run of the request of a recipe that was built last.
+
+    That build may have found everything cached, so the run may be older than others of the recipe.
+
+    Args:
+        project: Where to look.
+        text: A run's id, a recipe, or None for the recipe of the last run.
+        added: With it, the request that adds this to the recipe.
+
+    Raises:
+        UsageError: There is none.
+    """
+    from dextera_build.engine import eventlog
+
+    run, found = find(project, text)
+    if run == text:
+        return found
+    recipe = next(event["recipe"] for event in found if event["event"] == "run_started")
+    session = Session(project, recipe, added, last=True)
+    of_request = eventlog.latest(session.store, recipe, session.variant)
+    if of_request is None:
+        raise UsageError(
+            f"no run of `{recipe}` with these flags is logged here", code="DXB-U112", hint=f"`dxb build {recipe}`"
+        )
+    return eventlog.read(session.store, of_request)
 
 
 def _ended(end: dict[str, Any] | None) -> str:

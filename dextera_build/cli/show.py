@@ -29,6 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--config", action="store_true", help="every setting with its origin")
     options.project_arguments(parser)
+    options.request_arguments(parser)
     options.json_argument(parser)
 
 
@@ -45,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
         rows = show(project, args.target)
     else:
         wanted = options.wish(args.target)
-        session = Session(project, wanted.recipe)
+        session = Session(project, wanted.recipe, options.added(args), last=True)
         if args.lineage:
             return _lineage(session, wanted.target, as_json=args.json)
         rows = _node(session, wanted.target) if wanted.target else _recipe(session, as_json=args.json)
@@ -78,10 +79,9 @@ def _targets(session: Any, target: str) -> list[str]:
     if target in session.history:
         return [target]
     from dextera_build.engine.graph import parse_address
-    from dextera_build.recipe.plan import Request
     from dextera_build.session import addresses
 
-    wanted = addresses(session.plan(Request(profile=session.project.profile)).graph, target)
+    wanted = addresses(session.plan().graph, target)
     built = [(node, parse_address(node)) for node in session.last_nodes]
     found = [node for node, at in built for want in wanted if at.call == want.call and want.matches(at.labels or ())]
     if not found:
@@ -91,7 +91,7 @@ def _targets(session: Any, target: str) -> list[str]:
 
 def _recipe(session: Any, *, as_json: bool) -> dict[str, Any]:
     if session.project.recipe(session.recipe) is None:
-        session.plan(None)  # says that there is none, and what there is
+        session.plan()  # says that there is none, and what there is
     rows: dict[str, Any] = {}
     for node, entry in session.history.items():
         line = _line(session, entry.key)

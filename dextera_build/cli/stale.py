@@ -47,7 +47,7 @@ def check(session: Session, graph: Graph, wanted: Sequence[Address], *, as_json:
 
 def reason(session: Session, states: Mapping[str, Planned], causes: Causes, node: str) -> str:
     """Why a stale node is stale, in one line: the first thing that changed, and how many more."""
-    entry = session.history.get(node)
+    entry = session.past_builds.get(node)
     if states[node].bare:
         return f"its result is known, {NO_BYTES}"
     if entry is None:

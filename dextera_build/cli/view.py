@@ -33,6 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-open", action="store_true", help="do not open the browser")
     options.project_arguments(parser)
+    options.request_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -41,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.view import server
 
     wanted = options.wish(args.target)
-    session = Session(options.project(args), wanted.recipe)
+    session = Session(options.project(args), wanted.recipe, options.added(args), last=True)
     fill = _one(session, wanted.target) if wanted.target else _scene(session)
     viewer, url = server.start(args.port, args.host, args.allow_origin)
     fill(viewer)

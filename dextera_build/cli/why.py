@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from dextera_build.engine.dryrun import Planned
     from dextera_build.engine.graph import Graph
     from dextera_build.explain.causes import Cause
-    from dextera_build.recipe.plan import Request
     from dextera_build.session import Session
 
 
@@ -32,8 +31,8 @@ def run(args: argparse.Namespace) -> int:
 
     project = options.project(args)
     wanted = options.wish(args.node)
-    session = Session(project, wanted.recipe)
-    sentence, causes = explain(session, options.request(args, project.profile), wanted.target)
+    session = Session(project, wanted.recipe, options.added(args))
+    sentence, causes = explain(session, wanted.target)
     if args.json:
         rows = [cause.to_json() for cause in causes]
         print(json.dumps({"node": args.node, "answer": sentence, "causes": rows}, indent=1))
@@ -47,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def explain(session: Session, request: Request, node: str) -> tuple[str, list[Cause]]:
+def explain(session: Session, node: str) -> tuple[str, list[Cause]]:
     """A sentence about a node, and what changed.
 
     Raises:
@@ -59,10 +58,10 @@ def explain(session: Session, request: Request, node: str) -> tuple[str, list[Ca
     recipe = session.recipe
     if not node:
         raise UsageError("name a node", code="DXB-U111", hint=f"`dxb why {recipe}:NODE`; `dxb ls {recipe}`")
-    graph = session.plan(request).graph
+    graph = session.plan().graph
     found = plan(graph, addresses(graph, node), session.store, history=session.past_builds)
     states = {planned.address: planned for planned in found}
-    if node not in states and node not in session.history:
+    if node not in states and session.past_builds.get(node) is None:
         raise UsageError(
             f"`{recipe}:{node}` is not known yet: its group is not open",
             code="DXB-U114",
@@ -77,7 +76,7 @@ def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: s
     from dextera_build.session import NO_BYTES
 
     state = states.get(node)
-    entry = session.history.get(node)
+    entry = session.past_builds.get(node)
     when = f"run {entry.run} ({_ago(entry.time)})" if entry else ""
     if state is not None and state.status == "cached":
         # The run in which it got this key: there it ran, was fetched, or was in the store already.

@@ -72,13 +72,9 @@ class CodeIndex:
         found = ((top, file) for file in closure for top in self._foreign.get(file, ()))
         return {top: file for top, file in sorted(found) if not file.is_relative_to(PACKAGE)}
 
-    def files(self) -> list[Path]:
-        """Every file that was read so far."""
-        return sorted(self._parsed)
-
-    def looked_at(self) -> tuple[set[str], set[str]]:
-        """Files, also those that are not there and would come first, and folders that were searched."""
-        return {*map(str, self._parsed), *self._modules.absent}, set(self._modules.folders)
+    def looked_at(self) -> set[str]:
+        """Files that were read, folders that were searched, and files that are not there and would come first."""
+        return {*map(str, self._parsed), *self._modules.looked_at}
 
     def contents(self) -> dict[Path, str]:
         """Digest of what each file says that was read so far, as `content` gives it."""

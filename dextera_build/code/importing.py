@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import sys
 import threading
 import traceback
@@ -64,6 +65,7 @@ def refused(path: str, file: Path, error: Exception) -> DxbError:
     if isinstance(error, RecursionError) and "during" in str(error):
         return too_deep(str(file))
     said = str(error) if isinstance(error, ImportError) else f"{type(error).__name__}: {error}"
+    said = re.sub(r"\bdxb_rules_[0-9a-f]{12}\b", "rules", said)
     return RecipeError(f"{path} cannot be imported: {said}", code="DXB-R205", where=_last(error, file))
 
 

@@ -22,7 +22,8 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest
 from dextera_build.code import importing
-from dextera_build.code.code_digest import CodeIndex
+from dextera_build.code.code_digest import RULES, CodeIndex
+from dextera_build.code.declared import undeclared
 from dextera_build.code.importer import IMPORTER, install
 from dextera_build.code.modules import PACKAGE as PACKAGE
 from dextera_build.code.modules import read
@@ -105,15 +106,18 @@ class RuleFile:
     @cached_property
     def backends(self) -> dict[str, BackendFile]:
         """Backends by name, read without importing them."""
-        stem = self.file.stem
-        candidates = sorted(self.file.parent.glob(f"{stem}_*.py"))
         found = {}
-        for file in candidates:
+        for file in self.candidates:
             facts = _backend_facts(file)
             if facts is not None:
-                name = file.stem.removeprefix(f"{stem}_")
+                name = file.stem.removeprefix(f"{self.file.stem}_")
                 found[name] = BackendFile(name, file, self, facts)
         return found
+
+    @cached_property
+    def candidates(self) -> list[Path]:
+        """Files that are backends of it, if they say so."""
+        return sorted(self.file.parent.glob(f"{self.file.stem}_*.py"))
 
 
 @dataclass(frozen=True)
@@ -150,6 +154,8 @@ class Library:
         self.project = project or Path.cwd()
         self._project = project
         self._found: dict[str, RuleFile] = {}
+        self.warnings: dict[str, str] = {}
+        """What to say of modules that rules import and do not declare, by module."""
         IMPORTER.forget_changed()
 
     @cached_property
@@ -159,7 +165,7 @@ class Library:
             Path(str(importlib.util.find_spec(point.value).submodule_search_locations[0]))  # type: ignore[union-attr,index]
             for point in self._points
         ]
-        folders += [] if (own := bundled("rules").resolve()) in folders else [own]
+        folders += [] if (own := bundled(RULES).resolve()) in folders else [own]
         known = {root.path for root in self._first}
         return [*self._first, *(_mounted(folder) for folder in folders if folder not in known)]
 
@@ -173,7 +179,7 @@ class Library:
     @cached_property
     def _first(self) -> list[Root]:
         """The project's own root, if it has one."""
-        folder = self._project / "rules" if self._project else None
+        folder = self._project / RULES if self._project else None
         return [_mounted(folder.resolve())] if folder and folder.is_dir() else []
 
     def find(self, path: str, where: Place | None = None) -> RuleFile:
@@ -196,13 +202,25 @@ class Library:
                     seen.add(path)
                     yield self.find(path)
 
-    def folders(self) -> Iterator[Path]:
-        """Every folder in which a new file could be a rule or a backend."""
-        for root in self.roots:
-            yield root.path
-            for folder in (*root.path.glob("*"), *root.path.glob("*/*")):
-                if folder.name != "__pycache__" and folder.is_dir():
-                    yield folder
+    def note_undeclared(self, found: RuleFile, files: Sequence[Path], packages: Sequence[str]) -> None:
+        """Add to `warnings` what a rule, with its backend, imports beside the distributions that it declares."""
+        if found.root.path != bundled(RULES).resolve():
+            self.warnings |= undeclared(found.path, self.code.foreign(*files), packages)
+
+    def looked_at(self) -> set[str]:
+        """Files and folders that decided which code the rules found so far run; some of them are not there."""
+        found = self.code.looked_at()
+        if self._project is not None:
+            found.add(str(self._project / RULES))
+        for path, rule in self._found.items():
+            stage, _, name = path.partition(".")
+            found.update(map(str, rule.candidates))
+            for root in self.roots[: self.roots.index(rule.root) + 1]:
+                folder = root.path / stage
+                # A new file in one of these can be the rule, or a backend of it.
+                inner = (place for place in folder.glob("*") if place.name != "__pycache__" and place.is_dir())
+                found.update(map(str, (root.path, folder, folder / f"{name}.py", *inner)))
+        return found
 
     @cached_property
     def code(self) -> CodeIndex:

@@ -106,10 +106,8 @@ class Modules:
         self._found: dict[str, Module | None] = dict(known)
         self._own = own
         self._foreign: dict[str, bool] = {}
-        self.folders: set[str] = set()
-        """Folders that were searched."""
-        self.absent: set[str] = set()
-        """Files that would have been found first."""
+        self.looked_at: set[str] = set()
+        """Folders that were searched, and files that would have been found first."""
 
     def find(self, name: str) -> Module | None:
         """What `import name` finds; None where that is nothing, or nothing first-party."""
@@ -127,9 +125,12 @@ class Modules:
         above = self.find(parent)
         if above is None or above.search is None:
             return None
-        self.folders.update(above.search)
+        self.looked_at.update(above.search)
+        self.looked_at.update(os.path.join(folder, tail, "__init__.py") for folder in above.search)
         spec = _find_below(name, above.search)
-        return None if spec is None else self._module(name, spec, tail)
+        if spec is None:
+            self.looked_at.update(os.path.join(folder, f"{tail}.py") for folder in above.search)
+        return None if spec is None else _module(name, spec)
 
     def _top(self, name: str) -> Module | None:
         if name in sys.builtin_module_names:
@@ -138,24 +139,18 @@ class Modules:
         spec = find_top(name)
         if spec is None:
             return None
-        found = self._module(name, spec, name)
+        found = _module(name, spec)
         places = [str(found.file)] if found.file else [os.path.join(folder, "_") for folder in found.search or ()]
         if name in self._own or all(is_first_party(place) for place in places):
             return found
         self._foreign[name] = True
         return None
 
-    def _module(self, name: str, spec: ModuleSpec, tail: str) -> Module:
-        if spec.origin is None or not spec.has_location:
-            inner = tuple(spec.submodule_search_locations or ())
-            self.absent.update(os.path.join(place, "__init__.py") for place in inner)
-            return Module(name, Path(spec.origin) if spec.origin else None, inner or None)
-        if spec.submodule_search_locations is None:
-            beside = os.path.join(os.path.dirname(spec.origin), tail)
-            if os.path.isdir(beside):  # a package here would come first
-                self.absent.add(os.path.join(beside, "__init__.py"))
-            return Module(name, Path(spec.origin), None)
-        return Module(name, Path(spec.origin), tuple(spec.submodule_search_locations))
+
+def _module(name: str, spec: ModuleSpec) -> Module:
+    search = spec.submodule_search_locations
+    file = Path(spec.origin) if spec.origin and spec.has_location else None
+    return Module(name, file, None if search is None else tuple(search))
 
 
 def find_top(name: str) -> ModuleSpec | None:

@@ -20,7 +20,7 @@ from dextera_build.code.loader import Library, RuleFile
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.rule import Context
 from dextera_build.store import header, space
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store, opened
 
 if TYPE_CHECKING:
@@ -186,14 +186,12 @@ class _Calls:
         return self._recorder(*words, **manner)
 
 
-def _fetcher(task: Mapping[str, Any], store: Store) -> Callable[[str, int], ActionResult | None]:
+def _fetcher(task: Mapping[str, Any], store: Store) -> Callable[[str], ActionResult | None]:
     """Looks for a recorded answer on the remotes of the project."""
 
-    def fetch(key: str, size: int) -> ActionResult | None:
-        from dextera_build.store.remotes.remote import Digest
-
+    def fetch(key: str) -> ActionResult | None:
         exchange = _exchange(store, task["project"], os.environ.get("DXB_REMOTES", ""))
-        return exchange.fetch(Digest(key, size)).result if exchange is not None else None
+        return exchange.fetch(key).result if exchange is not None else None
 
     return fetch
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from dextera_build import digest
@@ -22,7 +22,7 @@ def files(project: Path) -> dict[str, Path]:
     found = {name: project / name for name in _SETTINGS if (project / name).is_file()}
     own = list(_below(rules))
     library.code.of(*(file for file in own if file.suffix == ".py"))
-    for file in (*own, *_with_parents(library.code.files(), project)):
+    for file in (*own, *library.code.contents()):
         if file.is_relative_to(project) and not file.is_relative_to(PACKAGE):
             found[file.relative_to(project).as_posix()] = file
     return found
@@ -67,14 +67,3 @@ def _below(folder: Path) -> Iterator[Path]:
         inner = file.relative_to(folder).parts
         if file.is_file() and not any(part.startswith(".") or part == "__pycache__" for part in inner):
             yield file
-
-
-def _with_parents(found: Iterable[Path], project: Path) -> Iterator[Path]:
-    """Files, and those that make packages of the folders in which they stand."""
-    for file in found:
-        yield file
-        folder = file.parent
-        while folder != project and folder.is_relative_to(project):
-            if (folder / "__init__.py").is_file():
-                yield folder / "__init__.py"
-            folder = folder.parent

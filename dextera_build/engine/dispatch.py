@@ -19,7 +19,7 @@ from dextera_build.engine.states import State, States
 from dextera_build.engine.tasks import Ended, Executor, Report, Said, Task
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 
 _PATIENCE_S = 0.02

@@ -129,11 +129,13 @@ def read(store: Store, run: str) -> list[dict[str, Any]]:
     return list(lines(store, run))
 
 
-def latest(store: Store, recipe: str | None = None) -> str | None:
-    """Id of the last run, or of the last one of `recipe`; None where there is none."""
+def latest(store: Store, recipe: str | None = None, variant: str | None = None) -> str | None:
+    """Id of the last run, or of the last one of `recipe` and of a variant of its request; None where there is none."""
     for run in reversed(runs(store)):
         first = next(lines(store, run), None)
-        if first is not None and (recipe is None or first.get("recipe") == recipe):
+        if first is None or (recipe is not None and first.get("recipe") != recipe):
+            continue
+        if variant is None or first.get("variant", "") == variant:
             return run
     return None
 

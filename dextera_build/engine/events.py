@@ -41,6 +41,8 @@ class RunStarted(Event):
     calls: int
     groups: int
     argv: list[str] = field(default_factory=list)
+    variant: str = ""
+    """What tells the request from the recipe's own."""
 
     def __post_init__(self) -> None:
         # The command line may name remotes with passwords; logs and reports are sent around.

@@ -40,6 +40,8 @@ class RunInfo:
     dxb: str = ""
     """Version of dxb."""
     argv: tuple[str, ...] = ()
+    variant: str = ""
+    """What tells the request from the recipe's own; see `Session.variant`."""
 
 
 def build(  # noqa: PLR0913 - the whole interface of the engine
@@ -95,7 +97,7 @@ class _Run:
     ) -> None:
         self.graph, self.store, self.executor, self.uplink, self.info = graph, store, executor, uplink, info
         self.listen = uplink.listen
-        self.history = History(store, graph.name, info.project)
+        self.history = History(store, graph.name, info.project, info.variant)
         hooks = Hooks(self._sized, self._opened, self._missed, self._started, self._said, self._settled, self._broken)
         hooks.pause = uplink.pause
         policy = replace(policy, peak_gb=self.history.peak_gb)
@@ -143,6 +145,7 @@ class _Run:
                 calls=self.members.total(),
                 groups=groups,
                 argv=list(self.info.argv),
+                variant=self.info.variant,
             )
         )
 

@@ -14,7 +14,7 @@ from dextera_build import digest as digests
 from dextera_build.engine.graph import Call, RuleFacts
 from dextera_build.store.traces import steps as traces
 
-SCHEMA = 1
+SCHEMA = 2
 """Raised when the form or the meaning of the document changes; every key changes with it."""
 
 _OWN = ("inputs", "options", "salt")

@@ -17,7 +17,7 @@ from dextera_build.engine.reading import Reading
 from dextera_build.engine.tasks import Ended
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError, RuleError, StoreError
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.store.traces import tree
 

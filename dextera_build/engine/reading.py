@@ -10,8 +10,9 @@ from typing import Any, TypeAlias
 from dextera_build.engine.key import Writer
 from dextera_build.engine.units import Node
 from dextera_build.errors import RuleError
-from dextera_build.store.actions import ActionResult, Found
+from dextera_build.store.actions import Found
 from dextera_build.store.cas import MissingBlob
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.store.traces import steps as traces
 from dextera_build.store.traces import tree

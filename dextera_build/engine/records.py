@@ -13,8 +13,9 @@ from dextera_build.engine.states import State
 from dextera_build.engine.units import Node
 from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError
-from dextera_build.store.actions import ActionResult, Actions
+from dextera_build.store.actions import Actions
 from dextera_build.store.cas import MissingBlob
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 
 

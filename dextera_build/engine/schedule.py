@@ -37,8 +37,8 @@ from dextera_build.engine.values import inputs_of, value
 from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
 from dextera_build.store import header
-from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 
 _BATCH = 64
@@ -219,8 +219,7 @@ class Scheduler:
     def _note_bare(self, node: Node, result: ActionResult) -> None:
         """That bytes are absent is as it should be from now on."""
         with suppress(StoreError):  # a store that may only be read serves what it holds
-            self.store.blobs.put(node.document)
-            self.store.actions.put_bare(node.key or "", result)
+            self.store.actions.put_bare(node.key or "", result, document=node.document)
 
     def _ask_above(self, node: Node) -> None:
         """Note in a dry run which results would have to have their bytes, so that `node` can run."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias
 from dextera_build.engine.reading import Reading
 from dextera_build.engine.states import State, States
 from dextera_build.engine.units import Node
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 
 if TYPE_CHECKING:
     # A build without remotes need not wait for these.
@@ -64,15 +64,13 @@ class Sharing:
         return False
 
     def _ask(self, node: Node, exchange: Exchange) -> bool:
-        from dextera_build.store.remotes.remote import Digest
-
         assert node.key is not None
         if node.key in self._missed:
             return False
         self._fetching[node.key] = node
         if node.state is not State.FETCHING:
             self._states.set(node, State.FETCHING)
-        exchange.ask(Digest(node.key, len(node.document)), whole=node.asked)
+        exchange.ask(node.key, whole=node.asked)
         return True
 
     def wait(self, patience_s: float) -> None:

@@ -12,9 +12,9 @@ from dextera_build.engine.reach import leaves
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.units import producers
-from dextera_build.store.actions import ActionResult
 from dextera_build.store.bundle.config import Build, Closure
 from dextera_build.store.bundle.config import Node as Entry
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 
 

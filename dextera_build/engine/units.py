@@ -15,7 +15,7 @@ from dextera_build.engine.graph import Call, Graph, Group, Leaf, RuleFacts
 from dextera_build.engine.reach import copy_of
 from dextera_build.engine.states import State
 from dextera_build.errors import DxbError
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.traces.steps import Steps
 
 T = TypeVar("T")

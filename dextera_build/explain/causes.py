@@ -102,7 +102,7 @@ class Causes:
 
     def _question(self, node: str) -> _Question:
         """The question of a node that is not up to date; one that was never built waits at most."""
-        entry, state = self._session.history.get(node), self._states.get(node)
+        entry, state = self._session.past_builds.get(node), self._states.get(node)
         if entry is None or state is None or not state.key_document:
             return _Question(node)
         return _Question(node, entry.key, entry.run)
@@ -212,7 +212,7 @@ class Causes:
                 yield Cause("waits for", _names(group), self._status(group[0].node), place, behind=group[:1])
 
     def _status(self, node: str) -> str:
-        state, entry = self._states[node], self._session.history.get(node)
+        state, entry = self._states[node], self._session.past_builds.get(node)
         if state.status == "unknown":
             return _OPEN
         if entry is None:

@@ -198,6 +198,7 @@ def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> 
             hint="`pip install 'dextera-build[all]'`",
         )
     files = [found.file] + ([backend.file] if backend else [])
+    library.note_undeclared(found, files, names)
     types = {name: _schema(slot.annotation) for name, slot in rule.slots.items()}
     return RuleFacts(
         path=found.path,
@@ -224,7 +225,7 @@ def _spelled(kind: type[BaseException] | str) -> str:
 
 @cache
 def _schema(annotation: Any) -> str:
-    from dextera_build.artifacts.base import schema_digest
+    from dextera_build.artifacts.schema import schema_digest
 
     return schema_digest(annotation)[:16]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import stat
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from io import BytesIO
@@ -64,11 +65,12 @@ class Blobs:
 
     def size(self, digest: str) -> int | None:
         """Size of the blob [bytes], or None where there is none."""
-        try:
-            return os.stat(self._file(digest)).st_size
-        except OSError:
-            data = self.inside(digest)
-            return None if data is None else len(data)
+        with suppress(OSError):
+            state = os.stat(self._file(digest))
+            if stat.S_ISREG(state.st_mode):
+                return state.st_size
+        data = self.inside(digest)
+        return None if data is None else len(data)
 
     def put(self, data: bytes) -> str:
         """Store `data` and return its digest.
@@ -97,7 +99,7 @@ class Blobs:
     def _is_held(self, path: str, digest: str, size: int, check: Callable[[], bool] | None) -> bool:
         try:
             state = os.stat(path)
-            if state.st_size != size:
+            if state.st_size != size or not stat.S_ISREG(state.st_mode):
                 return False
             if check is not None and not self.use.is_recent(state.st_mtime) and not check():
                 return False

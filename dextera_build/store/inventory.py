@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
-from dextera_build.store import files, inside
-from dextera_build.store.actions import ABSENT
+from dextera_build.store import entry as entries
+from dextera_build.store import files
 from dextera_build.store.cas import is_digest
-from dextera_build.store.reapi import decode
 from dextera_build.store.store import Store
 
 Sizes: TypeAlias = "dict[str, int] | None"
@@ -56,9 +55,9 @@ def read(store: Store) -> Inventory:
     """Look at everything; nothing is changed, and no use is noted."""
     found = Inventory()
     # Entries first: what is published meanwhile then has blobs that no entry names, which are too young to go.
-    entries = dict(results(store))
+    held = dict(results(store))
     found.blobs = {digest: (size, used) for digest, size, used in listing(store.blobs.root)}
-    for key, (entry, sizes) in entries.items():
+    for key, (entry, sizes) in held.items():
         there = (found.blobs.get(name, (-1, 0))[0] == size for name, size in (sizes or {}).items())
         whole = sizes is not None and all(there)
         (found.results if whole else found.broken)[key] = entry
@@ -74,10 +73,10 @@ def results(store: Store, known: frozenset[str] = frozenset()) -> Iterator[tuple
     for key, size, used in listing(store.actions.root):
         if key not in known:
             sizes: Sizes = None
-            with suppress(OSError, ValueError, IndexError, KeyError):
-                # A bare result names all that it needs beside the mark.
-                named = (file for file in inside.blobs(decode(files.read(path_of(store, key)))) if file != ABSENT)
-                sizes = {names.setdefault(file.digest, file.digest): file.size for file in named}
+            with suppress(OSError, ValueError):
+                found = entries.read(files.read(path_of(store, key)))
+                if found.key == key:
+                    sizes = {names.setdefault(file.digest, file.digest): file.size for file in found.files}
             yield key, (Kept(size, used, tuple(sizes or ())), sizes)
 
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 from dextera_build.store import files, signature
 
 if TYPE_CHECKING:
-    from dextera_build.store.reapi import OutputFile
+    from dextera_build.store.entry import File
 
 _ROW = 40
 """32 bytes of digest, 8 of size."""
@@ -48,7 +48,7 @@ class Presence:
         self._pieces: dict[str, array[int]] = defaultdict(lambda: array("Q"))
         """Where the rows of a folder lie that were laid aside: place, length, and so on."""
 
-    def note(self, key: str, needs: Iterable[OutputFile]) -> None:
+    def note(self, key: str, needs: Iterable[File]) -> None:
         """Rely on the result of a key and on all that it needs."""
         self._rows[f"ac/{key[:2]}"] += bytes.fromhex(key) + _ANY
         self._held += 1

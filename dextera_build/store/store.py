@@ -31,7 +31,7 @@ class Store:
     """One folder that builds share.
 
         cas/ab/cdef...   blobs, read-only, by SHA-256
-        ac/ab/cdef...    results by key, REAPI `ActionResult` messages
+        ac/ab/cdef...    results by key, JSON
         runs/0001/       event logs
         local/           what belongs to this machine: signatures of project files, history and snapshots
                          (`state.db`), locks, builds that run now, projects that ever built here, damaged blobs that

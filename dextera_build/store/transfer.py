@@ -10,18 +10,15 @@ import threading
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from io import BytesIO
 from typing import Any, BinaryIO
 
 from dextera_build.errors import StoreError
-from dextera_build.store import failpoints, header, inside, space
-from dextera_build.store.actions import ActionResult
+from dextera_build.store import entry as entries
+from dextera_build.store import failpoints, header, space
 from dextera_build.store.cas import MissingBlob
-from dextera_build.store.reapi import OutputFile
+from dextera_build.store.entry import ActionResult, Entry
 from dextera_build.store.references import UNREADABLE
-from dextera_build.store.remotes import entry as entries
 from dextera_build.store.remotes.breaker import Guarded
-from dextera_build.store.remotes.entry import Entry
 from dextera_build.store.remotes.remote import MOST_ENTRY, DamagedBlob, Digest, Remote
 from dextera_build.store.store import Store
 from dextera_build.store.traces import steps as traces
@@ -62,35 +59,29 @@ class Transfer:
         self._damaged: defaultdict[str, set[Digest]] = defaultdict(set)
         """Remote -> blobs that it gave wrongly; sent again although it says that it has them."""
 
-    def fetch(self, remote: Remote, key: Digest, *, whole: bool = True) -> Fetched | None:
+    def fetch(self, remote: Remote, key: str, *, whole: bool = True) -> Fetched | None:
         """Bring the result of `key`; None where the remote lacks it or a part of it.
 
         Args:
             remote: Where from.
-            key: Its key document.
+            key: Digest of the key document.
             whole: With all that it names; else without its bytes, unless these are here.
 
         Raises:
             RemoteFault: The remote did not answer rightly.
             StoreError: The local disk is full, or the store cannot be written.
         """
-        message = remote.get_action(key)
-        entry = entries.read(message, key) if message is not None else None
+        entry = entry_at(remote, key)
         if entry is None:
             return None
         try:
-            if entry.asked:
-                self._store.blobs.put(entry.asked)
             octets = self._whole(remote, entry) if whole else self._headers(remote, entry)
             if octets is None:
                 return None
             failpoints.reach("fetch.blobs")
-            result = entries.result(entry, entry.inline or self._store.blobs.get(entry.document.hash))
-            if result is None:
-                return None
-            is_whole = self._publish(key.hash, result)
+            is_whole = self._publish(entry)
             if not is_whole and not whole:
-                tree.publish(self._store, key.hash, result, bare=True)
+                tree.publish(self._store, key, entry.result, entry.document, bare=True)
         except UNREADABLE:
             # A header is not one, or names what the entry does not.
             return None
@@ -98,28 +89,26 @@ class Transfer:
             if error.code != header.ESCAPES:
                 raise
             return None
-        return Fetched(result, is_whole, octets) if is_whole or not whole else None
+        return Fetched(entry.result, is_whole, octets) if is_whole or not whole else None
 
-    def _publish(self, key: str, result: ActionResult) -> bool:
+    def _publish(self, entry: Entry) -> bool:
         """Write the entry of a result if all that it needs is here."""
         try:
-            if not all(entries.is_record(self._store.blobs.get(name)) for _, name in result.calls):
-                return False
-            tree.publish(self._store, key, result)
+            tree.publish(self._store, entry.key, entry.result, entry.document)
         except MissingBlob:
             return False
         return True
 
     def _whole(self, remote: Remote, entry: Entry) -> int | None:
         """Bring all that an entry names; the bytes that came, or None where the remote lacks something."""
-        return self._bring(remote, [*entry.blobs, *_document(entry)])
+        return self._bring(remote, dict.fromkeys(Digest(file.digest, file.size) for file in entry.files))
 
     def _headers(self, remote: Remote, entry: Entry) -> int | None:
-        """Bring what an entry says without its bytes: its documents, and the headers of its output, level by level."""
-        known = {blob.hash: blob for blob in entry.blobs}
-        front = [entry.roles["output"]]
+        """Bring the key document of an entry and the headers of its output, level by level."""
+        known = {file.digest: Digest(file.digest, file.size) for file in entry.files}
+        front = [entry.result.output]
         seen = set(front)
-        octets = self._bring(remote, [known[entry.roles[inside.KEY]], *_document(entry)])
+        octets = self._bring(remote, [known[file.digest] for file in entry.files if file.role == entries.KEY])
         while front and octets is not None:
             came = self._bring(remote, [known[digest] for digest in front])
             if came is None:
@@ -174,14 +163,12 @@ class Transfer:
             RemoteFault: The remote did not take it.
             MissingBlob: The local store does not hold the result, or not all of it.
         """
-        found = self._store.actions.message(key)
-        if found is None:
-            raise MissingBlob(key, "the store has no result under this key")
-        message, named = found
-        for file in named:
-            if file.path.startswith("calls/"):  # first, so that whoever has another key for its node finds the answer
-                self.send(remote, file.digest)
-        sent = self._deliver(remote, message, named)
+        entry = self._store.actions.entry(key)
+        if entry is None or entry.is_bare:
+            raise MissingBlob(key, "the store has no whole result under this key")
+        for call, _ in entry.result.calls:  # first, so that whoever has another key for its node finds the answer
+            self.send(remote, call)
+        sent = self._deliver(remote, entry)
         document = self._store.blobs.get(key)
         parts = traces.parts_of(document)
         if parts is not None:
@@ -197,18 +184,16 @@ class Transfer:
             return self._onward(remote, document)
 
         def put(document: bytes, onward: traces.Steps) -> None:
-            self._deliver(remote, *self._store.actions.spell(tree.loose(self._store, document, onward)))
+            self._deliver(remote, self._store.actions.made(tree.loose(self._store, document, onward)))
 
         tree.weave(static, steps, known, put)
 
     def _onward(self, remote: Remote, document: bytes) -> traces.Steps | None:
         """What the remote says that is read next by a call which has read what stands in its key document."""
-        key = Digest(tree.key_of(document), len(document))
-        message = remote.get_action(key)
-        entry = entries.read(message, key) if message is not None else None
+        entry = entry_at(remote, tree.key_of(document))
         if entry is None:
             return None
-        output = next(blob for blob in entry.blobs if blob.hash == entry.roles["output"])
+        output = Digest(entry.result.output, entry.files[0].size)
         here = self._store.blobs.size(output.hash) == output.size
         if output.size > MOST_ENTRY or not (here or self.blobs(remote, [output])):
             return None
@@ -217,30 +202,37 @@ class Transfer:
         except (MissingBlob, ValueError, KeyError, TypeError, RecursionError):
             return None
 
-    def _deliver(self, remote: Remote, message: bytes, named: list[OutputFile]) -> Sent:
-        blobs = list(dict.fromkeys(Digest(file.digest, file.size) for file in named))
-        document = next(blob for blob, file in zip(blobs, named, strict=False) if file.path == inside.KEY)
+    def _deliver(self, remote: Remote, entry: Entry) -> Sent:
+        blobs = list(dict.fromkeys(Digest(file.digest, file.size) for file in entry.files))
         with self._guard:
             damaged = self._damaged[remote.address].intersection(blobs)
             asked = [blob for blob in blobs if blob not in self._held[remote.address] and blob not in damaged]
         wanted = [*damaged, *(remote.missing(asked) if asked else ())]
         if wanted:
-            held = {file.digest: file.contents for file in named if file.contents}
-            remote.send(sorted(wanted), lambda digest: self._open(digest, held))
+            remote.send(sorted(wanted), self._open)
         with self._guard:
             self._held[remote.address].update(blobs)
             self._damaged[remote.address].difference_update(wanted)
-        remote.put_action(document, message)
+        remote.put_entry(entry.key, entry.spell())
         return Sent(len(wanted), sum(blob.size for blob in wanted))
 
-    def _open(self, digest: Digest, held: Mapping[str, bytes]) -> BinaryIO:
-        if digest.hash in held:
-            return BytesIO(held[digest.hash])
+    def _open(self, digest: Digest) -> BinaryIO:
         if not self._store.blobs.verify(digest.hash):
-            return BytesIO(self._store.blobs.get(digest.hash))  # in an entry, or not at all
+            raise MissingBlob(digest.hash)
         return self._store.blobs.open(digest.hash)
 
 
-def _document(entry: Entry) -> list[Digest]:
-    """The `result.json` of an entry that does not hold it."""
-    return [] if entry.inline else [entry.document]
+def entry_at(remote: Remote, key: str) -> Entry | None:
+    """The whole entry that a remote has under a key, or None; the blobs that it names are not looked for.
+
+    Raises:
+        RemoteFault: The remote did not answer rightly.
+    """
+    message = remote.get_entry(key)
+    if message is None or len(message) > MOST_ENTRY:
+        return None
+    try:
+        found = entries.read(message)
+    except ValueError:
+        return None
+    return found if found.key == key and not found.is_bare else None

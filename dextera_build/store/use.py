@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -73,6 +74,9 @@ class Use:
                 os.unlink(path)
             except FileNotFoundError:
                 pass
+            except IsADirectoryError:  # damage
+                shutil.rmtree(path, ignore_errors=True)
+                return not os.path.exists(path)
             except OSError:
                 return False
         return True

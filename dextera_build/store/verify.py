@@ -14,10 +14,9 @@ from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.store import failpoints, files, inside, inventory, sharing, use
-from dextera_build.store.actions import ABSENT
+from dextera_build.store import entry as entries
+from dextera_build.store import failpoints, files, inventory, sharing, use
 from dextera_build.store.cas import is_digest
-from dextera_build.store.reapi import decode
 from dextera_build.store.store import Store
 
 DAMAGE = ("damaged", "truncated", "misnamed", "unreadable", "lacking", "misfiled")
@@ -138,22 +137,20 @@ class _Verifier:
                 self.verdict.results += 1
                 kind, detail = self._judge(key, path)
                 if kind:
-                    self._find(kind, key, detail, lambda path=path: os.unlink(path))  # type: ignore[misc]
+                    self._find(kind, key, detail, lambda path=path: inventory.remove(path))  # type: ignore[misc]
 
     def _judge(self, key: str, path: str) -> tuple[str, str]:
         try:
-            outputs = decode(files.read(path))
-        except (ValueError, IndexError, KeyError):
+            found = entries.read(files.read(path))
+        except FileNotFoundError:
+            raise
+        except (OSError, ValueError):
             return "unreadable", "not a result"
-        if outputs[-1].path != inside.RESULT:
-            return "unreadable", "its end is missing"
-        needs = inside.blobs(outputs)
-        lacks = [file for file in needs if file != ABSENT and self._store.blobs.size(file.digest) != file.size]
+        lacks = [file for file in found.files if self._store.blobs.size(file.digest) != file.size]
         if lacks:
-            return "lacking", f"{len(lacks)} of {len(needs)} blobs are not there"
-        document = next((file.digest for file in outputs if file.path == inside.KEY), key)
-        if document != key:
-            return "misfiled", f"it belongs under {document}"
+            return "lacking", f"{len(lacks)} of {len(found.files)} blobs are not there"
+        if found.key != key:
+            return "misfiled", f"it belongs under {found.key}"
         return "", ""
 
     def leftovers(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import World
 from dextera_build.rule import Backend
-from dextera_build.sim.shot import Shot
+from dextera_build.sim.render.shot import Shot
 
 from .unlit import unlit
 

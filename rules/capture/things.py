@@ -28,9 +28,9 @@ class Placed(Options):
     """Seed of its textures."""
     mass_kg: PositiveFloat = 0.3
     """Mass [kg]."""
-    friction: NonNegativeFloat = 0.45
+    friction: PositiveFloat = 0.45
     """Sliding friction coefficient against whatever it touches."""
-    restitution: Fraction = 0.15
+    restitution: float = Field(0.15, ge=0.0, lt=1.0)
     """Coefficient of restitution of a slow impact on the table."""
 
     def matter(self) -> Matter:
@@ -54,7 +54,7 @@ class Carton(Placed):
     kind: Literal["carton"]
     mass_kg: PositiveFloat = 0.46
     """Mass with its contents [kg]."""
-    friction: NonNegativeFloat = 0.42
+    friction: PositiveFloat = 0.42
     """Sliding friction coefficient of cardboard."""
     size_m: tuple[PositiveFloat, PositiveFloat, PositiveFloat] = (0.11, 0.06, 0.18)
     """Width, depth, height [m]."""
@@ -80,7 +80,7 @@ class Cylinder(Placed):
     kind: Literal["cylinder"]
     mass_kg: PositiveFloat = 0.4
     """Mass of the full can [kg]."""
-    friction: NonNegativeFloat = 0.34
+    friction: PositiveFloat = 0.34
     """Sliding friction coefficient of a printed can."""
     radius_m: PositiveFloat = 0.035
     """Radius [m]."""
@@ -108,7 +108,7 @@ class Bowl(Placed):
     kind: Literal["bowl"]
     mass_kg: PositiveFloat = 0.42
     """Mass of the stoneware [kg]."""
-    friction: NonNegativeFloat = 0.5
+    friction: PositiveFloat = 0.5
     """Sliding friction coefficient of glazed stoneware on an unglazed foot."""
     radius_m: PositiveFloat = 0.075
     """Outer radius of the rim [m]."""
@@ -146,7 +146,7 @@ class Mug(Placed):
     kind: Literal["mug"]
     mass_kg: PositiveFloat = 0.31
     """Mass of the ceramic [kg]."""
-    friction: NonNegativeFloat = 0.5
+    friction: PositiveFloat = 0.5
     """Sliding friction coefficient of glazed ceramic."""
     radius_m: PositiveFloat = 0.041
     """Outer radius [m]."""
@@ -193,7 +193,7 @@ class Laptop(Placed):
     kind: Literal["laptop"]
     mass_kg: PositiveFloat = 1.6
     """Mass of base and lid together [kg]."""
-    friction: NonNegativeFloat = 0.55
+    friction: PositiveFloat = 0.55
     """Sliding friction coefficient of its rubber feet."""
     width_m: PositiveFloat = 0.32
     """Width [m]."""

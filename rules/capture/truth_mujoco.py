@@ -5,8 +5,8 @@ from __future__ import annotations
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import World
 from dextera_build.rule import Backend
-from dextera_build.sim import world as worlds
-from dextera_build.sim.shot import Shot
+from dextera_build.sim.render.shot import Shot
+from dextera_build.sim.worlds import world as worlds
 
 BACKEND = Backend(
     summary="MuJoCo's OpenGL renderer (EGL, on the CPU or a GPU), shadows by ray casting",

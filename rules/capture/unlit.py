@@ -6,7 +6,7 @@ import numpy as np
 
 from dextera_build.artifacts.world import World
 from dextera_build.geometry import raycast, transforms
-from dextera_build.sim.shot import Shot
+from dextera_build.sim.render.shot import Shot
 
 
 def unlit(world: World) -> Shot:

@@ -131,14 +131,6 @@ def _camera(options: CameraOptions) -> tuple[Camera, np.ndarray]:
 
 
 def _check_physics(ctx: Context, name: str, thing: Thing) -> None:
-    if thing.matter is not None:
-        right = thing.matter.mass_kg > 0 and thing.matter.friction > 0 and 0 <= thing.matter.restitution < 1
-        ctx.check(
-            right,
-            f"`{name}` has no possible mass, friction or restitution",
-            given=thing.matter,
-            hint="set `mass_kg` and `friction` above 0, `restitution` below 1",
-        )
     if thing.hinge is not None and thing.matter is not None:
         inside = thing.hinge.lower <= thing.hinge.position <= thing.hinge.upper
         limits = f"{np.degrees(thing.hinge.lower):g} to {np.degrees(thing.hinge.upper):g} deg"

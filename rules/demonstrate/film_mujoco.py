@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.rule import Backend
-from dextera_build.sim import filming
+from dextera_build.sim.render import filming
 
 BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu", "gpu"), packages=("mujoco",), extra="twin")
 

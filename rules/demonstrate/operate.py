@@ -8,8 +8,8 @@ from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveIn
 
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.policy.statistics import wilson
 from dextera_build.rule import Context, Options, rule
+from dextera_build.statistics import wilson
 
 
 class OperateOptions(Options):
@@ -34,7 +34,6 @@ def operate(ctx: Context, bundle: TaskBundle, *, options: OperateOptions) -> Epi
     The operator of the backend plans from the shape of the task's assets and the embodiment's data alone. The backend
     offers `operate(bundle, options, progress) -> Episodes` and `strips(bundle, episodes) -> list of (caption, pixels)`.
     """
-    ctx.check(options.episodes > 0, "no demonstration is wanted", hint="set `episodes` above 0")
     shown: Episodes = ctx.backend.operate(bundle, options, ctx.progress)
     reasons = Counter(episode.reason for episode in shown.failures.values())
     counted = ", ".join(f"{count} x {reason}" for reason, count in reasons.most_common(5))

@@ -11,12 +11,12 @@ from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.policy import layout
 from dextera_build.rule import Backend
-from dextera_build.sim import starts
-from dextera_build.sim.drive import Driver, Filters
-from dextera_build.sim.environment import Environment
-from dextera_build.sim.scripts import planning
-from dextera_build.sim.seeds import seed_of
-from dextera_build.sim.stills import Stills
+from dextera_build.sim.experts import planning
+from dextera_build.sim.experts.drive import Driver, Filters
+from dextera_build.sim.render.stills import Stills
+from dextera_build.sim.runtime import starts
+from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.seeds import seed_of
 
 from .film_strip import strip
 

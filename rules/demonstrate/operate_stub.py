@@ -11,7 +11,7 @@ from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.policy import layout
 from dextera_build.rule import Backend
-from dextera_build.sim.pretence import pretended
+from dextera_build.sim.runtime.pretence import pretended
 
 if TYPE_CHECKING:
     from .operate import OperateOptions

@@ -23,8 +23,6 @@ class ShardsOptions(Options):
 @rule(version=1)
 def shards(ctx: Context, *, options: ShardsOptions) -> Collection[Shard]:
     """Return the parts of a data set, for `each` to open; a larger data set begins with the parts of a smaller one."""
-    ctx.check(options.episodes > 0, "the data set has no episodes", hint="set `episodes` above 0")
-    ctx.check(options.per_shard > 0, "a shard has no episodes", hint="set `per_shard` above 0")
     parts = {}
     for first in range(0, options.episodes, options.per_shard):
         count = min(options.per_shard, options.episodes - first)

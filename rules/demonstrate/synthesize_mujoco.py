@@ -12,10 +12,11 @@ from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.policy import layout
 from dextera_build.rule import Backend
-from dextera_build.sim import starts, synthesis
-from dextera_build.sim.drive import Driver, Filters, Noise
-from dextera_build.sim.environment import Environment
-from dextera_build.sim.seeds import seed_of
+from dextera_build.sim.experts import synthesis
+from dextera_build.sim.experts.drive import Driver, Filters, Noise
+from dextera_build.sim.runtime import starts
+from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.seeds import seed_of
 
 if TYPE_CHECKING:
     from .synthesize import SynthesizeOptions

@@ -6,7 +6,7 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Episode
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.sim.stills import Stills
+from dextera_build.sim.render.stills import Stills
 
 
 def stills(bundle: TaskBundle, episode: Episode, rows: np.ndarray, view: View | None) -> np.ndarray | None:

@@ -8,8 +8,8 @@ import numpy as np
 
 from dextera_build.artifacts.scene import Scene
 from dextera_build.rule import Backend
-from dextera_build.sim import model as models
-from dextera_build.sim import rendering
+from dextera_build.sim.model import model as models
+from dextera_build.sim.render import rendering
 
 BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu", "gpu"), packages=("mujoco",), extra="twin")
 

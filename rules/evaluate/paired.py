@@ -10,9 +10,9 @@ from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.table import Cell as Entry
 from dextera_build.artifacts.table import Column, Table
 from dextera_build.artifacts.trials import Trials
-from dextera_build.policy.statistics import Paired
-from dextera_build.policy.statistics import paired as counts_of
 from dextera_build.rule import Context, rule
+from dextera_build.statistics import Paired
+from dextera_build.statistics import paired as counts_of
 
 from .series import Cell, Series, SeriesOptions
 

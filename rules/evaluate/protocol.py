@@ -15,9 +15,9 @@ from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.trials import Actor, Trial, Trials
 from dextera_build.policy.layout import embodiment, of_bundle
-from dextera_build.policy.statistics import Rate
 from dextera_build.rule import Context
-from dextera_build.sim.seeds import seed_of
+from dextera_build.sim.runtime.seeds import seed_of
+from dextera_build.statistics import Rate
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ import numpy as np
 from dextera_build.artifacts.episode import Episode, Episodes, Start
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.rule import Backend
-from dextera_build.sim import synthesis
-from dextera_build.sim.drive import Driver, Filters
-from dextera_build.sim.environment import Environment
-from dextera_build.sim.reconstruction import Tracker
-from dextera_build.sim.replay import Replay
-from dextera_build.sim.synthesis import Manner
+from dextera_build.sim.experts import synthesis
+from dextera_build.sim.experts.drive import Driver, Filters
+from dextera_build.sim.experts.synthesis import Manner
+from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.reconstruction import Tracker
+from dextera_build.sim.runtime.replay import Replay
 
 from .filmed import stills as stills
 from .protocol import Attempt

@@ -10,12 +10,12 @@ import numpy as np
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.errors import RuleError
-from dextera_build.policy.load import load
 from dextera_build.rule import Backend
-from dextera_build.sim import starts
-from dextera_build.sim.environment import Environment
-from dextera_build.sim.rendering import through
-from dextera_build.sim.rollout import closed_loop
+from dextera_build.sim.render.rendering import through
+from dextera_build.sim.runtime import starts
+from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.policies import load
+from dextera_build.sim.runtime.rollout import closed_loop
 
 from .filmed import stills as stills
 from .protocol import Attempt

@@ -10,7 +10,7 @@ from dextera_build.artifacts.episode import Episode
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.rule import Backend
-from dextera_build.sim.pretence import pretended
+from dextera_build.sim.runtime.pretence import pretended
 
 from .protocol import Attempt
 

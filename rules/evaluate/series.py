@@ -8,8 +8,8 @@ from pydantic import Field
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.trials import Trials
-from dextera_build.policy.statistics import Rate
 from dextera_build.rule import Context, Options
+from dextera_build.statistics import Rate
 
 JUDGED = ("primitive", "object", "height_m", "joints", "tolerance", "hold_s", "timeout_s", "control_hz")
 """Fields of a task that say what counts as success; starts may be drawn differently in another world."""

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dextera_build.artifacts import table
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.trials import Trials
-from dextera_build.policy import published
-from dextera_build.policy.statistics import Rate, mean
 from dextera_build.rule import Context, rule
+from dextera_build.statistics import Rate, mean
 
+from . import published
 from .charts import Bar, bars
 from .series import Pair, Series, SeriesOptions
 

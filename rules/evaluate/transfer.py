@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from dextera_build.artifacts import table
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.trials import Trials
-from dextera_build.policy import published
-from dextera_build.policy.statistics import mmrv, pearson, pearson_interval
 from dextera_build.rule import Context, rule
+from dextera_build.statistics import mmrv, pearson, pearson_interval
 
+from . import published
 from .charts import Dot, scatter
 from .series import Cell, Series, SeriesOptions
 

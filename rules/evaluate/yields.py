@@ -9,8 +9,8 @@ from pydantic import PositiveInt
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.table import Cell, Column, Table
-from dextera_build.policy.statistics import Rate
 from dextera_build.rule import Context, Options, rule
+from dextera_build.statistics import Rate
 
 from .outcomes import counted
 

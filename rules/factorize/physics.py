@@ -46,7 +46,6 @@ def physics(ctx: Context, body: Body, seen: ObjectView, *, options: PhysicsOptio
     density, sigma, source = _density(material, name, body.hollow, options)
     solids = {label: _solid(ctx, label, link) for label, link in body.links.items()}
     if options.mass_kg is not None:
-        ctx.check(options.mass_kg > 0.0, f"option `mass_kg` is {options.mass_kg}, but a mass is positive")
         density = options.mass_kg / sum(solid.volume for solid in solids.values())
         sigma, source = options.mass_sigma, "weighed"
     links = {label: _inertial(solid, density, sigma, source) for label, solid in solids.items()}

@@ -11,7 +11,7 @@ from dextera_build.rule import Backend, Context
 from .trained import Trained
 
 if TYPE_CHECKING:
-    from .act import ActOptions
+    from .act_options import ActOptions
     from .demonstrations import Demonstrations
 
 BACKEND = Backend(summary="no training: weights that no network takes", profiles=("stub",))

@@ -14,15 +14,15 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from dextera_build import digest
-from dextera_build.policy import act, reproducible, weights
-from dextera_build.policy.sampling import Deck
+from dextera_build.learning import act, reproducible, weights
+from dextera_build.learning.sampling import Deck
 from dextera_build.rule import Backend, Context
 
 from .trained import Trained
 from .training_state import Kept, restore, save
 
 if TYPE_CHECKING:
-    from .act import ActOptions
+    from .act_options import ActOptions
     from .demonstrations import Demonstrations
 
 BACKEND = Backend(

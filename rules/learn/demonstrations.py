@@ -17,7 +17,7 @@ from dextera_build.policy.layout import Layout, of_bundle, of_episodes
 from dextera_build.rule import Context
 
 if TYPE_CHECKING:
-    from .act import ActOptions
+    from .act_options import ActOptions
 
 SETTINGS = ("chunk", "width", "heads", "style_layers", "encoder_layers", "decoder_layers", "latent", "every", "forget")
 """Options that say the network's form and how it is run; the contract keeps them."""

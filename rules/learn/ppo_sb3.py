@@ -12,18 +12,18 @@ from torch import Tensor, nn
 from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import RuleError
-from dextera_build.policy import reproducible
-from dextera_build.policy.ppo import Actor
+from dextera_build.learning import reproducible
+from dextera_build.learning.ppo import Actor
 from dextera_build.rule import Backend, Context
-from dextera_build.sim.environment import Environment
-from dextera_build.sim.mechanism import Mechanism
+from dextera_build.sim.control.mechanism import Mechanism
+from dextera_build.sim.runtime.environment import Environment
 
 from .ppo_state import Watch, own_generators
 from .ppo_worlds import Worlds
 from .practised import Practised
 
 if TYPE_CHECKING:
-    from .ppo import PpoOptions
+    from .ppo_options import PpoOptions
 
 BACKEND = Backend(
     summary="stable-baselines3 on MuJoCo, deterministic; goes on after an interruption",

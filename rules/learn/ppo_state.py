@@ -18,15 +18,15 @@ from stable_baselines3.common.callbacks import BaseCallback
 from dextera_build import digest
 from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.errors import RuleError
-from dextera_build.policy import weights
+from dextera_build.learning import weights
 from dextera_build.rule import Context
-from dextera_build.sim.seeds import seed_of
+from dextera_build.sim.runtime.seeds import seed_of
 
 from .ppo_worlds import Worlds
 from .practised import Practised
 
 if TYPE_CHECKING:
-    from .ppo import PpoOptions
+    from .ppo_options import PpoOptions
 
 SAVE_EVERY_S = 30.0
 """The state is written about this often [s], between two rollouts."""
@@ -190,7 +190,7 @@ class Watch(BaseCallback):
 
 
 def actor_tensors(policy: Any) -> dict[str, torch.Tensor]:
-    """The part of a policy that runs, under the names of `dextera_build.policy.ppo.Actor`."""
+    """The part of a policy that runs, under the names of `dextera_build.learning.ppo.Actor`."""
     tensors = {f"body.{name}": tensor for name, tensor in policy.mlp_extractor.actor.state_dict().items()}
     return tensors | {f"head.{name}": tensor for name, tensor in policy.action_net.state_dict().items()}
 

@@ -13,7 +13,7 @@ from dextera_build.rule import Backend, Context
 from .practised import Practised
 
 if TYPE_CHECKING:
-    from .ppo import PpoOptions
+    from .ppo_options import PpoOptions
 
 BACKEND = Backend(summary="no training: weights that no network takes", profiles=("stub",))
 

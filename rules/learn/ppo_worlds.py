@@ -11,7 +11,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
 from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.sim.practice import Practice
+from dextera_build.sim.training.practice import Practice
 
 Place = tuple[int, list[np.ndarray]]
 """Where one environment is: number of its episode, decisions since that began."""

@@ -16,7 +16,7 @@ from dextera_build.policy import features
 from dextera_build.policy.layout import of_bundle
 
 if TYPE_CHECKING:
-    from .ppo import PpoOptions
+    from .ppo_options import PpoOptions
 
 JOINT_RAD = 0.5
 """Scale of joint positions and targets [rad]."""

@@ -11,7 +11,7 @@ import torch
 from torch import nn
 
 from dextera_build.errors import RuleError
-from dextera_build.policy import weights
+from dextera_build.learning import weights
 
 
 @dataclass

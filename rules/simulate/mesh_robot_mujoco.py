@@ -12,8 +12,8 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError, listing
 from dextera_build.rule import Backend
-from dextera_build.sim import robot as robots
-from dextera_build.sim.robot_meshes import Part, dressed, misplaced
+from dextera_build.sim.model.robot_meshes import Part, dressed, misplaced
+from dextera_build.sim.render.portrait import of_robot
 
 if TYPE_CHECKING:
     from .mesh_robot import MeshRobotOptions, PartOptions
@@ -42,7 +42,7 @@ def dress(like: RobotModel, options: MeshRobotOptions, own: Path) -> Folder:
 
 def portrait(robot: RobotModel) -> np.ndarray | None:
     """A picture (H, W, 3) uint8 at home."""
-    return robots.portrait(robot.model, robot.followed(robot.home))
+    return of_robot(robot.model, robot.followed(robot.home))
 
 
 def _part(options: PartOptions, own: Path) -> Part:

@@ -8,8 +8,9 @@ import numpy as np
 
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.rule import Backend
-from dextera_build.sim import perturb, portrait
-from dextera_build.sim.machine import machine_of
+from dextera_build.sim.model.machine import machine_of
+from dextera_build.sim.render import portrait
+from dextera_build.sim.worlds import perturb
 
 if TYPE_CHECKING:
     from .perturbed import PerturbedOptions

@@ -9,9 +9,9 @@ import numpy as np
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.world import World
 from dextera_build.rule import Backend
-from dextera_build.sim import portrait
-from dextera_build.sim import reference as builder
-from dextera_build.sim.machine import machine_of
+from dextera_build.sim.model.machine import machine_of
+from dextera_build.sim.render import portrait
+from dextera_build.sim.worlds import reference as builder
 
 if TYPE_CHECKING:
     from .reference import ReferenceOptions

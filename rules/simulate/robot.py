@@ -190,7 +190,8 @@ class RobotOptions(Options):
 @rule(version=1, packages=("mujoco",))
 def robot(ctx: Context, *, options: RobotOptions) -> RobotModel:
     """Return the robot as MJCF of primitives: metres, kilograms, root body `base` in its own frame, z up."""
-    from dextera_build.sim import robot as builder
+    from dextera_build.sim.model import robot as builder
+    from dextera_build.sim.render import portrait
 
     links, joints, followers = _inventory(ctx, options)
     text = builder.mjcf(options)
@@ -207,7 +208,7 @@ def robot(ctx: Context, *, options: RobotOptions) -> RobotModel:
         grips=_grips(ctx, options, joints),
         followers=followers,
     )
-    ctx.preview(builder.portrait(model.model, model.followed(model.home)), "at home")
+    ctx.preview(portrait.of_robot(model.model, model.followed(model.home)), "at home")
     return model
 
 

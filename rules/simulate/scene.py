@@ -7,7 +7,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.object import Asset, Support
 from dextera_build.artifacts.scene import Background, Scene
 from dextera_build.rule import Context, rule
-from dextera_build.sim import mjcf, names
+from dextera_build.sim.model import mjcf, names
 
 
 @rule(version=1, packages=("scipy",))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.scene import Scene, Settled, SettleReport
 from dextera_build.rule import Backend
-from dextera_build.sim import settle as runner
+from dextera_build.sim.worlds import settle as runner
 
 if TYPE_CHECKING:
     from .settle import SettleOptions

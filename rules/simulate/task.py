@@ -14,7 +14,7 @@ from dextera_build.artifacts.task import Primitive, Reset, TaskBundle, TaskObjec
 from dextera_build.errors import listing
 from dextera_build.geometry import kinematics, metrics
 from dextera_build.rule import Context, Options, rule
-from dextera_build.sim import names
+from dextera_build.sim.model import names
 
 
 class ResetOptions(Options):
@@ -119,10 +119,6 @@ def _spec(ctx: Context, options: TaskOptions, assets: Collection[Asset], labels:
             _check_reachable(
                 ctx, assets.items[label], joint, goals[known[joint]], float(np.radians(options.tolerance_deg))
             )
-    else:
-        ctx.check(
-            options.height_m > 0, f"`{options.name}` lifts by {options.height_m:g} m", hint="set `height_m` above 0"
-        )
     reset = options.reset
     return TaskSpec(
         name=options.name,

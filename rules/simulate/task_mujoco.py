@@ -11,9 +11,9 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.rule import Backend
-from dextera_build.sim import compose as composer
-from dextera_build.sim.environment import Environment
-from dextera_build.sim.portrait import portrait
+from dextera_build.sim.model import compose as composer
+from dextera_build.sim.render.portrait import portrait
+from dextera_build.sim.runtime.environment import Environment
 
 if TYPE_CHECKING:
     from .task import TaskOptions

@@ -12,8 +12,8 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.scene import Background
 from dextera_build.rule import Backend
-from dextera_build.sim import usd as writer
-from dextera_build.sim import usd_check
+from dextera_build.sim.usd import check as usd_check
+from dextera_build.sim.usd import writer
 
 BACKEND = Backend(
     summary="OpenUSD with UsdPhysics, validated",
@@ -24,7 +24,7 @@ BACKEND = Backend(
 
 
 def write(assets: Mapping[str, Asset], background: Background, camera: Camera, world_from_camera: np.ndarray) -> Folder:
-    """The stage and its textures; see `dextera_build.sim.usd`."""
+    """The stage and its textures; see `dextera_build.sim.usd.writer`."""
     return writer.scene(assets, background, camera, world_from_camera)
 
 

@@ -12,7 +12,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.scene import Background
 from dextera_build.rule import Backend
-from dextera_build.sim import names
+from dextera_build.sim.model import names
 
 BACKEND = Backend(summary="a stage of empty prims", profiles=("stub",))
 

@@ -36,8 +36,6 @@ class ViewOptions(Options):
 @rule(version=1, packages=("numpy",))
 def view(ctx: Context, scene: Scene, *, options: ViewOptions) -> View:
     """Return the photograph's camera at another size, cropped evenly to the new shape, or one put elsewhere."""
-    if options.width_px < 1 or options.height_px < 1:
-        ctx.fail("a frame has at least one pixel", size=f"{options.width_px} x {options.height_px} px")
     if (options.eye_m is None) != (options.target_m is None):
         ctx.fail("`eye_m` and `target_m` go together", eye_m=options.eye_m, target_m=options.target_m)
     camera = scaled(scene.camera, options.width_px, options.height_px)

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from dextera_build import digest
-from dextera_build.artifacts.base import Artifact, Collection, File, Folder, schema_digest
+from dextera_build.artifacts.base import Artifact, Collection, File, Folder
 from dextera_build.artifacts.camera import Camera, Capture, Transform
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import Body, Joint, Link, Shape
+from dextera_build.artifacts.schema import schema_digest
 from dextera_build.errors import ArtifactError
 
 TETRA = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)

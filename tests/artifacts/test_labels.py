@@ -25,7 +25,6 @@ PATHS = [
     ("a\u202eb", "a control character"),
     ("a\0b", "a control character"),
     ("\udc80", "not valid Unicode"),
-    (".digest", "dxb writes a file of this name"),
 ]
 
 
@@ -62,7 +61,7 @@ def test_a_collection_refuses_labels_that_no_file_can_have(label):
 
 
 def test_unusual_labels_that_are_fine_are_taken(tmp_path):
-    names = ["a b", "-rf", "ünï", "x.digest", "a/.digest", "CON", "<script>", "a\u202fb", "'\"`$(x)", "a\\b", "a" * 255]
+    names = ["a b", "-rf", "ünï", ".digest", "CON", "<script>", "a\u202fb", "'\"`$(x)", "a\\b", "a" * 255]
     folder = Folder(files={name: name.encode() for name in names})
     folder.export(tmp_path, "stem")
     assert all((tmp_path / name).read_bytes() == name.encode() for name in names)

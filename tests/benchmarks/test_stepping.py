@@ -16,7 +16,7 @@ import pytest
 
 from dextera_build.artifacts.packed import unpack
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.sim.environment import Environment
+from dextera_build.sim.runtime.environment import Environment
 from tests import task_bundles
 
 pytestmark = pytest.mark.slow

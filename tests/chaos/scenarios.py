@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -11,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build.store import inventory
-from dextera_build.store.actions import ABSENT
 from dextera_build.store.store import Store
 from tests.chaos.children import dxb
 from tests.e2e.space import Space
@@ -65,7 +65,6 @@ nodes:
   dice: {rule: toy.dice}
 targets: {default: [all, large, aside, dice]}
 """
-_STAMPED = re.compile(rb" [0-9]+$")
 BUILD = ("build", "say")
 PLAIN = (*BUILD, "--cache", "local:rw")
 
@@ -237,15 +236,20 @@ def results(space: Space) -> dict[str, tuple[str, frozenset[str]]]:
 def bare_results(space: Space) -> set[str]:
     """Keys whose results came from elsewhere without the bytes that nobody has to read."""
     actions = Store(space.root / "cache").actions
-    messages = {key: actions.message(key) for key in actions.keys()}  # noqa: SIM118 - no mapping
-    return {key for key, message in messages.items() if message is not None and ABSENT in message[1]}
+    entries = {key: actions.entry(key) for key in actions.keys()}  # noqa: SIM118 - no mapping
+    return {key for key, entry in entries.items() if entry is not None and entry.is_bare}
 
 
 def exported(space: Space) -> dict[str, bytes]:
-    """What stands where people look for it, stamps included but for the times that end them."""
+    """What stands where people look for it, and what is noted of it but for signatures."""
     base = space.root / "cache" / "out"
     found = {str(path.relative_to(base)): path.read_bytes() for path in sorted(base.rglob("*")) if path.is_file()}
-    return {name: _STAMPED.sub(b"", data) if name.endswith("/.digest") else data for name, data in found.items()}
+    return {name: _unsigned(data) if name.endswith("/.placed") else data for name, data in found.items()}
+
+
+def _unsigned(table: bytes) -> bytes:
+    nodes = json.loads(table)["nodes"]
+    return repr(sorted((node, copy[0], copy[1], sorted(copy[2])) for node, copy in nodes.items())).encode()
 
 
 def unfinished(space: Space) -> list[str]:

@@ -42,8 +42,10 @@ def blobs(root: Path) -> list[Path]:
 def damage(path: Path, how: str) -> None:
     data = path.read_bytes()
     path.chmod(0o644)
-    if how == "deleted":
+    if how in ("deleted", "a folder"):
         path.unlink()
+        if how == "a folder":
+            (path / "within").mkdir(parents=True)
     elif how == "cut short":
         path.write_bytes(data[:-1])
     elif how == "empty":
@@ -52,7 +54,7 @@ def damage(path: Path, how: str) -> None:
         path.write_bytes(bytes([data[0] ^ 1]) + data[1:])
 
 
-@pytest.mark.parametrize("how", ["deleted", "cut short", "empty", "flipped"])
+@pytest.mark.parametrize("how", ["deleted", "cut short", "empty", "flipped", "a folder"])
 def test_any_damaged_blob_is_made_again_when_needed(tmp_path: Path, photo: Path, how: str) -> None:
     whole, _ = run(scene(photo), tmp_path / "store")
     count = len(blobs(tmp_path / "store"))
@@ -71,7 +73,7 @@ def test_any_damaged_blob_is_made_again_when_needed(tmp_path: Path, photo: Path,
         assert record.with_status("ran") == []
 
 
-@pytest.mark.parametrize("how", ["deleted", "flipped", "empty"])
+@pytest.mark.parametrize("how", ["deleted", "flipped", "empty", "a folder"])
 def test_all_blobs_damaged_at_once(tmp_path: Path, photo: Path, how: str) -> None:
     root = tmp_path / "store"
     first, _ = run(scene(photo), root)
@@ -92,6 +94,30 @@ def test_a_damaged_entry_is_a_miss(tmp_path: Path, photo: Path) -> None:
     result, record = run(scene(photo), root)
     assert result.ok
     assert len(record.with_status("ran")) == 5
+
+
+def test_entries_that_were_swapped_are_misses(tmp_path: Path, photo: Path) -> None:
+    root = tmp_path / "store"
+    first, _ = run(scene(photo), root)
+    entries = sorted((root / "ac").glob("??/*"))
+    contents = [path.read_bytes() for path in entries]
+    for path, data in zip(entries, [*contents[1:], contents[0]], strict=True):
+        damage(path, "deleted")
+        path.write_bytes(data)
+    result, record = run(scene(photo), root)
+    assert {name: node.output for name, node in result.nodes.items()} == {
+        name: node.output for name, node in first.nodes.items()
+    }
+    assert len(record.with_status("ran")) == 5
+
+
+def test_a_folder_in_place_of_every_entry_is_set_aside(tmp_path: Path, photo: Path) -> None:
+    root = tmp_path / "store"
+    run(scene(photo), root)
+    for path in sorted((root / "ac").glob("??/*")):
+        damage(path, "a folder")
+    assert len(run(scene(photo), root)[1].with_status("ran")) == 5
+    assert run(scene(photo), root)[1].with_status("ran") == []
 
 
 def test_what_cannot_be_made_again_fails_with_the_digest(tmp_path: Path, photo: Path) -> None:

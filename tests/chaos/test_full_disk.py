@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.build import export as results
+from dextera_build.build.export import Out
 from dextera_build.code.runner import run_task
 from dextera_build.engine.eventlog import EventLog, read
 from dextera_build.engine.events import NodeLog, NodeProgress
@@ -201,11 +201,11 @@ def test_what_the_store_meets_is_explained(space, monkeypatch):
 
 
 def test_a_disk_that_is_full_when_targets_are_written_is_said(space, monkeypatch):
-    monkeypatch.setattr(results, "_export", full)
+    monkeypatch.setattr(Out, "_restore", full)
     record = NodeRecord("ran", "k", "o", 1.0, "", None, {})
-    session = Session(Project(space.root), "say/much")
+    session = Session(Project(space.root), "say/much", makes=True)
     with pytest.raises(StoreError, match="the store is full") as caught:
-        results.place(session, RunResult(True, {"after": record}, ("after",)))
+        Out(session).place(RunResult(True, {"after": record}, ("after",)))
     assert caught.value.facts["file"] == "somewhere/much"
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import sys
+from importlib.util import spec_from_file_location
 from pathlib import Path
 
 import pytest
 
-from dextera_build.code.loader import Library
+from dextera_build.code.loader import Library, RuleFile
 
 RULE = '''"""A rule."""
 from __future__ import annotations
@@ -82,6 +84,107 @@ def test_a_change_names_its_definition(stage, file, old, new, where):
     after = code(stage)
     changed = [(name, part) for name in after for part in after[name] if after[name][part] != before[name].get(part)]
     assert changed == [where]
+
+
+def write(stage: Path, files: dict[str, str]) -> None:
+    for name, text in files.items():
+        (stage / name).parent.mkdir(parents=True, exist_ok=True)
+        (stage / name).write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("files", "edited"),
+    [
+        pytest.param(
+            {"mesh.py": "from typing import TYPE_CHECKING\nif not TYPE_CHECKING:\n    from .deep import F\n"},
+            "deep.py",
+            id="what a type checker does not see",
+        ),
+        pytest.param(
+            {"mesh.py": "import typing\nif typing.TYPE_CHECKING:\n    pass\nelse:\n    from .deep import F\n"},
+            "deep.py",
+            id="the other branch",
+        ),
+        pytest.param(
+            {"mesh.py": "from .lib.deep import F\n", "lib/deep.py": "F = 1\n", "lib/__init__.py": ""},
+            "lib/__init__.py",
+            id="the package above",
+        ),
+        pytest.param(
+            {"mesh.py": "from .lib import F\n", "lib.py": "F = 1\n", "lib/__init__.py": "F = 2\n"},
+            "lib/__init__.py",
+            id="a package before a module",
+        ),
+        pytest.param(
+            {"mesh.py": "try:\n    from .fast import F\nexcept ImportError:\n    F = 3\n"}, "fast.py", id="a new module"
+        ),
+        pytest.param(
+            {"mesh.py": "from .lib import *\n", "lib/__init__.py": "__all__ = ['deep']\n", "lib/deep.py": "F = 1\n"},
+            "lib/deep.py",
+            id="what a star imports",
+        ),
+        pytest.param(
+            {"mesh.py": "def mesh():\n    from .lib import deep\n", "lib/deep.py": "F = 1\n"},
+            "lib/deep.py",
+            id="a package without a file",
+        ),
+        pytest.param({"mesh.py": "from . import F\n", "__init__.py": "F = 2\n"}, "__init__.py", id="the stage"),
+    ],
+)
+def test_first_party_code_is_seen_as_python_finds_it(stage, files, edited):
+    write(stage, {"deep.py": "F = 1\n", **files})
+    before = code(stage)
+    write(stage, {edited: "F = 4711\n"})
+    assert code(stage) != before
+
+
+def test_a_module_that_a_package_shadows_is_not_seen(stage):
+    write(stage, {"mesh.py": "from .lib import F\n", "lib.py": "F = 1\n", "lib/__init__.py": "F = 2\n"})
+    assert {name for name in code(stage) if "lib" in name} == {"rules/toy/lib/__init__.py"}
+
+
+@pytest.mark.parametrize("layout", ["", "src"], ids=["flat", "src"])
+def test_packages_of_the_project_are_seen_on_the_search_path(stage, layout, monkeypatch):
+    path = stage.parents[1] / layout
+    name = f"own_package_{layout}"
+    write(path, {f"{name}/__init__.py": "", f"{name}/inner/deep.py": "F = 1\n", f"{name}_beside.py": "F = 2\n"})
+    write(stage, {"mesh.py": f"import {name}.inner.deep\nimport {name}_beside\nimport numpy\nimport json\n"})
+    monkeypatch.syspath_prepend(str(path))
+    found = {place for place in code(stage) if not place.startswith("dextera_build/")}
+    assert found == {
+        "rules/toy/mesh.py",
+        f"{name}/__init__.py",
+        f"{name}/inner/deep.py",
+        f"{name}_beside.py",
+    }
+
+
+def test_a_package_that_an_editable_install_finds_is_seen(stage, monkeypatch):
+    write(stage.parents[1], {"elsewhere/mapped_package/__init__.py": "F = 1\n"})
+    write(stage, {"mesh.py": "import mapped_package\n"})
+
+    class Finder:
+        def find_spec(self, name, path=None, target=None):
+            file = stage.parents[1] / "elsewhere" / "mapped_package" / "__init__.py"
+            return spec_from_file_location(name, file) if name == "mapped_package" else None
+
+    monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, Finder()])
+    assert "mapped_package/__init__.py" in code(stage)
+
+
+def test_what_a_rule_imports_and_does_not_declare_is_named(stage):
+    text = "import json, numpy, yaml, scipy.spatial, cv2, rich\ndef mesh():\n    import trimesh, own_missing\n"
+    write(stage, {"mesh.py": text})
+    library = Library(stage.parents[1])
+    library.note_undeclared(RuleFile("toy.mesh", stage / "mesh.py", library.roots[0]), [stage / "mesh.py"], ("rich",))
+    assert set(library.warnings) == {"cv2", "scipy", "trimesh"}
+    assert library.warnings["cv2"].startswith(
+        "toy.mesh imports `cv2`, which is neither code of the project nor a package"
+    )
+    library.warnings.clear()
+    packages = ("opencv-python-headless", "scipy", "trimesh", "rich")
+    library.note_undeclared(RuleFile("toy.mesh", stage / "mesh.py", library.roots[0]), [stage / "mesh.py"], packages)
+    assert library.warnings == {}
 
 
 def test_a_definition_is_found_again(stage):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
 from dextera_build.code.loader import Library
 from dextera_build.errors import RecipeError
+from dextera_build.project import Project
+from dextera_build.store.signature import Watch
 
 RULE = '''"""toy.NAME: a rule."""
 
@@ -71,8 +74,63 @@ def test_two_files_of_one_rule_are_refused(tmp_path):
         library.find("toy.mesh")
 
 
-def test_a_new_folder_of_a_stage_is_looked_for(tmp_path):
-    library = make(tmp_path, shapes__mesh=RULE.replace("NAME", "mesh"))
-    assert {tmp_path / "rules", tmp_path / "rules" / "toy", tmp_path / "rules" / "toy" / "shapes"} <= set(
-        library.folders()
-    )
+@pytest.mark.parametrize(
+    "new",
+    [
+        "rules/toy/mesh_slow.py",
+        "rules/toy/rooms/mesh.py",
+        "rules/toy/fast.py",
+        "rules/toy/fast/__init__.py",
+        "rules/toy/deep/__init__.py",
+        "rules/toy/__init__.py",
+        "rules/toy/lib/inner/__init__.py",
+    ],
+)
+def test_what_would_come_first_is_looked_for(tmp_path, new):
+    text = "try:\n    from .fast import F\nexcept ImportError:\n    from .deep import F\nfrom .lib import inner\n"
+    library = make(tmp_path, mesh=RULE.replace("NAME", "mesh"), large="LARGE = 2\n", deep="F = 1\n", lib__inner="")
+    (tmp_path / "rules/toy/mesh.py").write_text(text + "@rule()\ndef mesh(): pass\n")
+    (tmp_path / "rules/toy/rooms").mkdir()
+    library.code.of(library.find("toy.mesh").file)
+    watch = noted(library)
+    assert watch.settled()
+    (tmp_path / new).parent.mkdir(exist_ok=True)
+    (tmp_path / new).write_text("")
+    assert not watch.settled()
+
+
+def test_the_first_rules_of_a_project_are_looked_for(tmp_path):
+    library = Library(tmp_path)
+    library.find("capture.folder")
+    watch = noted(library)
+    assert watch.settled()
+    (tmp_path / "rules/capture").mkdir(parents=True)
+    assert not watch.settled()
+
+
+def test_a_rule_beside_a_bundled_one_is_looked_for(tmp_path):
+    library = make(tmp_path, mesh=RULE.replace("NAME", "mesh"))
+    (tmp_path / "rules/capture").mkdir(parents=True)
+    library.find("capture.folder")
+    watch = noted(library)
+    assert watch.settled()
+    (tmp_path / "rules/capture/folder.py").write_text("")
+    assert not watch.settled()
+
+
+def test_a_recipe_that_shadows_a_bundled_one_is_looked_for(tmp_path):
+    (tmp_path / "recipes/robot").mkdir(parents=True)
+    project = Project(tmp_path)
+    assert project.recipe("robot/kuka_leap")
+    watch = noted(project)
+    assert watch.settled()
+    (tmp_path / "recipes/robot/kuka_leap.yaml").write_text("")
+    assert not watch.settled()
+
+
+def noted(asked: Library | Project) -> Watch:
+    watch = Watch()
+    watch.started_ns = 2**62  # what was written just now counts as old
+    for path in asked.looked_at():
+        (watch.folder if os.path.isdir(path) else watch.file)(path)
+    return watch

@@ -87,12 +87,12 @@ def test_a_secret_and_tls_let_the_right_client_in(tmp_path: Path, monkeypatch: p
     with CacheServer(Store(tmp_path / "store"), ("127.0.0.1", 0), secret="s3cret", tls=str(pem)) as server:
         threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
         host = server.url.replace("https://127.0.0.1", "localhost")
-        assert HttpCache(f"https://dxb:s3cret@{host}").get_action(KEY) is None
+        assert HttpCache(f"https://dxb:s3cret@{host}").get_entry(KEY) is None
         for address in (f"https://{host}", f"https://dxb:other@{host}"):
             with pytest.raises(RemoteFault, match="a name and a password"):
-                HttpCache(address).get_action(KEY)
+                HttpCache(address).get_entry(KEY)
         with pytest.raises(httpx.HTTPError):
-            httpx.get(f"http://{host}/cas/{KEY.hash}")
+            httpx.get(f"http://{host}/cas/{KEY}")
         server.shutdown()
 
 
@@ -103,7 +103,7 @@ def test_the_secret_is_asked_for(space: Space) -> None:
         assert server.stdout is not None
         url = server.stdout.readline().strip()
         try:
-            assert httpx.get(f"{url}/cas/{KEY.hash}").status_code == 401
-            assert httpx.get(f"{url}/cas/{KEY.hash}", auth=("dxb", "s3cret")).status_code == 404
+            assert httpx.get(f"{url}/cas/{KEY}").status_code == 401
+            assert httpx.get(f"{url}/cas/{KEY}", auth=("dxb", "s3cret")).status_code == 404
         finally:
             server.kill()

@@ -16,7 +16,7 @@ settle = durable.settle
 
 
 def probed(folder):
-    patterns = ("out/**/*", "out/**/.digest", "local/snapshots/*")
+    patterns = ("out/**/*", "out/**/.placed", "local/snapshots/*")
     counts = [len([path for path in folder.glob(pattern) if path.is_file()]) for pattern in patterns]
     print("settled: {} files, {} stamps, {} snapshots".format(counts[0] - counts[1], *counts[1:]), file=sys.stderr)
     return settle(folder)
@@ -47,7 +47,7 @@ def test_it_can_be_switched_off(space: Space) -> None:
 def test_lost_stamps_and_snapshots_cost_a_look(space: Space) -> None:
     first = space.dxb("build", "say/words")
     for how in (None, lambda data: data[: len(data) // 2], lambda data: bytes(len(data))):
-        found = [path for pattern in ("out/**/.digest", "local/snapshots/*") for path in cache(space).glob(pattern)]
+        found = [path for pattern in ("out/**/.placed", "local/snapshots/*") for path in cache(space).glob(pattern)]
         assert found
         for path in found:
             data = path.read_bytes()

@@ -57,7 +57,6 @@ def flip(path: Path) -> None:
 
 CHANGES: dict[str, Callable[[Path], object]] = {
     "a rule's time stamp": lambda root: (root / "rules/toy/shout.py").touch(),
-    "a new recipe": lambda root: (root / "recipes/other.yaml").write_text("nodes: {}\n"),
     "a new module": lambda root: (root / "rules/toy/new.py").write_text(""),
     "an output deleted": lambda root: (root / "cache/out/say/words/all/all").unlink(),
     "an output edited": lambda root: (root / "cache/out/say/words/all/all").write_text("x"),

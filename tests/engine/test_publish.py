@@ -9,7 +9,7 @@ from dextera_build import digest
 from dextera_build.engine.execute import build
 from dextera_build.engine.executors.local import LocalExecutor
 from dextera_build.engine.graph import Graph
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.presence import Presence
 from dextera_build.store.store import Store
 from tests.engine.tiny import RUNNER, Record, call, graph, inline, leaf, out

@@ -57,7 +57,7 @@ def test_what_one_store_built_another_fetches_and_runs_nothing(store: Store, oth
     assert outputs(got) == outputs(made)
     for key in (node.key for node in made.nodes.values()):
         assert key is not None
-        assert other.actions.message(key) == store.actions.message(key)
+        assert other.actions.entry(key) == store.actions.entry(key)
     assert {event.remote for event in record.of(NodeFinished)} == {"lab"}
     assert record.of(RunFinished)[0].counts == {"fetched": 6}
 
@@ -93,9 +93,9 @@ class Counting(Directory):
         super().__init__(root)
         self.asked: list[str] = []
 
-    def get_action(self, key: Digest) -> bytes | None:
-        self.asked.append(key.hash)
-        return super().get_action(key)
+    def get_entry(self, key: str) -> bytes | None:
+        self.asked.append(key)
+        return super().get_entry(key)
 
 
 def test_two_nodes_with_one_key_fetch_once(store: Store, other: Store, share: Path) -> None:
@@ -124,9 +124,9 @@ class Broken(Directory):
         self.calls.append(what)
         self._fail(what)
 
-    def get_action(self, key: Digest) -> bytes | None:
+    def get_entry(self, key: Digest) -> bytes | None:
         self._note("get")
-        return super().get_action(key)
+        return super().get_entry(key)
 
     def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
         self._note("fetch")
@@ -140,9 +140,9 @@ class Broken(Directory):
         self._note("send")
         super().send(digests, give)
 
-    def put_action(self, key: Digest, message: bytes) -> None:
+    def put_entry(self, key: Digest, message: bytes) -> None:
         self._note("put")
-        super().put_action(key, message)
+        super().put_entry(key, message)
 
 
 def wide(number: int = 30) -> Graph:

@@ -15,9 +15,9 @@ from dextera_build.artifacts.base import Artifact
 from dextera_build.digest import canonical, of_bytes
 from dextera_build.errors import ArtifactError
 from dextera_build.store import header
-from dextera_build.store.actions import ActionResult
 from dextera_build.store.bundle import layout, oci
 from dextera_build.store.bundle.errors import BundleRefused
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from tests.engine.tiny import run
 from tests.hostile.conftest import listing, one_error
@@ -160,8 +160,8 @@ def test_headers_that_name_one_another_in_a_circle_end(tmp_path, monkeypatch):
 
     monkeypatch.setattr(store.blobs, "get", read)
     monkeypatch.setattr(store.blobs, "size", lambda digest: 1)
-    store.actions.put("3" * 64, ActionResult(one, "", (), {}, 1.0, None, two))
-    assert store.actions.outline("3" * 64) == (one, frozenset({two}))
+    store.actions.put(two, ActionResult(one, "", (), {}, 1.0, None, two))
+    assert store.actions.outline(two) == (one, frozenset({two}))
     with pytest.raises(ArtifactError), header.reading("a value"):
         Endless.decode(one, read)
 

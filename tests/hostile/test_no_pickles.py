@@ -186,7 +186,7 @@ def test_a_depth_image_that_is_a_pickle_does_not_run(tmp_path):
 
 def test_weights_that_are_a_pickle_do_not_run(tmp_path):
     torch = pytest.importorskip("torch")
-    from dextera_build.policy import weights
+    from dextera_build.learning import weights
 
     out = io.BytesIO()
     torch.save({"w": Trap(tmp_path / "ran")}, out)

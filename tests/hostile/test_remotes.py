@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import hashlib
 import re
 import threading
 import time
@@ -12,22 +11,22 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from dextera_build.engine.execute import RunResult
+from dextera_build.store import entry as entries
 from dextera_build.store import space
 from dextera_build.store.cas import Blobs
-from dextera_build.store.reapi import OutputFile, decode, encode
-from dextera_build.store.remotes import entry as entries
 from dextera_build.store.remotes import http
 from dextera_build.store.remotes.breaker import Guarded
 from dextera_build.store.remotes.directory import Directory
 from dextera_build.store.remotes.exchange import Exchange
-from dextera_build.store.remotes.remote import Digest
 from dextera_build.store.store import Store
 from dextera_build.store.transfer import Transfer
 from tests.engine.tiny import Record, run, scene
+from tests.store.stores import forged
 
 HEX = "ab" * 32
 
@@ -94,13 +93,13 @@ def ruin(data: bytes) -> bytes:
     return bytes([data[0] ^ 1, *data[1:]])
 
 
-def entry_of(change: Callable[[list[OutputFile]], list[OutputFile]]) -> Says:
+def entry_of(change: Callable[[list[Any]], list[Any]]) -> Says:
     """A server whose entries are changed, and whose blobs are right."""
 
     def says(path: str, data: bytes | None) -> Answer:
         if data is None:
             return whole(b"", 404)
-        return whole(encode(change(decode(data))) if path.startswith("/ac/") else data)
+        return whole(forged(data, files=change) if path.startswith("/ac/") else data)
 
     return says
 
@@ -138,14 +137,12 @@ SERVERS: dict[str, Says] = {
     "bombs": blobs_are(lambda data: packed(bytes(16 << 20))),
     "packed entries": lambda path, data: packed(bytes(8 << 20)),
     "errors": lambda path, data: whole(b"no", 500),
-    "a way out": entry_of(lambda files: [OutputFile("../../evil", HEX, 1), *files]),
-    "a way out of the closure": entry_of(lambda files: [OutputFile(f"closure/../{HEX}", HEX, 1), *files]),
-    "no output": entry_of(lambda files: [file for file in files if file.path != "output"]),
-    "no result": entry_of(lambda files: files[:-1]),
-    "100,000 outputs": entry_of(
-        lambda files: [*(OutputFile(f"closure/{n:064x}", HEX, 1) for n in range(100_000)), *files]
-    ),
-    "more than the disk holds": entry_of(lambda files: [OutputFile(f"closure/{HEX}", HEX, (1 << 48) - 1), *files]),
+    "a way out": entry_of(lambda files: [*files, ["../../evil", HEX, 1]]),
+    "a way out of the closure": entry_of(lambda files: [*files, ["closure", f"../{HEX}", 1]]),
+    "no output": entry_of(lambda files: [file for file in files if file[0] != "output"]),
+    "no result": lambda path, data: whole(b"", 404) if data is None else whole(data.partition(b"\n")[0]),
+    "100,000 outputs": entry_of(lambda files: [*files, *(["closure", f"{n:064x}", 1] for n in range(100_000))]),
+    "more than the disk holds": entry_of(lambda files: [*files, ["closure", HEX, (1 << 48) - 1]]),
 }
 
 
@@ -197,7 +194,7 @@ def test_a_server_that_drips_is_left_alone(tmp_path, share, monkeypatch, drips):
             return whole(b"", 404)
         if drips == "entries" or not path.startswith("/ac/"):
             return endless(b"x", 0.05)
-        return whole(encode([OutputFile(f"closure/{HEX}", HEX, 1 << 42), *decode(data)]))
+        return whole(forged(data, files=lambda files: [*files, ["closure", HEX, 1 << 42]]))
 
     began = time.monotonic()
     with serving(share, says) as url:
@@ -210,26 +207,20 @@ def test_a_server_that_drips_is_left_alone(tmp_path, share, monkeypatch, drips):
 def test_what_cannot_fit_is_not_begun(tmp_path, share, monkeypatch):
     mine = Store(tmp_path / "mine")
     key = next(iter(Store(share).actions.keys()))
-    digest = Digest(key, Store(share).blobs.size(key) or 0)
     monkeypatch.setattr(space, "free_bytes", lambda path: 0)
     monkeypatch.setattr(Blobs, "receive", lambda *words: pytest.fail("bytes were asked for"))
-    assert Transfer(mine).fetch(Directory(share), digest) is None
+    assert Transfer(mine).fetch(Directory(share), key) is None
 
 
 @pytest.mark.parametrize("number", ["1e400", "-1e400", "9" * 400, "NaN"])
 def test_a_number_beyond_all_floats_is_refused(share, number):
     store = Store(share)
     key = next(iter(store.actions.keys()))
-    message, _ = store.actions.message(key)  # type: ignore[misc]
+    whole_entry = store.actions.entry(key)
+    assert whole_entry is not None
     for good in (b'"seconds":', b'"metrics":{"size":['):
-        message_with = changed_text(message, good, number)
-        found = entries.read(message_with, Digest(key, store.blobs.size(key) or 0))
-        assert found is None or entries.result(found, found.inline) is None
-
-
-def changed_text(message: bytes, before: bytes, number: str) -> bytes:
-    """The message with the number that stands after some text in its `result.json` replaced."""
-    *files, last = decode(message)
-    data = re.sub(re.escape(before) + rb"[^,\]}]+", before + number.encode(), last.contents)
-    assert data != last.contents
-    return encode([*files, OutputFile(last.path, hashlib.sha256(data).hexdigest(), len(data), data)])
+        pattern, other = re.escape(good) + rb"[^,\]}]+", good + number.encode()
+        changed = forged(whole_entry.spell(), result=lambda made: re.sub(pattern, other, made))  # noqa: B023
+        assert changed != forged(whole_entry.spell())
+        with pytest.raises(ValueError, match="not a result"):
+            entries.read(changed)

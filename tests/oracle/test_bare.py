@@ -12,9 +12,8 @@ import pytest
 
 from dextera_build.engine.dryrun import plan
 from dextera_build.engine.graph import Address, Fixed, Gather, Input, Item, Leaf, Output, node_address
-from dextera_build.store.actions import ABSENT, ActionResult
+from dextera_build.store.entry import KEY, Entry
 from dextera_build.store.header import closure
-from dextera_build.store.reapi import OutputFile, decode
 from dextera_build.store.store import Store
 from tests.engine.tiny import run
 from tests.oracle.graphs import RandomGraph
@@ -28,12 +27,12 @@ class Before:
     """What a store held before a build."""
 
     blobs: set[str]
-    entries: dict[str, list[OutputFile]]
+    entries: dict[str, Entry]
 
     @classmethod
     def of(cls, store: Store) -> Before:
-        read = {key: decode(store.actions.files(key)[0].read_bytes()) for key in list(store.actions.keys())}
-        return cls({digest for digest, _ in store.blobs.all()}, read)
+        read = {key: store.actions.entry(key) for key in list(store.actions.keys())}
+        return cls({digest for digest, _ in store.blobs.all()}, {key: entry for key, entry in read.items() if entry})
 
     def knows(self, key: str, output: str, reference: Reference) -> bool:
         """Whether the headers of a result are there."""
@@ -43,10 +42,8 @@ class Before:
         """Whether all of a result is there."""
         if key not in self.entries:
             return False
-        *named, last = self.entries[key]
-        document = ActionResult.from_document(last.contents).key_document
-        wanted = {output, document, *_below(reference, output)} | ({last.digest} if ABSENT not in named else set())
-        return self.blobs >= wanted
+        asked = {file.digest for file in self.entries[key].files if file.role == KEY}
+        return self.blobs >= {output, *asked, *_below(reference, output)}
 
 
 def _below(reference: Reference, output: str) -> Iterator[str]:

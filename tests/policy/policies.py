@@ -34,7 +34,7 @@ def contract(
 
 def checkpoint(made: PolicyContract, seed: int = 0) -> Checkpoint:
     """Untrained weights for a contract."""
-    from dextera_build.policy import act, weights
+    from dextera_build.learning import act, weights
 
     data = weights.to_bytes(act.of_contract(made, seed).state_dict())
     return Checkpoint(

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from dextera_build.errors import RuleError
-from dextera_build.policy import layout, weights
+from dextera_build.learning import weights
+from dextera_build.policy import layout
 from dextera_build.policy.features import Fields
-from dextera_build.policy.load import load
 from dextera_build.policy.observation import DeployableObservation, PrivilegedObservation
 from dextera_build.policy.running import Ensemble, Policy, PolicyFault
+from dextera_build.sim.runtime.policies import load
 from tests import episodes
 from tests.policy import policies
 

@@ -20,7 +20,7 @@ from dextera_build.artifacts.scene import Settled, SettleReport
 from dextera_build.artifacts.table import Column, Table
 from dextera_build.engine.events import NodeFinished, RunFinished, RunStarted
 from dextera_build.report import build as report
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from tests.report.fabricate import FakeStore, Spec, as_dicts, body, fabricate, specs
 

@@ -12,7 +12,7 @@ import mujoco
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.recipe import strict_yaml
-from dextera_build.sim import robot as robots
+from dextera_build.sim.model import robot as robots
 from dextera_build.testing import RuleRunner
 
 RECIPES = Path(__file__).parents[2] / "recipes" / "robot"

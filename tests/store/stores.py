@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 from dextera_build import digest
-from dextera_build.store.actions import ActionResult
 from dextera_build.store.collect import Collection
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 
 DAY = 86400.0
@@ -36,6 +38,18 @@ def publish(store: Store, name: str, blobs: Iterable[bytes] = ()) -> str:
 def entry(store: Store, key: str) -> Path:
     """The file of a result."""
     return store.actions.root / key[:2] / key[2:]
+
+
+def forged(
+    message: bytes,
+    files: Callable[[list[Any]], list[Any]] = lambda files: files,
+    result: Callable[[bytes], bytes] = lambda made: made,
+) -> bytes:
+    """An entry that somebody changed, with right digests."""
+    head, made, *asked = message.split(b"\n", 2)
+    raw, made = json.loads(head), result(made)
+    raw |= {"files": files(raw["files"]), "result": digest.of_bytes(made)}
+    return b"\n".join([json.dumps(raw).encode(), made, *asked])
 
 
 def age(path: Path, used: float) -> None:

@@ -1,19 +1,26 @@
-"""Entries of the action cache: `ActionResult` messages that other programs can read."""
+"""Entries of the action cache: which of them count, and what no damage makes of them."""
 
 from __future__ import annotations
 
+import json
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from dextera_build import digest
+from dextera_build.store import entry as entries
 from dextera_build.store import header
-from dextera_build.store.actions import ABSENT, ActionResult, Found
+from dextera_build.store.actions import Found
 from dextera_build.store.cas import MissingBlob
-from dextera_build.store.reapi import OutputFile, decode, encode
+from dextera_build.store.collect import collect
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
+from dextera_build.store.verify import verify
+from tests.store.stores import DAY, age, age_all, nobody
 
-KEY = digest.of_bytes(b"key")
+KEY = digest.of_bytes(b"{}")
 
 
 @pytest.fixture
@@ -40,7 +47,7 @@ def test_what_goes_in_comes_out(store: Store, result: ActionResult) -> None:
     assert store.actions.get(KEY) is None
     assert store.actions.put(KEY, result) == result.digest
     assert store.actions.get(KEY) == result
-    assert ActionResult.from_document(store.blobs.get(result.digest)) == result
+    assert ActionResult.from_document(result.document) == result
     plain = ActionResult(result.output, "", (), {}, 0.0, None, result.key_document)
     store.actions.put(KEY, plain)
     assert store.actions.get(KEY) == plain
@@ -48,17 +55,10 @@ def test_what_goes_in_comes_out(store: Store, result: ActionResult) -> None:
 
 def test_an_entry_names_everything_that_it_needs(store: Store, result: ActionResult) -> None:
     store.actions.put(KEY, result)
-    outputs = decode((store.root / "ac" / KEY[:2] / KEY[2:]).read_bytes())
-    assert {file.digest for file in outputs} == {key for key, _ in store.blobs.all()}
-    assert {file.path.split("/")[0] for file in outputs} == {
-        "output",
-        "closure",
-        "previews",
-        "log",
-        "key.json",
-        "result.json",
-    }
-    assert all(file.size == store.blobs.size(file.digest) for file in outputs)
+    named = entries.read((store.root / "ac" / KEY[:2] / KEY[2:]).read_bytes()).files
+    assert {file.digest for file in named} == {key for key, _ in store.blobs.all()}
+    assert {file.role for file in named} == {"output", "closure", "preview", "log", "key"}
+    assert all(file.size == store.blobs.size(file.digest) for file in named)
     assert set(store.actions.files(KEY)) == {
         store.root / "ac" / KEY[:2] / KEY[2:],
         *(store.blobs.path(key) for key, _ in store.blobs.all()),
@@ -82,9 +82,9 @@ def test_an_entry_without_one_of_its_blobs_is_a_miss(store: Store, result: Actio
 
 
 def test_sizes_that_are_known_give_the_same_entry(store: Store, result: ActionResult) -> None:
-    looked = store.actions.spell(result)
-    assert store.actions.spell(result, sizes=dict(store.blobs.all())) == looked
-    assert store.actions.spell(result, sizes={result.output: store.blobs.size(result.output) or 0}) == looked
+    looked = store.actions.made(result)
+    assert store.actions.made(result, sizes=dict(store.blobs.all())) == looked
+    assert store.actions.made(result, sizes={result.output: store.blobs.size(result.output) or 0}) == looked
 
 
 def test_a_bare_result_is_known_and_no_hit(store: Store, result: ActionResult) -> None:
@@ -94,13 +94,16 @@ def test_a_bare_result_is_known_and_no_hit(store: Store, result: ActionResult) -
     assert store.actions.get(KEY) is None
     assert store.actions.known(KEY) == result
     assert store.actions.find(KEY) == Found(result, False)
-    named = decode((store.root / "ac" / KEY[:2] / KEY[2:]).read_bytes())
-    assert ABSENT in named
-    assert all(file == ABSENT or store.blobs.size(file.digest) == file.size for file in named)
+    found = store.actions.entry(KEY)
+    assert found is not None
+    assert found.is_bare
+    assert all(store.blobs.size(file.digest) == file.size for file in found.files)
     assert store.actions.outline(KEY) == (result.output, frozenset(store.actions.references.headers(result.output)[1:]))
     store.blobs.put(b"content")
     assert store.actions.find(KEY) == Found(result, True)
-    assert ABSENT not in decode((store.root / "ac" / KEY[:2] / KEY[2:]).read_bytes())
+    found = store.actions.entry(KEY)
+    assert found is not None
+    assert not found.is_bare
 
 
 def test_a_result_whose_bytes_were_lost_is_known_as_long_as_its_headers_are_there(
@@ -138,35 +141,75 @@ def test_a_number_that_is_not_finite_is_refused(store: Store, result: ActionResu
         store.actions.put(KEY, bad)
 
 
-def test_the_message_is_byte_for_byte_the_protocol() -> None:
-    """Made by hand from remote_execution.proto: ActionResult 2, OutputFile 1, 2, 5, Digest 1, 2."""
-    name = "a" * 64
-    (found,) = decode(bytes.fromhex("124b" + "0a036c6f67" + "1244" + "0a40" + "61" * 64 + "1005"))
-    assert found == OutputFile("log", name, 5)
-    assert encode([found]).hex() == "124b" + "0a036c6f67" + "1244" + "0a40" + "61" * 64 + "1005"
-    large = OutputFile("log", digest.of_bytes(b"x" * 200), 200, b"x" * 200)
-    assert encode([large]).hex()[-2 * 203 :] == "2ac801" + "78" * 200
-    assert decode(encode([large, found])) == [large, found]
+def test_an_entry_is_lines_of_canonical_json(store: Store, result: ActionResult) -> None:
+    """Promise: an entry can be read without dxb."""
+    store.blobs.path(KEY).unlink()
+    store.actions.put(KEY, result, document=b"{}")
+    head, made, asked = (store.root / "ac" / KEY[:2] / KEY[2:]).read_bytes().split(b"\n")
+    assert json.loads(head) == {"bare": False, "files": json.loads(head)["files"], "result": digest.of_bytes(made)}
+    assert ["log", result.log, 5] in json.loads(head)["files"]
+    assert json.loads(made)["line"] == "1 hinge, 0–131°"
+    assert [digest.canonical(json.loads(line)) for line in (head, made, asked)] == [head, made, asked]
+    assert digest.of_bytes(asked) == KEY
 
 
-def test_fields_of_others_are_passed_over() -> None:
-    ours = encode([OutputFile("log", "a" * 64, 5)])
-    stdout = b"\x2a\x02hi"  # stdout_raw
-    metadata = b"\x4a\x03\x0a\x01w"  # execution_metadata
-    fixed = b"\x79" + b"\0" * 8 + b"\x7d" + b"\0" * 4
-    exit_zero = b"\x20\x00"
-    assert decode(stdout + metadata + fixed + exit_zero + ours) == decode(ours)
+def test_an_entry_under_another_key_is_a_miss(store: Store, result: ActionResult) -> None:
+    """Promise: two entries that were swapped never answer for one another."""
+    other = digest.of_bytes(b"[]")
+    store.actions.put(KEY, result, document=b"{}")
+    store.actions.put(other, replace(result, key_document=other, line="another"), document=b"[]")
+    one, two = (store.root / "ac" / key[:2] / key[2:] for key in (KEY, other))
+    one.rename(one.with_name("x"))
+    two.rename(one)
+    one.with_name("x").rename(two)
+    assert sorted((finding.kind, finding.name) for finding in verify(store).findings) == sorted(
+        ("misfiled", key) for key in (KEY, other)
+    )
+    assert [store.actions.get(key) or store.actions.known(key) for key in (KEY, other)] == [None, None]
 
 
-@pytest.mark.parametrize(
-    "data",
-    [b"", b"\x12", b"\x12\x05ab", b"\xff" * 20, b"\x20\x01" + encode([OutputFile("log", "a" * 64, 5)]), b"\x13\x01"],
-)
-def test_what_is_not_a_result_is_refused(store: Store, data: bytes) -> None:
-    with pytest.raises((ValueError, IndexError, KeyError)):
-        decode(data)
+def test_a_folder_in_place_of_an_entry_or_a_blob_is_a_miss_and_is_set_aside(store: Store, result: ActionResult) -> None:
+    store.actions.put(KEY, result)
+    content = digest.of_bytes(b"content")
+    for path in (store.root / "ac" / KEY[:2] / KEY[2:], store.blobs.path(content)):
+        path.unlink()
+        (path / "within").mkdir(parents=True)
+        assert [finding.kind for finding in verify(store).findings if finding.kind != "leftover"]
+        assert store.actions.get(KEY) is None
+        assert store.blobs.put(b"content") == content
+        store.actions.put(KEY, result)
+        assert store.actions.get(KEY) == result
+        assert store.blobs.get(content) == b"content"
+    assert verify(store).is_whole
+
+
+def test_a_collection_takes_folders_that_stand_where_results_and_blobs_should(
+    store: Store, result: ActionResult
+) -> None:
+    store.actions.put(KEY, result)
+    entry, blob = store.root / "ac" / KEY[:2] / KEY[2:], store.blobs.path(digest.of_bytes(b"content"))
+    for path in (entry, blob):
+        path.unlink()
+        path.mkdir()
+    age_all(store, time.time() - 9 * DAY)
+    for path in (entry, blob):
+        age(path, time.time() - 9 * DAY)
+    collect(store, nobody, dry=False)
+    assert not entry.exists()
+    assert not blob.exists()
+
+
+@pytest.mark.parametrize("data", [b"", b"\n", b"{}\n{}\n{}", b"\x12\x05ab", b"[" * 100_000, b"\xff" * 20])
+def test_what_is_not_an_entry_is_a_miss_and_goes_with_the_next_collection(store: Store, data: bytes) -> None:
+    """Promise: entries of other versions, and what anyone else put there, harm nobody."""
+    with pytest.raises(ValueError, match=r"^"):
+        entries.read(data)
     path = store.root / "ac" / KEY[:2] / KEY[2:]
     path.parent.mkdir(parents=True)
+    path.write_bytes(data)
+    assert [finding.kind for finding in verify(store).findings] == ["unreadable"]
+    collect(store, nobody, dry=False)
+    assert not path.exists()
     path.write_bytes(data)
     assert store.actions.get(KEY) is None
 
@@ -190,6 +233,5 @@ def test_every_cut_is_a_miss(store: Store, result: ActionResult) -> None:
     for end in range(len(whole)):
         path.unlink(missing_ok=True)
         path.write_bytes(whole[:end])
-        # A cut between two files leaves a message of the protocol, which names less than a result needs.
         assert store.actions.outline(KEY) is None, end
         assert store.actions.get(KEY) is None, end

@@ -1,4 +1,4 @@
-"""Entries that hold key document and result themselves: no blobs of their own, and read as if they had some."""
+"""Key documents that entries hold: no blobs of their own, and read as if they were."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from threading import Thread
 import pytest
 
 from dextera_build import digest
-from dextera_build.store import header, inside
-from dextera_build.store.actions import ActionResult
+from dextera_build.store import entry as entries
+from dextera_build.store import header
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.choose import Limits
 from dextera_build.store.collect import collect
-from dextera_build.store.reapi import decode
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.remotes.directory import Directory
-from dextera_build.store.remotes.remote import Digest
 from dextera_build.store.remotes.server import CacheServer
 from dextera_build.store.store import Store
 from dextera_build.store.transfer import Transfer
@@ -55,7 +54,7 @@ def as_blob(store: Store) -> None:
     store.actions.put(KEY, made(store))
 
 
-def test_neither_is_a_blob_and_both_are_read(store: Store, result: ActionResult) -> None:
+def test_it_is_no_blob_and_is_read(store: Store, result: ActionResult) -> None:
     names = {name for name, _ in store.blobs.all()}
     assert names == {result.output, result.log, digest.of_bytes(b"content")}
     assert store.actions.get(KEY) == result
@@ -66,12 +65,11 @@ def test_neither_is_a_blob_and_both_are_read(store: Store, result: ActionResult)
     with store.blobs.open(KEY) as file:
         assert file.read() == DOCUMENT
     assert store.actions.verify(KEY)
-    assert not store.blobs.has(result.digest)
 
 
 def test_an_entry_whose_key_document_is_a_blob_needs_that_blob(store: Store) -> None:
     as_blob(store)
-    assert {KEY, made(store).digest} <= {name for name, _ in store.blobs.all()}
+    assert KEY in {name for name, _ in store.blobs.all()}
     assert store.actions.document(KEY) is None
     assert store.actions.get(KEY) == made(store)
     store.blobs.path(KEY).unlink()
@@ -81,7 +79,7 @@ def test_an_entry_whose_key_document_is_a_blob_needs_that_blob(store: Store) -> 
 
 
 def test_a_long_key_document_is_a_blob(store: Store) -> None:
-    for size, names in ((inside.MOST, 0), (inside.MOST + 1, 2)):
+    for size, names in ((entries.MOST_DOCUMENT, 0), (entries.MOST_DOCUMENT + 1, 1)):
         document = b"x" * size
         key = digest.of_bytes(document)
         before = len(list(store.blobs.all()))
@@ -149,17 +147,13 @@ def test_a_collection_takes_the_document_with_the_entry_and_not_before(store: St
     assert list(store.blobs.all()) == []
 
 
-def test_who_uploads_gives_blobs_of_both(store: Store, result: ActionResult, tmp_path: Path) -> None:
+def test_who_uploads_gives_the_entry_as_it_is(store: Store, result: ActionResult, tmp_path: Path) -> None:
     share = Directory(tmp_path / "share")
     Transfer(store).send(share, KEY)
-    key = Digest(KEY, len(DOCUMENT))
-    outputs = decode(share.get_action(key) or b"")
-    assert {file.path for file in outputs if file.contents} == {inside.RESULT}
-    assert share.missing([Digest(file.digest, file.size) for file in outputs]) == set()
-    sent = {name.parent.name + name.name: name.read_bytes() for name in (tmp_path / "share" / "cas").rglob("??/*")}
-    assert all(digest.of_bytes(data) == name for name, data in sent.items())
+    assert share.get_entry(KEY) == entry(store, KEY).read_bytes()
     other = Store(tmp_path / "other")
-    assert Transfer(other).fetch(share, key) is not None
+    assert Transfer(other).fetch(share, KEY) is not None
+    assert entry(other, KEY).read_bytes() == entry(store, KEY).read_bytes()
     assert other.actions.get(KEY) == result
     assert other.blobs.get(KEY) == DOCUMENT
     share.close()
@@ -168,7 +162,7 @@ def test_who_uploads_gives_blobs_of_both(store: Store, result: ActionResult, tmp
 @pytest.mark.parametrize("whole", [True, False])
 def test_another_store_can_be_read_as_a_remote(store: Store, result: ActionResult, tmp_path: Path, whole: bool) -> None:
     other, share = Store(tmp_path / "other"), Directory(store.root)
-    fetched = Transfer(other).fetch(share, Digest(KEY, len(DOCUMENT)), whole=whole)
+    fetched = Transfer(other).fetch(share, KEY, whole=whole)
     assert fetched is not None
     assert fetched.is_whole == whole
     assert other.actions.known(KEY) == result
@@ -177,24 +171,12 @@ def test_another_store_can_be_read_as_a_remote(store: Store, result: ActionResul
     share.close()
 
 
-@pytest.mark.parametrize("may_write", [True, False])
-def test_a_server_gives_the_document_and_whoever_asks_finds_all_that_an_entry_names(
-    store: Store, result: ActionResult, may_write: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if not may_write:
-        monkeypatch.setattr("dextera_build.store.files._create", refuse)
+def test_a_server_gives_the_document_and_the_entry_as_it_is(store: Store, result: ActionResult) -> None:
     with CacheServer(store, ("127.0.0.1", 0)) as server:
         Thread(target=server.serve_forever, daemon=True).start()
         assert ask(f"{server.url}/cas/{KEY}") == DOCUMENT
-        outputs = decode(ask(f"{server.url}/ac/{KEY}") or b"")
-        lacks = [file.path for file in outputs if ask(f"{server.url}/cas/{file.digest}") is None]
-        assert lacks == ([] if may_write else [inside.RESULT])
-        assert outputs[-1].contents == result.document
+        assert ask(f"{server.url}/ac/{KEY}") == entry(store, KEY).read_bytes()
         server.shutdown()
-
-
-def refuse(*_: object) -> int:
-    raise PermissionError(13, "the store may only be read")
 
 
 def ask(url: str) -> bytes | None:

@@ -10,7 +10,7 @@ import pytest
 
 from dextera_build.engine import snapshot
 from dextera_build.store import presence
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.presence import Presence
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
@@ -111,13 +111,15 @@ def test_rows_that_were_laid_aside_count(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(presence, "_MOST_HELD", 7)
     if room == "no room":
         monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "nowhere"))
+    noted = []
     for key in keys:
-        message = store.actions.message(key)
-        assert message is not None
-        few.note(key, message[1])
+        entry = store.actions.entry(key)
+        assert entry is not None
+        few.note(key, entry.files)
+        noted.append((key, entry.files))
     monkeypatch.setattr(presence, "_MOST_HELD", 10**9)
-    for key in keys:
-        every.note(key, (store.actions.message(key) or (b"", []))[1])
+    for each in noted:
+        every.note(*each)
     rows: list[bytes] = []
     wanted: list[bytes] = []
     found, shards = few.freeze(rows.append), every.freeze(wanted.append)

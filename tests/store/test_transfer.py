@@ -43,9 +43,9 @@ class Noted(Directory):
         self._note("send", len(digests))
         super().send(digests, give)
 
-    def put_action(self, key: Digest, message: bytes) -> None:
+    def put_entry(self, key: str, message: bytes) -> None:
         self._note("put", 1)
-        super().put_action(key, message)
+        super().put_entry(key, message)
 
 
 @pytest.fixture
@@ -55,16 +55,12 @@ def built(tmp_path: Path) -> tuple[Store, list[str]]:
     return store, [result.nodes[name].key or "" for name in ("a", "b")]
 
 
-def name(store: Store, key: str) -> Digest:
-    return Digest(key, store.blobs.size(key) or 0)
-
-
 def test_blobs_go_first_and_the_entry_last(built: tuple[Store, list[str]], tmp_path: Path) -> None:
     store, (key, _) = built
     remote = Noted(tmp_path / "share")
     sent = Transfer(store).send(remote, key)
     assert [what for what, _ in remote.log] == ["missing", "send", "put"]
-    assert sent.blobs == 4  # header, its blob, key document, result
+    assert sent.blobs == 2  # header, its blob
 
 
 @pytest.mark.parametrize("fails", ["missing", "send", "put"])
@@ -74,7 +70,7 @@ def test_without_its_blobs_no_entry_is_published(built: tuple[Store, list[str]],
     remote.fails = fails
     with pytest.raises(RemoteFault):
         Transfer(store).send(remote, key)
-    assert Directory(tmp_path / "share").get_action(name(store, key)) is None
+    assert Directory(tmp_path / "share").get_entry(key) is None
 
 
 def test_what_is_there_is_not_sent_again(built: tuple[Store, list[str]], tmp_path: Path) -> None:
@@ -83,7 +79,7 @@ def test_what_is_there_is_not_sent_again(built: tuple[Store, list[str]], tmp_pat
     transfer.send(remote, key)
     assert transfer.send(remote, key).blobs == 0
     assert Transfer(store).send(remote, key).blobs == 0
-    assert remote.log.count(("send", 4)) == 1
+    assert remote.log.count(("send", 2)) == 1
 
 
 def test_damage_here_is_not_spread(built: tuple[Store, list[str]], tmp_path: Path) -> None:
@@ -96,7 +92,7 @@ def test_damage_here_is_not_spread(built: tuple[Store, list[str]], tmp_path: Pat
     file.write_bytes(data.replace(b"Text", b"Tent"))
     with pytest.raises(MissingBlob):
         Transfer(store).send(Directory(tmp_path / "share"), key)
-    assert Directory(tmp_path / "share").get_action(name(store, key)) is None
+    assert Directory(tmp_path / "share").get_entry(key) is None
 
 
 def test_only_what_is_missing_comes(built: tuple[Store, list[str]], tmp_path: Path) -> None:
@@ -109,10 +105,10 @@ def test_only_what_is_missing_comes(built: tuple[Store, list[str]], tmp_path: Pa
     other.blobs.put(store.blobs.get(blob))
     remote.log.clear()
     for key in keys:
-        assert Transfer(other).fetch(remote, name(store, key)) is not None
-    assert sum(number for what, number in remote.log if what == "fetch") == 5
-    assert Transfer(other).fetch(remote, name(store, keys[0])) is not None
-    assert sum(number for what, number in remote.log if what == "fetch") == 5
+        assert Transfer(other).fetch(remote, key) is not None
+    assert sum(number for what, number in remote.log if what == "fetch") == 3
+    assert Transfer(other).fetch(remote, keys[0]) is not None
+    assert sum(number for what, number in remote.log if what == "fetch") == 3
 
 
 def test_what_came_damaged_is_sent_again(built: tuple[Store, list[str]], tmp_path: Path) -> None:
@@ -126,14 +122,14 @@ def test_what_came_damaged_is_sent_again(built: tuple[Store, list[str]], tmp_pat
     other = Store(tmp_path / "other")
     transfer = Transfer(other)
     with pytest.raises(DamagedBlob):
-        transfer.fetch(share, name(store, key))
+        transfer.fetch(share, key)
     run(graph(call("a", "blob")), other)
-    assert transfer.send(share, key).blobs == 2  # that one, and a `result.json` with a time of its own
+    assert transfer.send(share, key).blobs == 1
     assert victim.read_bytes() == whole
 
 
 def test_a_result_that_is_not_here_cannot_be_sent(tmp_path: Path) -> None:
-    with pytest.raises(MissingBlob, match="no result under this key"):
+    with pytest.raises(MissingBlob, match="no whole result under this key"):
         Transfer(Store(tmp_path / "store")).send(Directory(tmp_path / "share"), "ab" * 32)
 
 
@@ -141,22 +137,22 @@ def test_a_refusal_is_not_tried_again_and_other_faults_are_once(tmp_path: Path) 
     calls: list[str] = []
 
     class Failing(Directory):
-        def get_action(self, key: Digest) -> bytes | None:
+        def get_entry(self, key: str) -> bytes | None:
             calls.append("get")
             raise RemoteFault("x", "no", refused=len(calls) > 2)
 
     guarded = Guarded("x", "x", lambda: Failing(tmp_path))
     with pytest.raises(RemoteFault):
-        guarded.get_action(Digest("ab" * 32, 1))
+        guarded.get_entry("ab" * 32)
     assert len(calls) == 2
     with pytest.raises(RemoteFault):
-        guarded.get_action(Digest("ab" * 32, 1))
+        guarded.get_entry("ab" * 32)
     assert len(calls) == 3
     assert not guarded.may("read")
     assert guarded.may("write")
     assert [(notice.doing, notice.reason) for notice in guarded.given_up] == [("read", "no")]
     with pytest.raises(RemoteFault, match="no"):
-        guarded.get_action(Digest("ab" * 32, 1))
+        guarded.get_entry("ab" * 32)
     assert len(calls) == 3
 
 
@@ -168,7 +164,7 @@ def test_a_remote_is_connected_once_however_many_ask(tmp_path: Path) -> None:
         return Directory(tmp_path)
 
     guarded = Guarded("x", "x", opener)
-    threads = [threading.Thread(target=lambda: guarded.get_action(Digest("ab" * 32, 1))) for _ in range(20)]
+    threads = [threading.Thread(target=lambda: guarded.get_entry("ab" * 32)) for _ in range(20)]
     for thread in threads:
         thread.start()
     for thread in threads:

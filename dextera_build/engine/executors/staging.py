@@ -11,8 +11,8 @@ from typing import Any, BinaryIO, TypeVar
 
 from dextera_build.errors import MachineError, StoreError
 from dextera_build.store import header
-from dextera_build.store.actions import ActionResult
 from dextera_build.store.cas import MissingBlob
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.remotes.remote import Digest, Remote, RemoteFault
 from dextera_build.store.store import Store
 

@@ -8,17 +8,16 @@ project file, that it came from.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import Any
 
 from dextera_build.store import header
-from dextera_build.store.actions import ActionResult
 from dextera_build.store.bundle import documents
 from dextera_build.store.bundle.config import Contents, Node
 from dextera_build.store.bundle.documents import Read
-from dextera_build.store.bundle.errors import BundleRefused, ill_formed, wrong_result
+from dextera_build.store.bundle.errors import ill_formed, wrong_result
 from dextera_build.store.cas import is_digest
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.traces import steps as traces
 
 _KEY: dict[str, type | tuple[type, ...]] = {
@@ -82,7 +81,7 @@ class Closure:
         documents.Reader(asked.raw.get("request"), f"the request of {what}")
         asked.text("service")
         called = read_result(self._read(digest), address)
-        if called.key_document != key or called.digest != digest or called.calls or called.previews or called.log:
+        if called.key_document != key or called.digest != digest or not called.is_record:
             raise wrong_result(address, "a call that it names is not one")
         self.blobs |= {key, digest}
         self._refs([called.output], whole=True)
@@ -182,33 +181,11 @@ def read_result(data: bytes, address: str) -> ActionResult:
         BundleRefused: It spells none.
     """
     what = f"the result of `{address}`"
-    reader = documents.Reader(documents.parse(data, what), what)
     try:
-        previews = [documents.Reader({"caption": c, "blob": b}, what) for c, b in reader.items("previews")]
-        metrics = documents.Reader(reader.raw.get("metrics"), what).raw
-        for name, (value, unit) in metrics.items():
-            documents.Reader({"name": name, "unit": unit}, what).text("name")
-            documents.Reader({"name": name, "unit": unit}, what).text("unit")
-            if isinstance(value, bool) or not math.isfinite(value):
-                raise ill_formed(what, "a metric is not a number")
-        return ActionResult(
-            output=reader.digest("output"),
-            line=reader.text("line"),
-            previews=tuple((preview.text("caption"), preview.digest("blob")) for preview in previews),
-            metrics={name: (value, unit) for name, (value, unit) in metrics.items()},
-            # As it stands there: 1 and 1.0 are spelled differently, and so is what is digested.
-            seconds=reader.raw["seconds"] if reader.seconds("seconds") >= 0 else 0.0,
-            log=reader.maybe_digest("log"),
-            key_document=reader.digest("key_document"),
-            calls=_calls(reader),
-        )
-    except BundleRefused:
-        raise
-    except (ValueError, TypeError, OverflowError):
-        raise ill_formed(what, "`previews` or `metrics` are not what they must be") from None
-
-
-def _calls(reader: documents.Reader) -> tuple[tuple[str, str], ...]:
-    pairs = reader.items("calls") if "calls" in reader.raw else []
-    named = [documents.Reader({"call": call, "result": result}, reader.what) for call, result in pairs]
-    return tuple((name.digest("call"), name.digest("result")) for name in named)
+        result = ActionResult.from_document(data)
+    except ValueError:
+        raise ill_formed(what, "it does not have the fields of a result") from None
+    units = [unit for _, unit in result.metrics.values()]
+    for text in (result.line, *(caption for caption, _ in result.previews), *result.metrics, *units):
+        documents.Reader({"text": text}, what).text("text")
+    return result

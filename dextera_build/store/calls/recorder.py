@@ -14,16 +14,16 @@ from typing import Any, Literal, TypeAlias
 from dextera_build.errors import RuleError, StoreError
 from dextera_build.response import Response
 from dextera_build.store import header
-from dextera_build.store.actions import ActionResult
 from dextera_build.store.calls.asking import Manner, Send, amounts, ask
 from dextera_build.store.calls.modes import Mode
 from dextera_build.store.calls.question import Question, question
 from dextera_build.store.cas import MissingBlob
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 
 How: TypeAlias = Literal["replayed", "fetched", "asked", "confirmed", "diverged", "replaced"]
-Fetch: TypeAlias = Callable[[str, int], ActionResult | None]
-"""Key, size of its document -> the result that a remote has."""
+Fetch: TypeAlias = Callable[[str], ActionResult | None]
+"""Key -> the result that a remote has."""
 
 
 class Recorder:
@@ -91,7 +91,7 @@ class Recorder:
         result = self._store.actions.get(asked.key)
         how: How = "replayed"
         if result is None and elsewhere and self._fetch is not None:
-            result, how = self._fetch(asked.key, len(asked.document)), "fetched"
+            result, how = self._fetch(asked.key), "fetched"
         if result is None:
             return None
         try:
@@ -110,6 +110,7 @@ class Recorder:
         }
         output, document = self._kept(response.body), blobs.put(asked.document)
         result = ActionResult(output, f"call {asked.shown}", (), metrics, round(seconds, 6), None, document)
+        blobs.put(result.document)  # results of nodes name it, and carry it to other stores
         self._store.actions.put(asked.key, result)
         return result
 

@@ -70,13 +70,13 @@ class Guarded:
         """Whether the remote is still asked."""
         return self._may[doing]
 
-    def get_action(self, key: Digest) -> bytes | None:
+    def get_entry(self, key: str) -> bytes | None:
         """As `Remote`."""
-        return self._call("read", lambda remote, _: remote.get_action(key))
+        return self._call("read", lambda remote, _: remote.get_entry(key))
 
-    def put_action(self, key: Digest, message: bytes) -> None:
+    def put_entry(self, key: str, message: bytes) -> None:
         """As `Remote`."""
-        self._call("write", lambda remote, _: remote.put_action(key, message), len(message))
+        self._call("write", lambda remote, _: remote.put_entry(key, message), len(message))
 
     def missing(self, digests: Sequence[Digest]) -> set[Digest]:
         """As `Remote`; asked before writing."""

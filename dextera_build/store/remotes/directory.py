@@ -36,20 +36,20 @@ class Directory:
         self._crew = Crew(_THREADS, f"dxb {root.name}")
         self._tidied = False
 
-    def get_action(self, key: Digest) -> bytes | None:
-        """The `ActionResult` message under a key, or None."""
+    def get_entry(self, key: str) -> bytes | None:
+        """The entry under a key, or None."""
         try:
             with open(self._file("ac", key), "rb") as file:
                 size = os.fstat(file.fileno()).st_size
                 if size > MOST_ENTRY:
-                    raise RemoteFault(self.address, f"the entry of `{key.hash[:12]}` has {size:,} bytes")
+                    raise RemoteFault(self.address, f"the entry of `{key[:12]}` has {size:,} bytes")
                 return file.read(size)
         except FileNotFoundError:
             return None
         except OSError as error:
             raise self._fault(error) from None
 
-    def put_action(self, key: Digest, message: bytes) -> None:
+    def put_entry(self, key: str, message: bytes) -> None:
         """Publish a result, all of whose blobs the folder holds."""
         with self._writing("ac", key) as target:
             failpoints.reach("remote.entry")
@@ -61,7 +61,7 @@ class Directory:
 
         def look(digest: Digest) -> None:
             try:
-                if os.stat(self._file("cas", digest)).st_size == digest.size:
+                if os.stat(self._file("cas", digest.hash)).st_size == digest.size:
                     return
             except FileNotFoundError:
                 pass
@@ -82,7 +82,7 @@ class Directory:
         def send_one(digest: Digest) -> None:
             with (
                 give(digest) as source,
-                self._writing("cas", digest) as target,
+                self._writing("cas", digest.hash) as target,
                 open(target, "wb", closefd=False) as to,
             ):
                 failpoints.reach("remote.blob")
@@ -96,7 +96,7 @@ class Directory:
 
     def _fetch_one(self, digest: Digest, take: Callable[[Digest, Iterator[bytes]], None]) -> None:
         try:
-            file = open(self._file("cas", digest), "rb")  # noqa: SIM115 - closed below; only opening may find nothing
+            file = open(self._file("cas", digest.hash), "rb")  # noqa: SIM115 - closed below; only opening may find nothing
         except FileNotFoundError:
             return
         except OSError as error:
@@ -111,11 +111,11 @@ class Directory:
         except OSError as error:
             raise self._fault(error) from None
 
-    def _file(self, kind: str, digest: Digest) -> str:
-        return f"{self._root}/{kind}/{digest.hash[:2]}/{digest.hash[2:]}"
+    def _file(self, kind: str, digest: str) -> str:
+        return f"{self._root}/{kind}/{digest[:2]}/{digest[2:]}"
 
     @contextmanager
-    def _writing(self, kind: str, digest: Digest) -> Iterator[int]:
+    def _writing(self, kind: str, digest: str) -> Iterator[int]:
         if not self._root.parent.is_dir():
             raise RemoteFault(self.address, f"there is no folder `{self._root.parent}`", refused=True)
         workshop = f"{self._root}/{kind}/{files.TEMPORARY}"

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 
 from dextera_build.errors import StoreError
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.remotes.breaker import GivenUp, Guarded
 from dextera_build.store.remotes.crew import Crew
-from dextera_build.store.remotes.remote import DamagedBlob, Digest, RemoteFault
+from dextera_build.store.remotes.remote import DamagedBlob, RemoteFault
 from dextera_build.store.store import Store
 from dextera_build.store.transfer import Transfer
 
@@ -79,9 +79,9 @@ class Exchange:
         self._hear()
         return len(self._to_send)
 
-    def ask(self, key: Digest, *, whole: bool = True) -> None:
+    def ask(self, key: str, *, whole: bool = True) -> None:
         """Look for a result in the background, with its bytes or without; `arrived` has the answer some time."""
-        self._asked.add(key.hash)
+        self._asked.add(key)
         self._readers.start(lambda: self._answer(key, whole))
 
     def arrived(self, patience_s: float) -> list[Arrival]:
@@ -138,14 +138,14 @@ class Exchange:
         self._writers.dismiss()
         return [upload for upload in self._uploads.values() if upload.results or upload.left]
 
-    def _answer(self, key: Digest, whole: bool) -> None:
-        answer = Arrival(key.hash, None)
+    def _answer(self, key: str, whole: bool) -> None:
+        answer = Arrival(key, None)
         try:
             answer = self.fetch(key, whole=whole)
         finally:
             self._answers.put(answer)
 
-    def fetch(self, key: Digest, *, whole: bool = True) -> Arrival:
+    def fetch(self, key: str, *, whole: bool = True) -> Arrival:
         """Look for a result in this thread."""
         began = time.monotonic()
         for remote in self.remotes:
@@ -162,8 +162,8 @@ class Exchange:
             else:
                 if found is not None:
                     seconds = time.monotonic() - began
-                    return Arrival(key.hash, found.result, found.is_whole, remote.name, seconds)
-        return Arrival(key.hash, None)
+                    return Arrival(key, found.result, found.is_whole, remote.name, seconds)
+        return Arrival(key, None)
 
     def _send(self, remote: Guarded, key: str) -> None:
         octets, reason = -1, ""

@@ -57,8 +57,8 @@ class HttpCache:
             follow_redirects=True,
         )
 
-    def get_action(self, key: Digest) -> bytes | None:
-        """The `ActionResult` message under a key, or None."""
+    def get_entry(self, key: str) -> bytes | None:
+        """The entry under a key, or None."""
         with self._faults(), self._client.stream("GET", self._url("ac", key)) as answer:
             if answer.status_code == 404:
                 return None
@@ -67,10 +67,10 @@ class HttpCache:
             for piece in answer.iter_raw(_CHUNK):
                 found += piece
                 if len(found) > MOST_ENTRY:
-                    raise RemoteFault(self.address, f"the entry of `{key.hash[:12]}` does not end")
+                    raise RemoteFault(self.address, f"the entry of `{key[:12]}` does not end")
             return bytes(found)
 
-    def put_action(self, key: Digest, message: bytes) -> None:
+    def put_entry(self, key: str, message: bytes) -> None:
         """Publish a result, all of whose blobs the server holds."""
         self._put("ac", key, message, {})
 
@@ -80,7 +80,7 @@ class HttpCache:
 
         def look(digest: Digest) -> None:
             with self._faults():
-                answer = self._client.head(self._url("cas", digest))
+                answer = self._client.head(self._url("cas", digest.hash))
             if answer.status_code == 404 or answer.headers.get("Content-Length", str(digest.size)) != str(digest.size):
                 lacking.add(digest)
             else:
@@ -93,7 +93,7 @@ class HttpCache:
         """Hand `take` the bytes of every blob that the server holds."""
 
         def fetch_one(digest: Digest) -> None:
-            with self._faults(), self._client.stream("GET", self._url("cas", digest)) as answer:
+            with self._faults(), self._client.stream("GET", self._url("cas", digest.hash)) as answer:
                 if answer.status_code != 404:
                     self._expect(answer, 200)
                     take(digest, self._pieces(answer))
@@ -107,7 +107,7 @@ class HttpCache:
             # With its length said, so that it is not sent in chunks, which not every server takes.
             size = {"Content-Length": str(digest.size)}
             with give(digest) as file:
-                self._put("cas", digest, iter(lambda: file.read(_CHUNK), b""), size)
+                self._put("cas", digest.hash, iter(lambda: file.read(_CHUNK), b""), size)
 
         self._crew.each(send_one, digests)
 
@@ -116,7 +116,7 @@ class HttpCache:
         self._client.close()
         self._crew.dismiss()
 
-    def _put(self, kind: str, digest: Digest, content: bytes | Iterator[bytes], headers: Mapping[str, str]) -> None:
+    def _put(self, kind: str, digest: str, content: bytes | Iterator[bytes], headers: Mapping[str, str]) -> None:
         url = self._url(kind, digest)
         with self._faults(), self._client.stream("PUT", url, content=content, headers=headers) as answer:
             self._expect(answer, 200, 201, 202, 204)
@@ -131,8 +131,8 @@ class HttpCache:
         with self._faults():
             yield from answer.iter_raw(_CHUNK)
 
-    def _url(self, kind: str, digest: Digest) -> str:
-        return f"{self.address}/{kind}/{digest.hash}"
+    def _url(self, kind: str, digest: str) -> str:
+        return f"{self.address}/{kind}/{digest}"
 
     def _expect(self, answer: httpx.Response, *codes: int) -> None:
         code = answer.status_code

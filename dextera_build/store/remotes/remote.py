@@ -49,14 +49,14 @@ class Remote(Protocol):
     address: str
     """As the command line names it, without secrets."""
 
-    def get_action(self, key: Digest) -> bytes | None:
-        """The `ActionResult` message under a key (the digest of the key document), or None.
+    def get_entry(self, key: str) -> bytes | None:
+        """The entry under a key (the digest of the key document), or None; `entry.py` says how it is spelled.
 
         One that is longer than `MOST_ENTRY` is a `RemoteFault`, found before all of it is in memory.
         """
         ...
 
-    def put_action(self, key: Digest, message: bytes) -> None:
+    def put_entry(self, key: str, message: bytes) -> None:
         """Publish a result, all of whose blobs the remote holds."""
         ...
 

@@ -76,21 +76,21 @@ class ObjectStore:
             raise ValueError(str(error)) from None
         self._crew = Crew(_THREADS, f"dxb {self.address}")
 
-    def get_action(self, key: Digest) -> bytes | None:
-        """The `ActionResult` message under a key, or None."""
+    def get_entry(self, key: str) -> bytes | None:
+        """The entry under a key, or None."""
         with self._faults():
             try:
-                found = obstore.get(self._store, f"ac/{key.hash}")
+                found = obstore.get(self._store, f"ac/{key}")
             except FileNotFoundError:
                 return None
             if found.meta["size"] > MOST_ENTRY:
-                raise RemoteFault(self.address, f"the entry of `{key.hash[:12]}` has {found.meta['size']:,} bytes")
+                raise RemoteFault(self.address, f"the entry of `{key[:12]}` has {found.meta['size']:,} bytes")
             return bytes(found.bytes())
 
-    def put_action(self, key: Digest, message: bytes) -> None:
+    def put_entry(self, key: str, message: bytes) -> None:
         """Publish a result, all of whose blobs the bucket holds."""
         with self._faults():
-            obstore.put(self._store, f"ac/{key.hash}", message)
+            obstore.put(self._store, f"ac/{key}", message)
 
     def missing(self, digests: Sequence[Digest]) -> set[Digest]:
         """Those that the bucket lacks, or holds with another size."""

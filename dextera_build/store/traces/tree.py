@@ -14,9 +14,9 @@ from typing import Any, TypeAlias
 
 from dextera_build import digest as digests
 from dextera_build.errors import DxbError
-from dextera_build.store.actions import ActionResult
 from dextera_build.store.actions import Found as Held
 from dextera_build.store.cas import MissingBlob
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.store.traces import steps as traces
 from dextera_build.store.traces.steps import Step, Steps
@@ -117,18 +117,28 @@ def weave(static: Static, trace: Sequence[Step], get: Get, put: Put) -> list[byt
     return way
 
 
-def publish(store: Store, key: str, result: ActionResult, *, bare: bool = False) -> None:
+def publish(store: Store, key: str, result: ActionResult, document: bytes = b"", *, bare: bool = False) -> None:
     """Store a result, `bare` where its bytes are absent; the tree of a call that reads by itself then leads to it.
+
+    Args:
+        store: Takes it.
+        key: Digest of the key document.
+        result: The result.
+        document: The key document; b"": the store holds it already.
+        bare: Whether bytes are absent.
 
     Raises:
         MissingBlob: The result refers to something that is not in the store.
         StoreError: The disk is full, or the store cannot be written.
         ValueError: The result or its key document is not what it must be.
     """
-    parts = traces.parts_of(store.blobs.get(result.key_document))
+    put = store.actions.put_bare if bare else store.actions.put
+    parts = traces.parts_of(document or store.blobs.get(key))
     if parts is None:
-        (store.actions.put_bare if bare else store.actions.put)(key, result)
+        put(key, result, document=document)
         return
+    if document:
+        store.blobs.put(document)
     static, steps = parts
     onward = traces.steps_of(store.blobs.get(result.output))
     way = weave(static, [*steps, *(onward or ())], lambda document: _known(store, document), _putting(store))
@@ -136,7 +146,7 @@ def publish(store: Store, key: str, result: ActionResult, *, bare: bool = False)
         # Whoever holds on to the result holds on to what leads there, and can say which files a pattern matched.
         lists = (answer for kind, _, answer in steps if kind == "names" and store.blobs.has(answer))
         beside = dict.fromkeys([*map(key_of, way), *lists])
-        (store.actions.put_bare if bare else store.actions.put)(key, result, beside)
+        put(key, result, beside)
 
 
 def loose(store: Store, document: bytes, steps: Steps) -> ActionResult:

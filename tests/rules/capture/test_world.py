@@ -165,13 +165,18 @@ def test_the_same_description_gives_the_same_digest(world: World, tmp_path: Path
         ("camera.target_m", (0.0, -0.8, 0.0), "the camera looks straight up or down"),
         ("objects.laptop.opening_deg", 140.0, "`laptop` stands beyond its hinge's limits"),
         ("objects.laptop.lid_kg", 2.0, "the lid of `laptop` is heavier than the whole"),
-        ("objects.mug.mass_kg", 0.0, "`mug` has no possible mass, friction or restitution"),
     ],
 )
 def test_impossible_worlds_are_refused(tmp_path: Path, path: str, value: object, message: str) -> None:
     with pytest.raises(RuleError, match=message) as error:
         RuleRunner(tmp_path).run("capture.world", options=changed(path, value))
     assert error.value.hint
+
+
+@pytest.mark.parametrize(("option", "value"), [("mass_kg", 0.0), ("friction", -0.1), ("restitution", 1.0)])
+def test_no_thing_has_an_impossible_mass_friction_or_restitution(tmp_path: Path, option: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f"mug.{option}"):
+        RuleRunner(tmp_path).run("capture.world", options=changed(f"objects.mug.{option}", value))
 
 
 def test_an_unknown_kind_is_named(tmp_path: Path) -> None:

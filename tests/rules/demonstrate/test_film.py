@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from dextera_build.artifacts.episode import Film
 from dextera_build.errors import RuleError
-from dextera_build.sim import model as models
-from dextera_build.sim import rendering
+from dextera_build.sim.model import model as models
+from dextera_build.sim.render import rendering
 from dextera_build.testing import RuleRunner
 from tests import episodes
 

@@ -30,7 +30,7 @@ def saying(goal: float, bundle: TaskBundle, inputs: tuple[str, ...] = policies.I
 
 def drunk(bundle: TaskBundle) -> Checkpoint:
     """A checkpoint whose network overflows."""
-    from dextera_build.policy import weights
+    from dextera_build.learning import weights
 
     made = saying(gate.PUSHES, bundle)
     tensors = weights.from_bytes(made.weights)

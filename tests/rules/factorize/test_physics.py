@@ -92,5 +92,5 @@ def test_an_open_and_an_inside_out_link_are_refused(runner):
 
 
 def test_a_weighed_mass_must_be_positive(runner):
-    with pytest.raises(RuleError, match=r"option `mass_kg` is -1.0, but a mass is positive"):
+    with pytest.raises(ValueError, match="greater than 0"):
         weigh(runner, object_views.body(BOX), mass_kg=-1.0)

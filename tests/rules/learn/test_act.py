@@ -16,10 +16,10 @@ from dextera_build.artifacts.episode import Episode, Episodes, Film
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.code.loader import choose_backend
 from dextera_build.errors import RuleError
-from dextera_build.policy import weights
-from dextera_build.policy.load import load
+from dextera_build.learning import weights
 from dextera_build.policy.observation import Measurement, deployable
 from dextera_build.rule import Context
+from dextera_build.sim.runtime.policies import load
 from dextera_build.testing import RuleRunner
 from tests import episodes
 

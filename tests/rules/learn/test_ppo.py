@@ -14,11 +14,11 @@ from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.artifacts.task import Reset, TaskBundle
 from dextera_build.code.loader import choose_backend
 from dextera_build.errors import RuleError
-from dextera_build.policy import weights
-from dextera_build.policy.load import load
+from dextera_build.learning import weights
 from dextera_build.rule import Context
-from dextera_build.sim.environment import Environment
-from dextera_build.sim.practice import Practice
+from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.policies import load
+from dextera_build.sim.training.practice import Practice
 from dextera_build.testing import RuleRunner
 from tests import episodes, task_bundles
 
@@ -160,7 +160,7 @@ def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
     """The targets that a loaded policy sends are those that its decisions led to in training, bit for bit."""
     import torch
 
-    from dextera_build.policy import ppo
+    from dextera_build.learning import ppo
 
     made = learn(tmp_path)
     practice = Practice(BUNDLE, made.contract)

@@ -13,7 +13,7 @@ from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.geometry import massprops
-from dextera_build.sim import perturb, settle
+from dextera_build.sim.worlds import perturb, settle
 from dextera_build.testing import RuleRunner
 from tests import factories, reference_tasks
 from tests.reference_tasks import corners_of, opened, pose_of

@@ -14,7 +14,7 @@ from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.world import World
 from dextera_build.errors import RuleError
 from dextera_build.geometry import transforms
-from dextera_build.sim import settle
+from dextera_build.sim.worlds import settle
 from dextera_build.testing import RuleRunner
 from tests import factories, reference_tasks
 from tests.reference_tasks import TWIN_FROM_TRUTH, corners_of, opened, pose_of

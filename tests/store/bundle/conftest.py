@@ -12,9 +12,9 @@ from dextera_build.digest import canonical, of_bytes
 from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.key import manifest as key_document
 from dextera_build.engine.survey import as_build, survey
-from dextera_build.store.actions import ActionResult
 from dextera_build.store.bundle.config import Closure, Contents
 from dextera_build.store.bundle.export import Export
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from tests.engine.tiny import call, every, graph, group, item, leaf, out, run
 

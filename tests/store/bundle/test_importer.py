@@ -11,9 +11,9 @@ from dextera_build.digest import canonical
 from dextera_build.engine.graph import Address
 from dextera_build.engine.survey import survey
 from dextera_build.errors import UsageError
-from dextera_build.store.actions import ActionResult
 from dextera_build.store.bundle import importer, layout
 from dextera_build.store.bundle.config import Contents
+from dextera_build.store.entry import ActionResult
 from tests.engine.tiny import run
 from tests.store.bundle.conftest import bundle, large
 from tests.store.bundle.forge import take
@@ -32,9 +32,8 @@ def test_results_arrive(tmp_path, store, other, plan, name, closure):
         assert other.actions.known(key) == store.actions.get(key)
     for key in whole:
         assert other.actions.get(key) == store.actions.get(key)
-        assert other.actions.message(key) == store.actions.message(key)
-        for file in (store.actions.message(key) or (b"", []))[1]:
-            assert file.contents or other.blobs.get(file.digest) == store.blobs.get(file.digest)
+        for path in store.actions.files(key)[1:]:
+            assert other.blobs.path(path.parent.name + path.name).read_bytes() == path.read_bytes()
 
 
 def last_key(plan, store) -> str:
@@ -79,7 +78,6 @@ def test_bytes_that_come_later_make_a_bare_result_whole(tmp_path, store, other, 
     assert (later.new, later.bare) == (later.new, 0)
     for key in store.actions.keys():  # noqa: SIM118 - not a mapping
         assert other.actions.get(key) == store.actions.get(key)
-        assert other.actions.message(key) == store.actions.message(key)
 
 
 def test_what_was_bundled_bare_can_be_bundled_again(tmp_path, store, other, plan):

@@ -18,8 +18,7 @@ from dextera_build.response import Response
 from dextera_build.store.calls import asking
 from dextera_build.store.calls.question import question
 from dextera_build.store.calls.recorder import Recorder
-from dextera_build.store.remotes import entry as entries
-from dextera_build.store.remotes.remote import Digest
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 
 PLAIN = st.recursive(
@@ -98,7 +97,7 @@ def test_errors_of_send_hide_secrets(store, monkeypatch):
     def send(seconds):
         raise ValueError("https://x/?key=geheim-geheim")
 
-    with pytest.raises(RuleError, match="ValueError: https://x/\\?key=\\*\\*\\*") as caught:
+    with pytest.raises(RuleError, match="ValueError: https://x/\\?\\*\\*\\*") as caught:
         Recorder(store, "record")("s", {}, send)
     assert caught.value.__cause__ is None
 
@@ -159,12 +158,9 @@ def test_a_record_is_a_result_that_a_remote_would_take(store):
     recorder("s", {"q": 1}, lambda seconds: b'{"usage": {"input_tokens": 3, "cost": 0.5}}')
     (made,) = recorder.made
     assert made["cost"] == 0.5
-    message, files = store.actions.message(made["call"])
-    size = next(file.size for file in files if file.path == "key.json")
-    found = entries.read(message, Digest(made["call"], size))
-    assert found is not None
-    result = entries.result(found, found.inline)
+    result = store.actions.known(made["call"])
     assert result is not None
+    assert result.is_record
     assert result.metrics["prompt_tokens"] == (3.0, "tokens")
     assert store.actions.verify(made["call"])
     assert b'"calls"' not in result.document
@@ -182,9 +178,8 @@ def test_a_result_brings_its_calls_and_no_others(store, tmp_path):
     assert store.actions.get(made["call"]) == called
     assert store.actions.calls(document)
     assert not store.actions.calls(made["call"])
-    assert {f"calls/{made['call']}", f"answers/{made['result']}"} <= {
-        f.path for f in store.actions.message(document)[1]
-    }
+    found = store.actions.entry(document)
+    assert {("call", made["call"]), ("answer", made["result"])} <= {file[:2] for file in found.files}
     other = "ab" * 32
     with pytest.raises(ValueError, match="digest that is its key"):
         store.actions.put(document, replace(result, calls=((other, made["result"]),)))
@@ -195,7 +190,7 @@ def test_a_record_from_elsewhere_has_the_right_form(store):
     recorder = Recorder(store, "record")
     recorder("s", {"q": 1}, lambda seconds: b"yes")
     right = json.loads(store.blobs.get(recorder.made[0]["result"]))
-    assert entries.is_record(json.dumps(right).encode())
+    assert is_record(json.dumps(right).encode())
     wrong = [
         {"line": 3},
         {"metrics": []},
@@ -205,6 +200,13 @@ def test_a_record_from_elsewhere_has_the_right_form(store):
         {"log": "a" * 64},
     ]
     for change in wrong:
-        assert not entries.is_record(json.dumps(right | change).encode())
-    assert not entries.is_record(b"[]")
-    assert not entries.is_record(b"<html>")
+        assert not is_record(json.dumps(right | change).encode())
+    assert not is_record(b"[]")
+    assert not is_record(b"<html>")
+
+
+def is_record(document: bytes) -> bool:
+    try:
+        return ActionResult.from_document(document).is_record
+    except ValueError:
+        return False

@@ -16,7 +16,7 @@ from dextera_build.store.remotes.remote import Digest, Remote, RemoteFault
 from dextera_build.store.remotes.spec import Spec
 from dextera_build.store.store import Store
 from tests.store.remotes import servers
-from tests.store.stores import document, key_of, publish
+from tests.store.stores import entry, key_of, publish
 
 KINDS = [
     "folder",
@@ -78,12 +78,12 @@ def test_what_is_lacking_is_said_and_left_out(remote: Remote) -> None:
 def test_results_come_back_as_they_went(remote: Remote, tmp_path: Path) -> None:
     store = Store(tmp_path / "here")
     publish(store, "a", [b"blob"])
-    message, _ = store.actions.message(key_of("a")) or (b"", [])
+    message = entry(store, key_of("a")).read_bytes()
     send(remote, *(store.blobs.get(name) for name, _ in store.blobs.all()))
-    key = digest(document("a"))
-    assert remote.get_action(key) is None
-    remote.put_action(key, message)
-    assert remote.get_action(key) == message
+    key = key_of("a")
+    assert remote.get_entry(key) is None
+    remote.put_entry(key, message)
+    assert remote.get_entry(key) == message
 
 
 def test_a_blob_of_another_size_counts_as_missing(remote: Remote) -> None:
@@ -109,4 +109,4 @@ def test_a_closed_remote_has_faults_and_nothing_else(remote: Remote) -> None:
     if not remote.address.startswith("http"):
         pytest.skip("it has no connections")
     with pytest.raises(RemoteFault):
-        remote.get_action(digest(b"key"))
+        remote.get_entry(key_of("a"))

@@ -14,10 +14,10 @@ import pytest
 from dextera_build.errors import UsageError
 from dextera_build.store.remotes import http
 from dextera_build.store.remotes.connect import guarded, open_remote
-from dextera_build.store.remotes.remote import Digest, RemoteFault
+from dextera_build.store.remotes.remote import RemoteFault
 from dextera_build.store.remotes.spec import Spec
 
-KEY = Digest("0" * 64, 3)
+KEY = "0" * 64
 
 
 @pytest.fixture
@@ -43,14 +43,14 @@ def asked() -> Iterator[tuple[str, list[tuple[str, str]]]]:
 def test_user_and_query_are_sent_to_this_machine(asked):
     host, told = asked
     remote = open_remote(Spec("lab", f"http://anna:pw@{host}/dxb?token=a%2Fb"))
-    assert remote.get_action(KEY) is None
-    assert told == [(f"/dxb/ac/{KEY.hash}?token=a%2Fb", f"Basic {base64.b64encode(b'anna:pw').decode()}")]
+    assert remote.get_entry(KEY) is None
+    assert told == [(f"/dxb/ac/{KEY}?token=a%2Fb", f"Basic {base64.b64encode(b'anna:pw').decode()}")]
 
 
 def test_a_fault_names_neither(asked):
     host, _ = asked
     with pytest.raises(RemoteFault) as caught:
-        open_remote(Spec("lab", f"http://anna:geheim@{host}/broken?token=geheim")).get_action(KEY)
+        open_remote(Spec("lab", f"http://anna:geheim@{host}/broken?token=geheim")).get_entry(KEY)
     assert "geheim" not in f"{caught.value} {caught.value.address} {caught.value.reason}"
 
 
@@ -68,7 +68,7 @@ def test_so_does_one_from_the_environment(monkeypatch):
     monkeypatch.setenv("WHO", "anna:geheim@192.0.2.1")
     remote = guarded(Spec("lab", "http://${WHO}/x"))
     with pytest.raises(RemoteFault) as caught:
-        remote.get_action(KEY)
+        remote.get_entry(KEY)
     assert "in the clear" in caught.value.reason
     assert "geheim" not in str(caught.value)
 

@@ -8,10 +8,10 @@ import pytest
 
 from dextera_build.errors import UsageError
 from dextera_build.store.remotes.connect import guarded, open_remote
-from dextera_build.store.remotes.remote import Digest, RemoteFault
+from dextera_build.store.remotes.remote import RemoteFault
 from dextera_build.store.remotes.spec import Spec
 
-KEY = Digest("0" * 64, 0)
+KEY = "0" * 64
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def bucket(endpoint: str, **more: str) -> Spec:
 def test_a_server_that_is_away_is_said_without_the_request(nowhere: str, more: dict[str, str]) -> None:
     remote = open_remote(bucket(nowhere, **more))
     with pytest.raises(RemoteFault) as caught:
-        remote.get_action(KEY)
+        remote.get_entry(KEY)
     assert caught.value.reason == "HTTP error: error sending request: Connection refused"
     remote.close()
 
@@ -47,4 +47,4 @@ def test_a_setting_that_is_none_is_named(nowhere: str) -> None:
     assert "aws_regoin" in caught.value.facts["because"]
     remote = guarded(bucket(nowhere, aws_regoin="x"))
     with pytest.raises(RemoteFault, match="aws_regoin"):
-        remote.get_action(KEY)
+        remote.get_entry(KEY)

@@ -13,7 +13,7 @@ import pytest
 
 from dextera_build.store.store import Store
 from tests.store.remotes import servers
-from tests.store.stores import key_of, publish
+from tests.store.stores import entry, key_of, publish
 
 DATA = b"what a blob holds"
 NAME = hashlib.sha256(DATA).hexdigest()
@@ -149,10 +149,10 @@ def test_read_only_takes_nothing(tmp_path: Path) -> None:
 def test_a_result_comes_after_its_blobs_and_goes_with_them(client: Client, tmp_path: Path) -> None:
     here, there = Store(tmp_path / "here"), Store(tmp_path / "store")
     publish(here, "a", [DATA])
-    message, named = here.actions.message(key_of("a")) or (b"", [])
-    for file in named:
-        if file.digest != NAME:
-            client.ask("PUT", f"/cas/{file.digest}", file.contents or here.blobs.get(file.digest))
+    message = entry(here, key_of("a")).read_bytes()
+    for name, _ in here.blobs.all():
+        if name != NAME:
+            client.ask("PUT", f"/cas/{name}", here.blobs.get(name))
     code, said = client.ask("PUT", f"/ac/{key_of('a')}", message)
     assert code == 400
     assert NAME.encode() in said

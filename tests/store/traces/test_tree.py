@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dextera_build import digest
-from dextera_build.store.actions import ActionResult
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.store.traces import steps as traces
 from dextera_build.store.traces import tree
@@ -161,5 +161,6 @@ def test_a_result_holds_on_to_the_way_that_leads_to_it(tmp_path: Path) -> None:
         steps = tuple(("file", name, world[name]) for name in "ab")
         key = digest.of_bytes(traces.spelled(_STATIC, steps))
         _publish(store, steps)
-        named = {file.digest for file in (store.actions.message(key) or (b"", []))[1]}
-        assert digest.of_bytes(traces.spelled(_STATIC, ())) in named
+        found = store.actions.entry(key)
+        assert found is not None
+        assert digest.of_bytes(traces.spelled(_STATIC, ())) in {file.digest for file in found.files}

@@ -1,0 +1,1 @@
+"""Networks and their weights, behind the interface of `dextera_build.policy`."""

@@ -1,0 +1,105 @@
+"""What moves a robot by hand poses: the interface of a teleoperation device, a script and a recording (row E1).
+
+Once per control step an operator sees a `State` and answers with a `Command`: where the palm and the fingers shall be.
+A `PoseControl` makes joint targets of it, so that every operator drives every robot that has an arm and a hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.geometry import transforms
+from dextera_build.sim.control.ik import ArmKinematics
+
+
+@dataclass(frozen=True)
+class State:
+    """What an operator sees at one control step."""
+
+    joints: np.ndarray
+    """(A,) measured joint positions, in the robot's order [rad]."""
+    objects: Mapping[str, np.ndarray]
+    """Body -> (4, 4) T_base_object."""
+    displacement: Mapping[str, float]
+    """Joint of an object -> position [rad or m]."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """What an operator wants at one control step."""
+
+    palm: np.ndarray
+    """(4, 4) T_base_palm."""
+    fingers: np.ndarray
+    """(H,) targets of the hand's joints, in the robot's order [rad]."""
+    segment: str
+    """Part of the demonstration: `approach`, `grasp`, `lift`, ..."""
+    frame: str = ""
+    """The body that the palm is moved relative to here; empty: free motion."""
+    contact: bool = False
+    """Whether the hand is meant to touch the task's object here."""
+
+
+class OutOfReach(Exception):  # noqa: N818  it is a verdict on a start, not a fault
+    """The operator cannot do the task from this start; the text is the recorded reason."""
+
+
+class Operator(Protocol):
+    """Whoever commands the hand."""
+
+    def begin(self, state: State) -> None:
+        """Prepare for an episode that starts in `state`.
+
+        Raises:
+            OutOfReach: It cannot be done from here.
+        """
+
+    def command(self, state: State) -> Command | None:
+        """What to do now; None when there is nothing left to do."""
+
+
+class PoseControl:
+    """Joint targets from commands: differential inverse kinematics for the arm, the fingers as commanded.
+
+    Targets follow the commands and not the measured joints, so that contact forces do not make them drift.
+
+    Args:
+        robot: The embodiment.
+        control_hz: Control rate [Hz].
+    """
+
+    def __init__(self, robot: RobotModel, control_hz: float) -> None:
+        self.arm = ArmKinematics(robot)
+        """Kinematics of the palm."""
+        names = [joint.name for joint in robot.joints]
+        self._arm = np.array([names.index(name) for name in self.arm.joints])
+        self._hand = np.array([names.index(name) for name in robot.names("hand")])
+        self._lower = np.array([joint.lower for joint in robot.joints])
+        self._upper = np.array([joint.upper for joint in robot.joints])
+        self._speed = np.array([joint.velocity for joint in robot.joints])
+        self._dt = 1.0 / control_hz
+        self._targets = np.array([joint.home for joint in robot.joints])
+
+    def begin(self, joints: np.ndarray) -> None:
+        """Start from joint targets (A,) [rad]."""
+        self._targets = np.array(joints, np.float64)
+
+    def follow(self, command: Command) -> np.ndarray:
+        """Joint targets (A,) for the coming control step [rad], within position and speed limits."""
+        targets = self._targets.copy()
+        targets[self._arm] = self.arm.track(command.palm, targets[self._arm], self._dt)
+        step = self._speed[self._hand] * self._dt
+        old = self._targets[self._hand]
+        targets[self._hand] = np.clip(command.fingers, old - step, old + step)
+        self._targets = np.clip(targets, self._lower, self._upper)
+        return self._targets.copy()
+
+    def lag_m(self, command: Command) -> float:
+        """How far the commanded palm is from where the targets put it [m]."""
+        reached = self.arm.pose(self._targets[self._arm])
+        return float(np.linalg.norm((transforms.invert(reached) @ command.palm)[:3, 3]))

@@ -1,0 +1,147 @@
+"""What goes into a reinforced policy and what its decisions mean: small steps of the palm or of joints.
+
+A decision holds for several control periods, over which the joint targets go evenly to where it says. All follows from
+the targets that were sent last and from where the joints are, so nothing is remembered from decision to decision.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.geometry import quaternions
+from dextera_build.learning.ppo import flat, raw
+from dextera_build.policy.features import Fields
+
+ITERATIONS = 3
+"""Newton steps towards a pose of the palm; it is near."""
+DAMPING = 0.05
+"""Of the least squares, where a metre counts as much as `RADIAN_M` of a radian."""
+RADIAN_M = 0.3
+"""Weight of a radian of the palm's turn in metres."""
+TURN_RAD = 0.3
+"""Largest turn of the palm to how it shall be in one Newton step [rad]."""
+PLACE_M = 0.2
+"""Scale of the places that the network is told [m]."""
+POSTURE = 0.02
+"""Share of the way home that the arm's redundancy goes with each Newton step."""
+
+
+class Steering:
+    """Decisions (M,), each -1 to 1, to joint targets.
+
+    With `control` "palm" the first three decisions move the palm along the axes of the robot's base by up to `step_m`,
+    while it turns to the quaternion `palm_w` ... `palm_z` in the base, or stays turned as at home without one. All
+    other decisions, or all with "joints", move the target of one joint by up to `step_rad`. Joints that nothing moves
+    go to the contract's mean. With "palm" the network is also told where the palm and the middle of the fingertips are,
+    which follows from the joints: kinematics need not be learned.
+
+    Args:
+        robot: The embodiment.
+        contract: Of the policy; its settings say the rest.
+    """
+
+    def __init__(self, robot: RobotModel, contract: PolicyContract) -> None:
+        settings = contract.settings
+        names = contract.action.names
+        self.every = int(settings["every"])
+        self._step_m, self._step_rad = float(settings["step_m"]), float(settings["step_rad"])
+        self._lead = float(settings["lead_rad"])
+        self._rest = np.array(contract.action.mean)
+        single = str(settings["joints"]).split()
+        self._single = np.array([names.index(name) for name in single], int)
+        turn = np.array([float(settings[f"palm_{part}"]) for part in "wxyz" if f"palm_{part}" in settings])
+        self._palm = _Palm(robot, names, self._rest, turn) if settings["control"] == "palm" else None
+        self.size = len(self._single) + (3 if self._palm else 0)
+        self._channels = contract.inputs
+
+    def numbers(self, inputs: Fields) -> np.ndarray:
+        """What the network gets for one sample of every input channel, (1, N) float32."""
+        plain = flat(inputs, self._channels)
+        if self._palm is None:
+            return plain
+        return np.concatenate([plain, self._palm.places(raw(inputs, self._channels, "joints"))[None]], axis=1)
+
+    def steered(self, decision: np.ndarray, inputs: Fields) -> np.ndarray:
+        """`targets` where joints and targets are those of `inputs`."""
+        sent, joints = (raw(inputs, self._channels, name) for name in ("previous_action", "joints"))
+        return self.targets(decision, sent, joints)
+
+    def targets(self, decision: np.ndarray, sent: np.ndarray, joints: np.ndarray) -> np.ndarray:
+        """Joint targets (`every`, A) float64 [rad] for the coming control periods.
+
+        Args:
+            decision: Output of the network (M,).
+            sent: Targets that were sent last (A,) [rad].
+            joints: Positions of the joints (A,) [rad].
+        """
+        wanted = np.clip(np.asarray(decision, np.float64), -1.0, 1.0)
+        goal = self._rest.copy()
+        moved = self._single
+        goal[moved] = sent[moved] + self._step_rad * wanted[self.size - len(moved) :]
+        if self._palm is not None:
+            arm = self._palm.arm
+            change = self._palm.moved(sent, self._step_m * wanted[:3]) - sent[arm]
+            goal[arm] = sent[arm] + np.clip(change, -self._step_rad, self._step_rad)
+            moved = np.concatenate([arm, moved])
+        goal[moved] = np.clip(goal[moved], joints[moved] - self._lead, joints[moved] + self._lead)
+        shares = np.arange(1, self.every + 1)[:, None] / self.every
+        found = np.tile(goal, (self.every, 1))
+        found[:, moved] = sent[moved] + (goal[moved] - sent[moved]) * shares
+        return found
+
+
+class _Palm:
+    """Moves the palm of a robot by damped least squares on its own kinematics."""
+
+    def __init__(self, robot: RobotModel, names: tuple[str, ...], home: np.ndarray, turn: np.ndarray) -> None:
+        files = {name: data for name, data in robot.model.files.items() if name != "robot.xml"}
+        self._model = mujoco.MjModel.from_xml_string(robot.model.files["robot.xml"].decode(), files)
+        self._data = mujoco.MjData(self._model)
+        self._site = self._model.site(robot.frames["palm"]).id
+        self._address = np.array([self._model.joint(name).qposadr[0] for name in names])
+        self.arm = np.array([number for number, joint in enumerate(robot.joints) if joint.group == "arm"])
+        self._dofs = np.array([self._model.joint(names[number]).dofadr[0] for number in self.arm])
+        self._home = home[self.arm]
+        self._jacobian = np.zeros((6, self._model.nv))
+        tips = [robot.frames[role] for role in robot.tips]
+        self._tips = [self._model.site(site).id for site in tips or [robot.frames["palm"]]]
+        self._origin = np.zeros(6)
+        self._origin = self.places(home).astype(np.float64) * PLACE_M
+        self._upright = quaternions.to_matrix(turn) if len(turn) else self._pose(home)[1].copy()
+
+    def moved(self, joints: np.ndarray, way: np.ndarray) -> np.ndarray:
+        """Arm joints [rad] that bring the palm from where it is at `joints` (A,) by `way` (3,) [m] in the base."""
+        found = joints.copy()
+        goal = self._pose(found)[0] + way
+        for _ in range(ITERATIONS):
+            place, turn = self._pose(found)
+            mujoco.mj_jacSite(self._model, self._data, self._jacobian[:3], self._jacobian[3:], self._site)
+            error = np.concatenate([goal - place, RADIAN_M * _turn(self._upright, turn)])
+            jacobian = self._jacobian[:, self._dofs] * np.array([1, 1, 1, RADIAN_M, RADIAN_M, RADIAN_M])[:, None]
+            inverse = jacobian.T @ np.linalg.inv(jacobian @ jacobian.T + DAMPING**2 * np.eye(6))
+            change = POSTURE * (self._home - found[self.arm])
+            found[self.arm] += inverse @ error + change - inverse @ (jacobian @ change)
+        return np.asarray(found[self.arm])
+
+    def places(self, joints: np.ndarray) -> np.ndarray:
+        """Palm and middle of the fingertips (6,) float32 in the base, from where they are at home, over `PLACE_M`."""
+        palm, _ = self._pose(joints)
+        found = np.concatenate([palm, self._data.site_xpos[self._tips].mean(axis=0)])
+        return np.asarray((found - self._origin) / PLACE_M, np.float32)
+
+    def _pose(self, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        self._data.qpos[self._address] = joints
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        return self._data.site_xpos[self._site].copy(), self._data.site_xmat[self._site].reshape(3, 3)
+
+
+def _turn(wanted: np.ndarray, now: np.ndarray) -> np.ndarray:
+    """Rotation vector (3,) [rad] from `now` to `wanted`, not longer than `TURN_RAD`."""
+    quaternion, found = np.zeros(4), np.zeros(3)
+    mujoco.mju_mat2Quat(quaternion, (wanted @ now.T).ravel())
+    mujoco.mju_quat2Vel(found, quaternion, 1.0)
+    return np.asarray(found * min(1.0, TURN_RAD / max(float(np.linalg.norm(found)), 1e-9)))

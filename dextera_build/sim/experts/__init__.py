@@ -1,0 +1,1 @@
+"""Scripted operators, and demonstrations that are synthesised from recorded ones."""

@@ -1,0 +1,109 @@
+"""Scripted operator of primitive `articulate`: push the link with the fingertips, along the path of its joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.geometry import registration, transforms
+from dextera_build.sim.control.mechanism import Mechanism
+from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.experts.motion import Leg, minimum_jerk, sample
+from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.runtime.environment import Environment
+
+
+@dataclass(frozen=True)
+class Push:
+    """How the hand pushes; the same for every start, relative to the object's root."""
+
+    lean_rad: float
+    """Turn of the fingers from straight down towards where the push goes at the start [rad]."""
+    turn_rad: float
+    """Turn of the hand about the vertical, from the push's own plane [rad]."""
+    share: float = 0.9
+    """How far out on the link, see `Mechanism.pushed_at`; far out takes the least force, so light things stay put."""
+    clear_m: float = 0.06
+    """Distance behind the link from which the push begins [m]."""
+    press_m: float = 0.008
+    """How far into the link the fingertips aim [m]."""
+    above_m: float = 0.16
+    """Height above the begin of the push through which the hand comes [m]."""
+    seconds: tuple[float, float, float, float, float] = (1.4, 0.7, 0.3, 1.0, 0.8)
+    """Durations: over, down behind, touch, push, press [s]."""
+
+
+class Articulate:
+    """Pushes the joint of a task to its command.
+
+    Args:
+        environment: The task; only its geometry is looked at.
+        reach: Kinematics of its robot.
+        push: How.
+    """
+
+    def __init__(self, environment: Environment, reach: Reach, push: Push) -> None:
+        task, grips = environment.task, environment.bundle.robot.grips
+        ((self._joint, self._goal),) = task.joints.items()
+        self._object, self._rate = task.object, task.control_hz
+        self._mechanism = Mechanism(environment.model, self._joint)
+        grip = next(grip for grip in grips.values() if grip.against == "nothing")
+        self._fingers = reach.fingers.posture(grip.open)
+        self._pad, self._tip = reach.fingers.reach(self._fingers), grip.tip_radius_m
+        # Axes of the hand, in the palm's frame: along the fingers, out of the palm, and across.
+        along, out = np.array(grip.pointing), np.array(grip.facing)
+        self._axes = np.stack([along, out, np.cross(along, out)])
+        self._reach, self.push = reach, push
+        self._commands: Iterator[Command] = iter(())
+
+    def begin(self, state: State) -> None:
+        """Plan from `state`."""
+        legs = self.legs(state)
+        self._reach.check([*legs[:3], *legs[3:-1:8], legs[-1]], state)
+        self._commands = sample(*self._reach.hand(state), legs, self._rate)
+
+    def command(self, state: State) -> Command | None:
+        """The next step of the plan."""
+        return next(self._commands, None)
+
+    def legs(self, state: State) -> list[Leg]:
+        """The plan from `state`."""
+        push, now = self.push, state.displacement[self._joint]
+        base = state.objects[self._object]
+        turn = self._orientation(now)
+        place, along = self._mechanism.pushed_at(self._goal - now, push.share)
+
+        def palm(position: float, gap: float, up: float = 0.0) -> np.ndarray:
+            tip = transforms.apply(self._mechanism.pose(position), place - along * (gap + self._tip))
+            tip[2] += up
+            return np.asarray(base @ transforms.rigid(turn, tip - turn @ self._pad))
+
+        def leg(pose: np.ndarray, seconds: float) -> Leg:
+            return Leg(pose, self._fingers, seconds, "push", self._object, True)
+
+        over, down, touch, sweep, press = push.seconds
+        legs = [
+            Leg(palm(now, push.clear_m, push.above_m), self._fingers, over, "approach"),
+            # In the object's frame, so that a synthesised episode comes near from the same side (Eq. 4a).
+            Leg(palm(now, push.clear_m), self._fingers, down, "reach", self._object),
+            leg(palm(now, 0.0), touch),
+        ]
+        steps = max(2, round(sweep * self._rate))
+        for step in range(1, steps + 1):
+            part = minimum_jerk(step / steps)
+            legs.append(leg(palm(now + part * (self._goal - now), -push.press_m * part), 1 / self._rate))
+        return [*legs, leg(legs[-1].palm, press)]
+
+    def _orientation(self, now: float) -> np.ndarray:
+        """The palm's rotation in the object's root: fingers down, leaning and turned, palm towards the push."""
+        _, along = self._mechanism.pushed_at(self._goal - now, 1.0)
+        up = np.array([0.0, 0.0, 1.0])
+        ahead = self._mechanism.pose(now)[:3, :3] @ along
+        ahead -= up * ahead[2]
+        ahead = registration.rotation(up * self.push.turn_rad) @ ahead / np.linalg.norm(ahead)
+        lean = self.push.lean_rad
+        fingers = ahead * np.sin(lean) - up * np.cos(lean)
+        out = ahead * np.cos(lean) + up * np.sin(lean)
+        return np.asarray(np.stack([fingers, out, np.cross(fingers, out)], axis=1) @ self._axes)

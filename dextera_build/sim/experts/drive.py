@@ -1,0 +1,157 @@
+"""Let an operator act in an environment, with action noise and filters, and record it (mission rows E7, E8)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episode, Origin, Segment, Start
+from dextera_build.geometry import poses, registration, transforms
+from dextera_build.sim.control.operator import Command, Operator, OutOfReach, PoseControl, State
+from dextera_build.sim.observe.touch import Touch
+from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.recorder import Recorder
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of the action noise of Eq. 4d; it never enters the label."""
+
+    position_m: float = 0.0
+    """Of the palm, per axis [m]."""
+    rotation_rad: float = 0.0
+    """Of the palm's rotation vector, per axis, applied from the right [rad]."""
+    finger_rad: float = 0.0
+    """Of every finger joint [rad]."""
+    correlation: float = 0.8
+    """Correlation of the noise of one step with that of the step before, 0..1: white noise shakes the arm."""
+    in_contact: bool = False
+    """Whether segments that mean to touch the object are disturbed too."""
+
+
+@dataclass(frozen=True)
+class Filters:
+    """What an episode must not do (mission row E8)."""
+
+    lag_m: float = 0.02
+    """Farthest that joint targets may stay behind the commanded palm, for limits of joints and speeds [m]."""
+    press_n: float = 1.0
+    """Largest force of a contact that was not intended [N]."""
+
+
+class Driver:
+    """Runs operators in one environment.
+
+    Args:
+        environment: The task; its episodes are begun here.
+    """
+
+    def __init__(self, environment: Environment) -> None:
+        self.environment = environment
+        self.control = PoseControl(environment.bundle.robot, environment.task.control_hz)
+        self._noisy = PoseControl(environment.bundle.robot, environment.task.control_hz)
+        self._touch = Touch(environment)
+
+    def run(
+        self,
+        operator: Operator,
+        start: Start,
+        *,
+        origin: Origin,
+        noise: Noise | None = None,
+        filters: Filters | None = None,
+        seed: int = 0,
+    ) -> Episode:
+        """The episode that `operator` brings about from `start`; a failed one says why."""
+        environment, rules = self.environment, filters or Filters()
+        environment.begin(start)
+        recorder, labels = Recorder(environment), _Labels()
+        disturbance = _Disturbance(noise or Noise(), seed)
+        try:
+            operator.begin(self.state())
+        except OutOfReach as verdict:
+            return recorder.episode(origin, success=False, reason=str(verdict))
+        for control in (self.control, self._noisy):
+            control.begin(environment.previous_action)
+        last: Command | None = None
+        while True:
+            command = operator.command(self.state()) or last
+            if command is None:
+                return recorder.episode(origin, success=False, reason="the operator did nothing")
+            last = command
+            action = self.control.follow(command)
+            sent = self._noisy.follow(disturbance.on(command))
+            recorder.before(action, poses.from_matrix(command.palm))
+            labels.add(command)
+            outcome = environment.step(sent)
+            recorder.after(outcome.executed)
+            reason = self._fault(command, rules) or outcome.reason
+            if reason or outcome.over:
+                done = outcome.success and not reason
+                return recorder.episode(origin, success=done, reason=reason, segments=labels.segments())
+
+    def _fault(self, command: Command, rules: Filters) -> str:
+        if self.control.lag_m(command) > rules.lag_m:
+            return f"limits of the arm's joints or speeds held the hand back in `{command.segment}`"
+        touched = self._touch.unintended(command.contact, rules.press_n)
+        return f"touched `{touched}` in `{command.segment}`" if touched else ""
+
+    def state(self) -> State:
+        """What an operator sees now."""
+        bundle, measured = self.environment.bundle, self.environment.measure()
+        placed = zip(bundle.objects, measured.objects, strict=True)
+        inner = zip(bundle.displacement_names, map(float, measured.displacement), strict=True)
+        return State(
+            joints=measured.joints,
+            objects={name: poses.to_matrix(pose) for name, pose in placed},
+            displacement=dict(inner),
+        )
+
+
+class _Disturbance:
+    """Noise of one episode: a stationary first-order process, so that its spread is the same in every step."""
+
+    def __init__(self, noise: Noise, seed: int) -> None:
+        self._noise = noise
+        self._random = np.random.default_rng([seed, 1])
+        self._value: np.ndarray | None = None
+
+    def on(self, command: Command) -> Command:
+        """The command with noise; itself where noise is off."""
+        noise = self._noise
+        drawn = self._random.standard_normal(6 + len(command.fingers))
+        keep = noise.correlation
+        self._value = drawn if self._value is None else keep * self._value + np.sqrt(1 - keep**2) * drawn
+        if command.contact and not noise.in_contact:
+            return command
+        value = self._value
+        shift = transforms.rigid(registration.rotation(value[3:6] * noise.rotation_rad), np.zeros(3))
+        palm = command.palm @ shift
+        palm[:3, 3] += value[:3] * noise.position_m
+        fingers = command.fingers + value[6:] * noise.finger_rad
+        return Command(palm, fingers, command.segment, command.frame, command.contact)
+
+
+class _Labels:
+    """Runs of equal segment labels."""
+
+    def __init__(self) -> None:
+        self._runs: list[tuple[Command, int]] = []
+
+    def add(self, command: Command) -> None:
+        if self._runs and self._runs[-1][0].segment == command.segment:
+            self._runs[-1] = (self._runs[-1][0], self._runs[-1][1] + 1)
+        else:
+            self._runs.append((command, 1))
+
+    def segments(self) -> tuple[Segment, ...]:
+        found, first = [], 0
+        for command, count in self._runs:
+            found.append(
+                Segment(
+                    name=command.segment, first=first, last=first + count, frame=command.frame, contact=command.contact
+                )
+            )
+            first += count
+        return tuple(found)

@@ -1,0 +1,154 @@
+"""Candidate grasps from an object's shape and a hand's grips: none is made for one object.
+
+A grip `against: thumb` takes the object between the thumb and the other fingertips; a grip `against: palm` lays it into
+the palm and closes the fingers around it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+
+from dextera_build.artifacts.robot import Grip
+from dextera_build.geometry import transforms
+from dextera_build.sim.control.hand import THUMB, HandKinematics
+from dextera_build.sim.experts.lift import Grasp
+
+UP = np.array([0.0, 0.0, 1.0])
+SPARE_M = 0.03
+"""The fingers open by this much more than the object is wide [m]."""
+SLAB_M = 0.03
+"""Half height and half width of the part of the object that decides how wide it is where it is held [m]."""
+RETREAT_M = 0.08
+"""How far from its grasp a hand waits that comes from above [m]; from the side it waits nearer."""
+AROUND = 12
+"""Directions around the vertical."""
+
+
+def candidates(points: np.ndarray, grips: dict[str, Grip], hand: HandKinematics) -> Iterator[Grasp]:
+    """Grasps of an object that stands upright.
+
+    Args:
+        points: (P, 3) on its surface, in its frame, z up [m].
+        grips: The hand's.
+        hand: Its kinematics.
+    """
+    for name, grip in grips.items():
+        if grip.against == "thumb":
+            yield from pinches(points, name, grip, hand)
+        elif grip.against == "palm":
+            yield from wraps(points, name, grip, hand)
+
+
+def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> Iterator[Grasp]:
+    """Between thumb and fingertips, from above and from the side."""
+    opened, closed = hand.posture(grip.open), hand.posture({**grip.open, **grip.closed})
+    travel = [_gap(hand, opened + part * (closed - opened)) for part in np.linspace(0.0, 1.0, 21)]
+    top, facing = float(points[:, 2].max()), np.array(grip.facing)
+    heights = sorted({top / 2, *(max(top - deep, top / 2) for deep in (0.03, 0.045))})
+    for height, turn in itertools.product(heights, np.arange(2 * AROUND) * np.pi / AROUND):
+        across = np.array([np.cos(turn), np.sin(turn), 0.0])
+        held = _held(points, height, across)
+        touch = None if held is None else _part(travel, held[1] + 2 * grip.tip_radius_m)
+        if held is None or touch is None:
+            continue
+        wide = _part(travel, held[1] + 2 * grip.tip_radius_m + SPARE_M) or 0.0
+        thumb, fingers = _tips(hand, opened + touch * (closed - opened))
+        # Thumb and fingers press along a horizontal line: one that leans uses up the friction that is to hold.
+        for tilt in (0.0, 0.35, -0.35, 0.7, -0.7):
+            down = np.cross(UP, across) * np.sin(tilt) - UP * np.cos(tilt)
+            turned = _align(fingers - thumb, facing, across, down)
+            palm = transforms.rigid(turned, held[0] - turned @ (thumb + fingers) / 2)
+            yield Grasp(
+                palm=palm,
+                away=-RETREAT_M * down,
+                open=opened + wide * (closed - opened),
+                closed=closed,
+                name=_label(name, height, turn=turn, tilt=tilt),
+                way=f"{name} {np.degrees(turn) // 45:.0f}",
+                above_m=0.03,
+                aside=0.0,
+            )
+
+
+def wraps(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> Iterator[Grasp]:
+    """In the palm, from the side."""
+    opened, closed = hand.posture(grip.open), hand.posture({**grip.open, **grip.closed})
+    top, middle = float(points[:, 2].max()), (points.min(axis=0) + points.max(axis=0)) / 2
+    heights = sorted({min(top * part, 0.12) for part in (0.4, 0.5, 0.65)})
+    rolls = (0.0, 0.3, np.pi - 0.3, np.pi, np.pi + 0.3, -0.3)
+    turns = np.arange(AROUND) * 2 * np.pi / AROUND
+    for height, turn, dip, roll, forward in itertools.product(heights, turns, (0.0, 0.15), rolls, (0.025, 0.05)):
+        out = np.array([np.cos(turn) * np.cos(dip), np.sin(turn) * np.cos(dip), -np.sin(dip)])
+        side = np.array([-np.sin(turn), np.cos(turn), 0.0])
+        along = side * np.cos(roll) + np.cross(out, side) * np.sin(roll)
+        turned = _align(np.array(grip.facing), np.array(grip.pointing), out, along)
+        place = _laid(points, np.array([*middle[:2], height]), out, along, forward)
+        yield Grasp(
+            palm=transforms.rigid(turned, place - out * grip.surface_m),
+            away=-0.6 * RETREAT_M * out,
+            open=opened,
+            closed=closed,
+            name=_label(name, height, turn=turn, dip=dip, roll=roll),
+            way=f"{name} {np.degrees(turn) // 45:.0f}",
+            above_m=0.16,
+            aside=1.2,
+            arc_m=0.14,
+        )
+
+
+def _label(grip: str, height: float, **angles: float) -> str:
+    stated = ", ".join(f"{name} {np.degrees(angle):.0f}" for name, angle in angles.items())
+    return f"{grip} at {1000 * height:.0f} mm, {stated} deg"
+
+
+def _laid(points: np.ndarray, middle: np.ndarray, out: np.ndarray, along: np.ndarray, forward: float) -> np.ndarray:
+    """Where the palm's surface touches the object when it faces `out` and the object lies `forward` of it [m]."""
+    across = np.cross(out, along)
+    origin = middle - forward * along
+    local = points - origin
+    under = (np.abs(local @ along - 0.02) < 0.07) & (np.abs(local @ across) < 0.055)
+    near = float((local[under] @ out).min()) if under.any() else 0.0
+    return np.asarray(origin + out * (near - 0.001))
+
+
+def _held(points: np.ndarray, height: float, across: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """Middle (3,) and width [m] along `across` of the object at a height, near its vertical axis."""
+    middle = np.median(points, axis=0)
+    local = points - np.array([middle[0], middle[1], height])
+    beside = np.cross(UP, across)
+    held = (np.abs(local[:, 2]) < SLAB_M / 2) & (np.abs(local @ beside) < SLAB_M)
+    if held.sum() < 4:
+        return None
+    low, high = float((local[held] @ across).min()), float((local[held] @ across).max())
+    return np.array([middle[0], middle[1], height]) + across * (low + high) / 2, high - low
+
+
+def _tips(hand: HandKinematics, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return hand.tip(THUMB, posture), hand.reach(posture)
+
+
+def _gap(hand: HandKinematics, posture: np.ndarray) -> float:
+    thumb, fingers = _tips(hand, posture)
+    return float(np.linalg.norm(fingers - thumb))
+
+
+def _part(travel: list[float], gap: float) -> float | None:
+    """How far closed (0-1) the tips are `gap` apart [m]; None where the hand does not open as wide."""
+    if gap > travel[0]:
+        return None
+    return float(np.interp(-gap, -np.array(travel), np.linspace(0.0, 1.0, len(travel))))
+
+
+def _align(first: np.ndarray, second: np.ndarray, to_first: np.ndarray, to_second: np.ndarray) -> np.ndarray:
+    """The rotation (3, 3) that takes `first` to `to_first`, and `second` as near to `to_second` as it gets."""
+    return np.asarray(_frame(to_first, to_second) @ _frame(first, second).T)
+
+
+def _frame(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    x = first / np.linalg.norm(first)
+    y = second - x * (x @ second)
+    y = y / np.linalg.norm(y)
+    return np.stack([x, y, np.cross(x, y)], axis=1)

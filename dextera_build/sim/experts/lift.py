@@ -1,0 +1,89 @@
+"""Scripted operator of primitive `lift`: come near, close the hand, raise it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.experts.motion import Leg, sample
+from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.runtime.environment import Environment
+
+MORE_M = 0.03
+"""The object is raised this much farther than the task asks [m]."""
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """How the hand holds the object; the same for every start, relative to the object."""
+
+    palm: np.ndarray
+    """(4, 4) T_object_palm when the fingers close."""
+    away: np.ndarray
+    """(3,) from there to where the hand waits before it, in the object's frame [m]."""
+    open: np.ndarray
+    """(H,) finger joints before [rad]."""
+    closed: np.ndarray
+    """(H,) targets of the finger joints that press [rad]."""
+    name: str = ""
+    """What it is, for people."""
+    way: str = ""
+    """Grasps of the same way differ in detail."""
+    above_m: float = 0.08
+    """Height above the waiting place through which the hand comes [m]."""
+    aside: float = 1.0
+    """How much farther away the hand is there, as a multiple of `away`."""
+    arc_m: float = 0.08
+    """Height of the middle of the way there above the straight line [m]."""
+    seconds: tuple[float, float, float, float, float, float] = (1.3, 0.5, 0.6, 0.6, 1.2, 0.8)
+    """Durations: over, down, near, close, lift, hold [s]."""
+
+
+class Lift:
+    """Grasps and raises the task's object.
+
+    Args:
+        environment: The task; only its data are looked at.
+        reach: Kinematics of its robot.
+        grasp: How.
+    """
+
+    def __init__(self, environment: Environment, reach: Reach, grasp: Grasp) -> None:
+        task = environment.task
+        self._object, self._rate, self._rise = task.object, task.control_hz, task.height_m
+        self._up = environment.bundle.world_from_base[2, :3].copy()
+        self._reach, self.grasp = reach, grasp
+        self._commands: Iterator[Command] = iter(())
+
+    def begin(self, state: State) -> None:
+        """Plan from `state`."""
+        legs = self.legs(state)
+        self._reach.check(legs, state)
+        self._commands = sample(*self._reach.hand(state), legs, self._rate)
+
+    def command(self, state: State) -> Command | None:
+        """The next step of the plan."""
+        return next(self._commands, None)
+
+    def legs(self, state: State) -> list[Leg]:
+        """The plan from `state`."""
+        grasp, base = self.grasp, state.objects[self._object]
+        hold = base @ grasp.palm
+        wait = hold.copy()
+        wait[:3, 3] += base[:3, :3] @ grasp.away
+        over, raised = wait.copy(), hold.copy()
+        over[:3, 3] += self._up * grasp.above_m + base[:3, :3] @ grasp.away * grasp.aside
+        raised[:3, 3] += self._up * (self._rise + MORE_M)
+        seconds = grasp.seconds
+        return [
+            Leg(over, grasp.open, seconds[0], "approach", arc_m=grasp.arc_m),
+            # In the object's frame, so that a synthesised episode comes near from the same side (Eq. 4a).
+            Leg(wait, grasp.open, seconds[1], "reach", self._object),
+            Leg(hold, grasp.open, seconds[2], "grasp", self._object, True),
+            Leg(hold, grasp.closed, seconds[3], "grasp", self._object, True),
+            Leg(raised, grasp.closed, seconds[4], "lift", self._object, True),
+            Leg(raised, grasp.closed, seconds[5], "lift", self._object, True),
+        ]

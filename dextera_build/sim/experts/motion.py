@@ -1,0 +1,74 @@
+"""Motions of a hand as legs with a duration: minimum jerk, straight in position, shortest in rotation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.geometry import registration, transforms
+from dextera_build.sim.control.operator import Command
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Move to a pose and a finger posture, and come to rest there."""
+
+    palm: np.ndarray
+    """(4, 4) T_base_palm at the end."""
+    fingers: np.ndarray
+    """(H,) joint targets at the end [rad]."""
+    seconds: float
+    """Duration [s]."""
+    segment: str
+    """See `Command.segment`."""
+    frame: str = ""
+    """See `Command.frame`."""
+    contact: bool = False
+    """See `Command.contact`."""
+    arc_m: float = 0.0
+    """Height of the way's middle above the straight line, along z of the base [m]."""
+
+
+def sample(palm: np.ndarray, fingers: np.ndarray, legs: Sequence[Leg], control_hz: float) -> Iterator[Command]:
+    """Commands at control rate from a start (4, 4), (H,) through all legs."""
+    for leg in legs:
+        steps = max(1, round(leg.seconds * control_hz))
+        for step in range(1, steps + 1):
+            part = minimum_jerk(step / steps)
+            pose = between(palm, leg.palm, part)
+            pose[2, 3] += leg.arc_m * 16.0 * part**2 * (1.0 - part) ** 2
+            yield Command(
+                palm=pose,
+                fingers=fingers + part * (leg.fingers - fingers),
+                segment=leg.segment,
+                frame=leg.frame,
+                contact=leg.contact,
+            )
+        palm, fingers = leg.palm, leg.fingers
+
+
+def minimum_jerk(part: float) -> float:
+    """Progress 0-1 after `part` 0-1 of the time: at rest at both ends, without jerk beyond what that needs."""
+    return float(part**3 * (10.0 - 15.0 * part + 6.0 * part**2))
+
+
+def between(first: np.ndarray, last: np.ndarray, part: float) -> np.ndarray:
+    """Pose (4, 4) at `part` 0-1 of the way: position along a line, rotation along the shortest arc."""
+    turn = first[:3, :3].T @ last[:3, :3]
+    place = first[:3, 3] + part * (last[:3, 3] - first[:3, 3])
+    return transforms.rigid(first[:3, :3] @ registration.rotation(rotation_vector(turn) * part), place)
+
+
+def rotation_vector(turn: np.ndarray) -> np.ndarray:
+    """(3,) axis times angle [rad] of a (3, 3) rotation."""
+    angle = transforms.angle(turn)
+    skew = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    if angle < 1e-9:
+        return skew / 2.0
+    if np.pi - angle < 1e-4:
+        # Near a half turn the skew part vanishes; the axis is the eigenvector of the symmetric part.
+        axis = np.linalg.eigh(turn + turn.T)[1][:, -1]
+        return np.asarray(axis * angle * (1.0 if axis @ skew >= 0 else -1.0))
+    return np.asarray(skew * angle / (2.0 * np.sin(angle)))

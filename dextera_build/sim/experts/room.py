@@ -1,0 +1,115 @@
+"""Whether the arm can follow a plan without coming near what it is not meant to touch."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from dextera_build.geometry import quaternions
+from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.experts.motion import Leg, sample
+from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.runtime.environment import Environment
+
+ENOUGH_RAD = 0.35
+"""More distance than this to the joint limits is no more comfortable [rad]."""
+TOUCH_M = 0.004
+"""How deep the task's object may reach into the hand where contact is meant [m]."""
+CLEAR_M = 0.010
+"""How far the robot keeps from everything that it is not meant to touch [m]."""
+EVERY = 2
+"""Control steps between two looks along a plan."""
+
+
+class Room:
+    """Checks plans against the collision shapes of a task's model; objects stay where they are seen.
+
+    Args:
+        environment: The task; only its model is used.
+        reach: Kinematics of its robot.
+    """
+
+    def __init__(self, environment: Environment, reach: Reach) -> None:
+        model = copy.copy(environment.model)
+        self._model, self._reach, self._rate = model, reach, environment.task.control_hz
+        self._data = mujoco.MjData(model)
+        if model.nkey:
+            mujoco.mj_resetDataKeyframe(model, self._data, 0)
+        self._base = environment.bundle.world_from_base
+        roots = model.body_rootid[model.geom_bodyid]
+        self._robot = roots == model.body(ROBOT + "base").id
+        self._object = roots == model.body(environment.task.object).id
+        # Contacts are reported from this distance on.
+        model.geom_margin[self._robot] = CLEAR_M
+        self._arm = self._addresses(reach.arm.joints)
+        self._fingers = self._addresses(reach.fingers.joints)
+
+    def comfort(self, legs: Sequence[Leg], state: State) -> float | None:
+        """How comfortable the arm is along a plan, the more the better; None where it does not reach or has no room.
+
+        Args:
+            legs: The plan.
+            state: Where the robot and the objects are.
+        """
+        self._place(state)
+        arm = self._reach.arm
+        seed: np.ndarray | None = None
+        margin, far = np.inf, 0.0
+        first = next(number for number, leg in enumerate(legs) if leg.contact)
+        # What fails most often comes first: taking hold, then the way there, then the end.
+        for leg in (legs[first], *reversed(legs[:first]), legs[-1]):
+            solved = arm.solve(leg.palm, seed, restarts=1 if seed is None else 0, posture=arm.home)
+            if not solved.reached():
+                return None
+            if leg.contact and leg is legs[first] and not self._free(solved.joints, leg.fingers, touching=True):
+                return None
+            seed = solved.joints
+            margin, far = min(margin, solved.margin_rad), max(far, float(np.abs(seed - arm.home).max()))
+        return 3.0 * min(margin, ENOUGH_RAD) - far if self._clear(legs, state) else None
+
+    def _clear(self, legs: Sequence[Leg], state: State) -> bool:
+        """Whether there is room all along the way that the arm takes, up to where the object moves."""
+        arm, joints = self._reach.arm, self._reach.joints(state)
+        # Once the hand has come near, the object goes along with it: what happens then only a rehearsal tells.
+        near = next(number for number, leg in enumerate(legs) if leg.contact) + 1
+        commands: list[Command] = list(sample(*self._reach.hand(state), legs[:near], self._rate))
+        for number, command in enumerate(commands):
+            joints = arm.track(command.palm, joints, 1.0 / self._rate)
+            looked = number % EVERY == 0 or number == len(commands) - 1
+            if looked and not self._free(joints, command.fingers, touching=command.contact):
+                return False
+        return True
+
+    def _place(self, state: State) -> None:
+        for name, pose in state.objects.items():
+            world = self._base @ pose
+            place = self._data.joint(name).qpos
+            place[:3], place[3:] = world[:3, 3], quaternions.from_matrix(world[:3, :3])
+        for name, position in state.displacement.items():
+            self._data.joint(name).qpos[0] = position
+
+    def _free(self, joints: np.ndarray, fingers: np.ndarray, *, touching: bool) -> bool:
+        model, data = self._model, self._data
+        data.qpos[self._arm], data.qpos[self._fingers] = joints, fingers
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+        for contact in data.contact[: data.ncon]:
+            one, other = contact.geom
+            if not (self._robot[one] or self._robot[other]):
+                continue
+            apart = CLEAR_M
+            if self._robot[one] and self._robot[other]:
+                apart = 0.0
+            elif touching and (self._object[one] or self._object[other]):
+                apart = -TOUCH_M
+            if contact.dist < apart:
+                return False
+        return True
+
+    def _addresses(self, names: Sequence[str]) -> np.ndarray:
+        return np.array([self._model.joint(ROBOT + name).qposadr[0] for name in names])

@@ -1,0 +1,271 @@
+"""Object-centric trajectory synthesis: one demonstration, moved to where the object stands now (Eq. 4 of the paper).
+
+Segments that belong to a body keep the palm's pose relative to that body's frame F (Eq. 4a); what lies between is
+interpolated, positions by LERP (4b) and rotations by SLERP (4c), timed by speed and not by a fixed number of steps;
+noise (4d) disturbs what is executed and never the label. A pose that is interpolated so is no screw motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episode, Episodes, Segment, Start
+from dextera_build.geometry import transforms
+from dextera_build.geometry.poses import to_matrix
+from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.experts.drive import Driver, Filters, Noise
+from dextera_build.sim.experts.motion import between, minimum_jerk
+from dextera_build.sim.runtime.environment import Environment
+
+ALIKE_M, ALIKE_RAD = 0.04, 0.5
+"""Two demonstrations take hold in the same way where their palms are nearer than this [m, rad]."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How fast interpolated motion is."""
+
+    speed_m_s: float = 0.35
+    """Of the palm [m/s]."""
+    turn_rad_s: float = 1.2
+    """Of its rotation [rad/s]."""
+
+
+def transfer(poses: np.ndarray, source_frame: np.ndarray, new_frame: np.ndarray) -> np.ndarray:
+    """Eq. 4a: T_new(t) = T_F_new (T_F_src)^-1 T_src(t).
+
+    Args:
+        poses: (T, 4, 4) T_src(t), the palm in the source.
+        source_frame: (4, 4) T_F_src.
+        new_frame: (4, 4) T_F_new, in the same base as the others.
+    """
+    return np.asarray((new_frame @ transforms.invert(source_frame)) @ poses)
+
+
+def bent(path: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Waypoints of a free motion, laid so that they lead from `start` to `end` (Eq. 4b and 4c).
+
+    Every waypoint lies between where it would be if the path were moved to `start` and if it were moved to `end`, by
+    its share of the path's length; so an arc around something stays an arc.
+
+    Args:
+        path: (N, 4, 4) demonstrated poses.
+        start: (4, 4) where the first is to be.
+        end: (4, 4) where the last is to be.
+    """
+    first, last = start @ transforms.invert(path[0]), end @ transforms.invert(path[-1])
+    length = np.concatenate([[0.0], np.cumsum(_lengths(path))])
+    parts = length / length[-1] if length[-1] > 0 else np.linspace(0.0, 1.0, len(path))
+    return np.array([between(first @ pose, last @ pose, part) for pose, part in zip(path, parts, strict=True)])
+
+
+def slowed(shown: np.ndarray, path: np.ndarray) -> float:
+    """By how much `path` must take longer than `shown`, (N, 4, 4) each, so that no step of it is faster; 1 at least."""
+    return max(1.0, float(_lengths(path).max() / max(_lengths(shown).max(), 1e-9)))
+
+
+def _lengths(path: np.ndarray) -> np.ndarray:
+    """Lengths of steps (N - 1,): metres and radians count alike, as for a point one metre from the palm."""
+    turns = [transforms.angle(one[:3, :3].T @ other[:3, :3]) for one, other in pairwise(path)]
+    return np.asarray(np.linalg.norm(np.diff(path[:, :3, 3], axis=0), axis=1) + turns)
+
+
+def steps_between(first: np.ndarray, last: np.ndarray, rate_hz: float, timing: Timing) -> int:
+    """Control steps, one at least, from pose `first` to `last`, (4, 4) each, at the speed limits."""
+    seconds = max(
+        float(np.linalg.norm(last[:3, 3] - first[:3, 3])) / timing.speed_m_s,
+        transforms.angle(first[:3, :3].T @ last[:3, :3]) / timing.turn_rad_s,
+    )
+    return max(1, int(np.ceil(seconds * rate_hz)))
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How episodes are synthesised."""
+
+    noise: Noise = field(default_factory=Noise)
+    """Eq. 4d."""
+    filters: Filters = field(default_factory=Filters)
+    """What an episode must not do."""
+    timing: Timing = field(default_factory=Timing)
+    """Speed of interpolated motion."""
+    nearest: int = 3
+    """The source is drawn among this many whose object stood most alike."""
+
+
+class Synthesis:
+    """An operator that repeats a source demonstration relative to where the objects stand now.
+
+    Args:
+        source: A successful episode with segments.
+        names: Bodies of `source.objects`, in order.
+        environment: The task, begun; its palm, finger targets and control rate are taken as they are now.
+        timing: Speed of interpolated motion.
+    """
+
+    def __init__(self, source: Episode, names: Sequence[str], environment: Environment, timing: Timing) -> None:
+        self._source, self._names, self._timing = source, list(names), timing
+        self._hand = np.array([joint.group == "hand" for joint in environment.bundle.robot.joints])
+        self._palm = to_matrix(environment.palm_pose())
+        self._fingers = environment.previous_action[self._hand]
+        self._rate = environment.task.control_hz
+        self._objects: Mapping[str, np.ndarray] = {}
+        self._commands: Iterator[Command] = iter(())
+        self._frames = (np.eye(4), np.eye(4))
+
+    def begin(self, state: State) -> None:
+        """Take in where the objects stand."""
+        self._objects = state.objects
+        self._commands = self._walk()
+
+    def command(self, state: State) -> Command | None:
+        """The next command; frames of later segments are taken from the objects as they stand then."""
+        self._objects = state.objects
+        return next(self._commands, None)
+
+    def _walk(self) -> Iterator[Command]:
+        pending: list[Segment] = []
+        held = ""
+        for segment in self._source.segments:
+            if not segment.frame:
+                pending.append(segment)
+                continue
+            # Once the hand is at the object, where that stands follows from the hand (trap 16): the frame stays.
+            if pending or segment.frame != held:
+                self._frames = self._frames_of(segment)
+            held = segment.frame
+            poses = transfer(self._poses(segment), *self._frames)
+            yield from self._connect(pending, poses[0], segment)
+            for row, pose in enumerate(poses):
+                yield self._at(segment.first + row, pose, segment)
+            self._palm, self._fingers = poses[-1], self._finger_rows(segment)[-1]
+            pending = []
+        # Free motion at the end is relative to where it begins.
+        for segment in pending:
+            poses = transfer(self._poses(segment), self._poses(segment)[0], self._palm)
+            for row, pose in enumerate(poses):
+                yield self._at(segment.first + row, pose, segment)
+            self._palm = poses[-1]
+
+    def _connect(self, free: list[Segment], target: np.ndarray, coming: Segment) -> Iterator[Command]:
+        """Eq. 4b and 4c from where the palm is to `target`, along the demonstrated free motion."""
+        if not free:
+            yield from self._straight(target, coming)
+            return
+        shown = np.concatenate([*(self._poses(segment) for segment in free), self._poses(coming)[:1]])
+        fingers = np.concatenate([*(self._finger_rows(segment) for segment in free), self._finger_rows(coming)[:1]])
+        path = bent(shown, self._palm, target)
+        steps = len(shown) - 1
+        count = max(steps, int(np.ceil(steps * slowed(shown, path))))
+        own = self._fingers - fingers[0]
+        for step in range(1, count):
+            place = steps * step / count
+            before, part = int(place), place % 1.0
+            fade = 1.0 - step / count
+            yield Command(
+                palm=between(path[before], path[before + 1], part),
+                fingers=fingers[before] + part * (fingers[before + 1] - fingers[before]) + fade * own,
+                segment=free[-1].name,
+                frame="",
+                contact=free[-1].contact,
+            )
+
+    def _straight(self, target: np.ndarray, coming: Segment) -> Iterator[Command]:
+        count = steps_between(self._palm, target, self._rate, self._timing)
+        fingers = self._finger_rows(coming)[0]
+        for step in range(1, count):
+            part = minimum_jerk(step / count)
+            yield Command(
+                palm=between(self._palm, target, part),
+                fingers=self._fingers + part * (fingers - self._fingers),
+                segment=coming.name,
+                frame="",
+                contact=coming.contact,
+            )
+
+    def _frames_of(self, segment: Segment) -> tuple[np.ndarray, np.ndarray]:
+        """T_F_src and T_F_new at the beginning of a segment."""
+        place = self._names.index(segment.frame)
+        return to_matrix(self._source.objects[segment.first, place]), self._objects[segment.frame]
+
+    def _poses(self, segment: Segment) -> np.ndarray:
+        return np.array([to_matrix(row) for row in self._source.hand[segment.first : segment.last]])
+
+    def _finger_rows(self, segment: Segment) -> np.ndarray:
+        return self._source.action[segment.first : segment.last, self._hand].astype(np.float64)
+
+    def _at(self, row: int, palm: np.ndarray, segment: Segment) -> Command:
+        fingers = self._source.action[row, self._hand].astype(np.float64)
+        return Command(palm, fingers, segment.name, segment.frame, segment.contact)
+
+
+def nearest(sources: Sequence[Episode], place: int, state: np.ndarray, keep: int, random: np.random.Generator) -> int:
+    """A source whose object stood nearly as it stands now: one of the `keep` nearest, drawn.
+
+    Args:
+        sources: Demonstrations.
+        place: Index of the task's object in `Episode.objects`.
+        state: Its pose now (7,).
+        keep: How many are drawn from.
+        random: Source of the draw.
+    """
+    distances = []
+    for source in sources:
+        pose = source.objects[0, place]
+        turn = 2.0 * np.arccos(np.clip(abs(float(pose[3:] @ state[3:])), 0.0, 1.0))
+        distances.append(float(np.linalg.norm(pose[:3] - state[:3])) + 0.1 * turn)
+    order = np.argsort(distances, kind="stable")[: max(1, keep)]
+    return int(order[int(random.integers(len(order)))])
+
+
+def alike(sources: Sequence[Episode], names: Sequence[str]) -> list[Episode]:
+    """The largest set of demonstrations that take hold in the same way, so that what is learnt is not contradictory.
+
+    Two are alike where the palm, at the end of the first contact, stands alike in the frame that contact belongs to.
+
+    Args:
+        sources: Demonstrations with segments.
+        names: Bodies of their `objects`.
+    """
+    holds = [_hold(source, list(names)) for source in sources]
+    groups = [[other for other, pose in enumerate(holds) if _near(hold, pose)] for hold in holds]
+    largest = max(groups, key=len, default=[])
+    return [sources[number] for number in largest]
+
+
+def _hold(source: Episode, names: list[str]) -> np.ndarray:
+    touching = [segment for segment in source.segments if segment.contact and segment.frame]
+    if not touching:
+        return np.eye(4)
+    segment = touching[0]
+    frame = to_matrix(source.objects[segment.first, names.index(segment.frame)])
+    return np.asarray(transforms.invert(frame) @ to_matrix(source.hand[segment.last - 1]))
+
+
+def _near(one: np.ndarray, other: np.ndarray) -> bool:
+    apart = float(np.linalg.norm(one[:3, 3] - other[:3, 3]))
+    return apart < ALIKE_M and transforms.angle(one[:3, :3].T @ other[:3, :3]) < ALIKE_RAD
+
+
+def synthesise(driver: Driver, sources: Episodes, start: Start, seed: int, manner: Manner) -> Episode:
+    """One synthetic episode from `start`, successful or with the reason why it was sorted out.
+
+    Args:
+        driver: Of the task's environment.
+        sources: Successful demonstrations, in `items`; those that take hold in the most common way are used.
+        start: Where the episode begins.
+        seed: Of the choice of a source and of the noise.
+        manner: Noise, filters, timing.
+    """
+    environment = driver.environment
+    environment.begin(start)
+    place = list(environment.bundle.objects).index(environment.task.object)
+    shown = alike(list(sources.items.values()), sources.object_names)
+    random = np.random.default_rng([seed, 0])
+    chosen = shown[nearest(shown, place, environment.object_poses()[place], manner.nearest, random)]
+    operator = Synthesis(chosen, sources.object_names, environment, manner.timing)
+    return driver.run(operator, start, origin="synthesis", noise=manner.noise, filters=manner.filters, seed=seed)

@@ -1,0 +1,1 @@
+"""Twins and robots as MuJoCo models: names, MJCF, contact parameters."""

@@ -1,0 +1,86 @@
+"""Put a robot into a twin: one MJCF with the names `robot/...` for everything of the robot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.errors import RuleError
+from dextera_build.geometry import quaternions
+
+ROBOT = "robot/"
+"""Prefix of the robot's names in a task's model."""
+
+
+def with_robot(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) -> Folder:
+    """The scene with the robot fixed to the world at `world_from_base`, as a new folder.
+
+    Cameras are taken out, because a task does not depend on who looks on (see `View`). Keyframe `home` is extended by
+    the robot at home.
+
+    Args:
+        scene: `scene.xml` and its files.
+        robot: The embodiment.
+        world_from_base: (4, 4) T_world_base.
+
+    Raises:
+        RuleError: MuJoCo refuses the scene, the robot or the two together.
+    """
+    import mujoco
+
+    try:
+        spec = load(scene, "scene.xml")
+        arm = load(robot.model, "robot.xml")
+    except ValueError as error:
+        raise RuleError(
+            "MuJoCo does not load the scene or the robot", code="DXB-B211", facts={"MuJoCo": error}
+        ) from None
+    home = _home(spec)
+    for camera in list(spec.cameras):
+        spec.delete(camera)
+    for key in list(spec.keys):
+        spec.delete(key)
+    frame = spec.worldbody.add_frame(pos=world_from_base[:3, 3], quat=quaternions.from_matrix(world_from_base[:3, :3]))
+    frame.attach_body(arm.body("base"), ROBOT, "")
+    # Attaching does not hand on the files of the attached.
+    spec.assets = {**spec.assets, **arm.assets}
+    # Controllers of such arms carry the robot's own weight; what it holds they do not know of.
+    for body in spec.bodies:
+        body.gravcomp = float(body.name.startswith(ROBOT))
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise RuleError("the robot does not fit into the scene", code="DXB-B212", facts={"MuJoCo": error}) from None
+    data = mujoco.MjData(model)
+    for name, positions in home.items():
+        data.joint(name).qpos[:] = positions
+    for name, target in robot.followed(robot.home).items():
+        data.joint(ROBOT + name).qpos[0] = target
+    for name, target in robot.home.items():
+        data.actuator(ROBOT + name).ctrl[0] = target
+    spec.add_key(name="home", qpos=data.qpos.copy(), ctrl=data.ctrl.copy())
+    files = {name: data for name, data in scene.files.items() if name != "scene.xml"}
+    others = {f"assets/{name}": data for name, data in robot.model.files.items() if name != "robot.xml"}
+    return Folder(files={"scene.xml": spec.to_xml().encode(), **files, **others})
+
+
+def load(model: Folder, main: str) -> Any:
+    """The `mujoco.MjSpec` of the file `main` of a folder, with all other files at hand."""
+    import mujoco
+
+    files = {name: data for name, data in model.files.items() if name != main}
+    return mujoco.MjSpec.from_string(model.files[main].decode(), assets=files)
+
+
+def _home(spec: Any) -> dict[str, np.ndarray]:
+    """Joint -> positions in keyframe `home` of a spec, or in its reference configuration."""
+    import mujoco
+
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    return {model.joint(number).name: data.joint(number).qpos.copy() for number in range(model.njnt)}

@@ -1,0 +1,38 @@
+"""Load a written twin into MuJoCo from memory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.errors import RuleError
+
+
+def compile_folder(model: Folder) -> Any:
+    """The `mujoco.MjModel` of a folder with `scene.xml` and the files that it names.
+
+    Raises:
+        RuleError: There is no `scene.xml`, or MuJoCo refuses it.
+    """
+    import mujoco
+
+    # MuJoCo would write `MUJOCO_LOG.TXT` into the user's folder. What diverges shows in `MjData.warning` and in speeds.
+    mujoco.set_mju_user_warning(lambda message: None)
+    if "scene.xml" not in model.files:
+        raise RuleError("the folder holds no `scene.xml`", code="DXB-B210", facts={"files": len(model.files)})
+    others = {name: data for name, data in model.files.items() if name != "scene.xml"}
+    try:
+        return mujoco.MjModel.from_xml_string(model.files["scene.xml"].decode(), others)
+    except ValueError as error:
+        raise RuleError("MuJoCo does not load `scene.xml`", code="DXB-B211", facts={"MuJoCo": error}) from None
+
+
+def at_home(model: Any) -> Any:
+    """A `mujoco.MjData` at keyframe `home` where there is one, with everything derived from it computed."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    return data

@@ -1,0 +1,1 @@
+"""Facts that only a simulator knows: privileged observations, contacts, progress."""

@@ -1,0 +1,58 @@
+"""What a robot touches that it was not meant to touch."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.runtime.environment import Environment
+
+
+class Touch:
+    """Contacts between the robot and everything else, or between parts of the robot.
+
+    Args:
+        environment: The task.
+    """
+
+    def __init__(self, environment: Environment) -> None:
+        self._environment = environment
+        model = environment.model
+        base = model.body(ROBOT + "base").id
+        roots = model.body_rootid[model.geom_bodyid]
+        self._robot = roots == base
+        self._target = roots == model.body(environment.task.object).id
+        self._names = [self._name(geom) for geom in range(model.ngeom)]
+
+    def unintended(self, contact: bool, press_n: float) -> str:
+        """What the robot presses on with more than `press_n` [N]; empty where all is well.
+
+        Args:
+            contact: Whether the task's object may be touched now.
+            press_n: Force that is let pass.
+        """
+        data, model = self._environment.data, self._environment.model
+        for number in range(data.ncon):
+            one, other = data.contact.geom[number]
+            if not (self._robot[one] or self._robot[other]) or data.contact.efc_address[number] < 0:
+                continue
+            thing = other if self._robot[one] else one
+            if contact and self._target[thing]:
+                continue
+            # Fingers of a closing hand meet one another.
+            if contact and self._robot[one] and self._robot[other]:
+                continue
+            force = np.zeros(6)
+            mujoco.mj_contactForce(model, data, number, force)
+            if np.linalg.norm(force[:3]) > press_n:
+                return str(self._names[thing])
+        return ""
+
+    def _name(self, geom: int) -> str:
+        model = self._environment.model
+        body = int(model.geom_bodyid[geom])
+        if body == 0:
+            return str(model.geom(geom).name or "the scene").removeprefix("static_")
+        owner = body if self._robot[geom] else int(model.body_rootid[body])
+        return str(model.body(owner).name)

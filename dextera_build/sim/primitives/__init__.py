@@ -1,0 +1,1 @@
+"""Task primitives: success, rewards, grasps."""

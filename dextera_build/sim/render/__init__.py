@@ -1,0 +1,1 @@
+"""Pictures of models: cameras, light, films of episodes, portraits."""

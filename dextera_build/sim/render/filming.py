@@ -1,0 +1,100 @@
+"""Show recorded episodes again: recorded states set into the task's model and rendered, without stepping."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.errors import RuleError, listing
+from dextera_build.geometry import quaternions, transforms
+from dextera_build.sim.model import model as models
+from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.render.rendering import through
+
+
+class Replica:
+    """Turns recorded steps into positions of a task's compiled model.
+
+    Args:
+        bundle: The task that the episodes belong to.
+        episodes: Says which joints and bodies the arrays of its episodes are about.
+
+    Raises:
+        RuleError: MuJoCo does not load the model, or it lacks a joint or body of the episodes.
+    """
+
+    def __init__(self, bundle: TaskBundle, episodes: Episodes) -> None:
+        self.model = models.compile_folder(bundle.model)
+        self.data = models.at_home(self.model)
+        self._base = bundle.world_from_base
+        self._joints = self._addresses([ROBOT + name for name in episodes.joint_names])
+        self._displacements = self._addresses(list(episodes.displacement_names))
+        self._objects = self._addresses(list(episodes.object_names))
+
+    def positions(self, episode: Episode) -> np.ndarray:
+        """MuJoCo positions (T, Q) of every step; what is not recorded stays as it was at the start.
+
+        Raises:
+            RuleError: The episode's start belongs to another model.
+        """
+        if len(episode.start.qpos) != self.model.nq:
+            raise RuleError(
+                "the episodes were not made in this task's model",
+                code="DXB-B230",
+                facts={"positions of the start": len(episode.start.qpos), "of the model": self.model.nq},
+                hint="give the bundle that the episodes were made in",
+            )
+        found = np.tile(episode.start.qpos, (len(episode.joints), 1))
+        found[:, self._joints] = episode.joints
+        found[:, self._displacements] = episode.displacement
+        for number, address in enumerate(self._objects):
+            found[:, address : address + 7] = in_world(self._base, episode.objects[:, number])
+        return found
+
+    def show(self, positions: np.ndarray) -> None:
+        """Put the bodies of `data` where `positions` (Q,) says."""
+        self.data.qpos[:] = positions
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+
+    def _addresses(self, names: list[str]) -> np.ndarray:
+        known = {self.model.joint(number).name: number for number in range(self.model.njnt)}
+        missing = [name for name in names if name not in known]
+        if missing:
+            raise RuleError(
+                f"the task's model has no joint `{missing[0]}`",
+                code="DXB-B231",
+                facts={"joints": listing(sorted(known), most=40)},
+                hint="give the bundle that the episodes were made in",
+            )
+        return np.array([self.model.jnt_qposadr[known[name]] for name in names], int)
+
+
+def in_world(world_from_base: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Poses (T, 7) in the base frame, position [m] and quaternion w x y z, as the same in the world frame."""
+    turn = quaternions.from_matrix(world_from_base[:3, :3])
+    found = np.empty(poses.shape)
+    found[:, :3] = transforms.apply(world_from_base, poses[:, :3].astype(np.float64))
+    found[:, 3:] = quaternions.multiply(turn, poses[:, 3:].astype(np.float64))
+    return found
+
+
+def frames(bundle: TaskBundle, episodes: Episodes, view: View) -> Iterator[tuple[str, np.ndarray]]:
+    """Index and frames (T, H, W, 3) uint8 sRGB of each episode in `episodes.items`, without shadows.
+
+    The pictures are those that a policy sees during a rollout: same samples, same lights.
+    """
+    replica = Replica(bundle, episodes)
+    with through(replica.model, view) as eye:
+        for index, episode in episodes.items.items():
+            yield index, np.stack([_frame(replica, eye, row) for row in replica.positions(episode)])
+
+
+def _frame(replica: Replica, eye: Any, positions: np.ndarray) -> np.ndarray:
+    replica.show(positions)
+    return np.asarray(eye.rgb(replica.data))

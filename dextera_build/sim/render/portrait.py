@@ -1,0 +1,76 @@
+"""Pictures of tasks and robots for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.geometry import cameras
+from dextera_build.sim.model import model as models
+from dextera_build.sim.model import robot as robots
+from dextera_build.sim.render.rendering import render_rgb
+
+EYE = (0.35, -1.35, 0.95)
+"""Where pictures are taken from, relative to the middle of the scene [m]."""
+
+
+def portrait(model: Any, data: Any, width: int = 480, height: int = 360) -> np.ndarray:
+    """The scene as it stands now, (height, width, 3) uint8: robot and movable objects in the middle."""
+    return render_rgb(model, data, *stand(model, data, width, height), shadows=False)
+
+
+def at_home(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
+    """What kind of world a task's is, and a picture of it as it was photographed."""
+    model = models.compile_folder(bundle.model)
+    return [(bundle.kind, portrait(model, models.at_home(model)))]
+
+
+def stand(model: Any, data: Any, width: int, height: int) -> tuple[Camera, np.ndarray]:
+    """A camera and its T_world_camera that see the robot and everything that can move."""
+    free = [
+        data.xpos[model.jnt_bodyid[joint]]
+        for joint in range(model.njnt)
+        if model.jnt_type[joint] in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE)
+    ]
+    points = np.array(free) if free else np.zeros((1, 3))
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    pose = cameras.look_at(middle + np.array(EYE), middle)
+    focal = 1.05 * width
+    camera = Camera(width=width, height=height, fx=focal, fy=focal, cx=(width - 1) / 2, cy=(height - 1) / 2)
+    return camera, pose
+
+
+def of_robot(robot: Folder, joints: Mapping[str, float], size: int = 480) -> np.ndarray:
+    """A picture (size, size, 3) uint8 of the robot at `joints` [rad], from its front left."""
+    spec = robots.load(robot)
+    spec.worldbody.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=[-0.5, -0.4, -1], pos=[2, 2, 3], diffuse=[0.6] * 3
+    )
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.86, 0.88, 0.9],
+        rgb2=[0.7, 0.72, 0.75],
+        width=32,
+        height=192,
+    )
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for name, position in joints.items():
+        data.joint(name).qpos[0] = position
+    mujoco.mj_forward(model, data)
+    places = data.geom_xpos
+    middle = (places.min(axis=0) + places.max(axis=0)) / 2
+    reach = float(np.linalg.norm(places - middle, axis=1).max()) + 0.1
+    aside = np.array([0.75, 0.55, 0.35])
+    pose = cameras.look_at(middle + aside / np.linalg.norm(aside) * reach * 2.6, middle)
+    half = (size - 1) / 2
+    camera = Camera(width=size, height=size, fx=size * 1.2, fy=size * 1.2, cx=half, cy=half)
+    return render_rgb(model, data, camera, pose, shadows=True)

@@ -1,0 +1,56 @@
+"""A few pictures of recorded episodes, for film strips."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.episode import Episode
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.policy.layout import gathered
+from dextera_build.sim.render import portrait
+from dextera_build.sim.render.filming import Replica
+from dextera_build.sim.render.rendering import Eye
+
+
+class Stills:
+    """Pictures of recorded states of one world; nothing is stepped.
+
+    Args:
+        bundle: The task that the episodes were made in; their arrays are in its order.
+        view: The camera; None: in front of the table.
+        width_px: Width of a picture [px], whatever the camera's own size is.
+    """
+
+    def __init__(self, bundle: TaskBundle, view: View | None, width_px: int = 240) -> None:
+        self._replica = Replica(bundle, gathered(bundle, {}, {}, 0))
+        if view is None:
+            place = portrait.stand(self._replica.model, self._replica.data, width_px, width_px * 3 // 4)
+        else:
+            place = scaled(view.camera, width_px / view.camera.width), view.world_from_camera
+        self._place = place
+
+    def at(self, episode: Episode, rows: np.ndarray) -> np.ndarray:
+        """Pictures (len(rows), H, W, 3) uint8 of what was seen before action `rows[i]`, at most the last."""
+        # An episode without a step still has a start.
+        positions = self._replica.positions(episode) if len(episode.joints) else episode.start.qpos[None]
+        with Eye(self._replica.model, *self._place) as eye:
+            pictures = []
+            for row in np.minimum(rows, len(positions) - 1):
+                self._replica.show(positions[row])
+                pictures.append(eye.rgb(self._replica.data))
+        return np.stack(pictures)
+
+
+def scaled(camera: Camera, factor: float) -> Camera:
+    """The same camera with pictures of `factor` times the size; integer pixel centres."""
+    width, height = round(camera.width * factor), round(camera.height * factor)
+    across, down = width / camera.width, height / camera.height
+    return Camera(
+        width=width,
+        height=height,
+        fx=camera.fx * across,
+        fy=camera.fy * down,
+        cx=(camera.cx + 0.5) * across - 0.5,
+        cy=(camera.cy + 0.5) * down - 0.5,
+    )

@@ -1,0 +1,1 @@
+"""Runs tasks: starts, steps, records, replays."""

@@ -1,0 +1,48 @@
+"""Write drawn dynamics into a compiled model: masses, friction, gains."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dextera_build.artifacts.episode import Start
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.sim.model.compose import ROBOT
+
+
+class Dynamics:
+    """Keeps a model's own values, so that every start is applied to them and never to what an earlier start left.
+
+    Args:
+        bundle: The task.
+        model: Its compiled model, which `apply` changes.
+    """
+
+    def __init__(self, bundle: TaskBundle, model: Any) -> None:
+        self._model = model
+        self._mass, self._inertia = model.body_mass.copy(), model.body_inertia.copy()
+        self._friction = model.geom_friction.copy()
+        self._gain, self._bias = model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
+        self._actuators = [model.actuator(ROBOT + joint.name).id for joint in bundle.robot.joints]
+        roots = model.body_rootid
+        self._bodies = {name: np.flatnonzero(roots == model.body(name).id) for name in bundle.objects}
+        self._geoms = {name: np.isin(model.geom_bodyid, bodies) for name, bodies in self._bodies.items()}
+
+    def apply(self, start: Start, data: Any) -> None:
+        """Set masses, inertias, friction and gains of `start`."""
+        model = self._model
+        model.body_mass[:], model.body_inertia[:] = self._mass, self._inertia
+        model.geom_friction[:] = self._friction
+        for name, factor in start.mass_scale.items():
+            model.body_mass[self._bodies[name]] *= factor
+            model.body_inertia[self._bodies[name]] *= factor
+        for name, friction in start.friction.items():
+            model.geom_friction[self._geoms[name], 0] = friction
+        model.actuator_gainprm[:], model.actuator_biasprm[:] = self._gain, self._bias
+        model.actuator_gainprm[self._actuators, 0] *= start.gain_scale
+        model.actuator_biasprm[self._actuators, 1:3] *= start.gain_scale
+        # Constants that MuJoCo derives from masses; it wants a data of its own to work in, and leaves it at `qpos0`.
+        mujoco.mj_setConst(model, data)
+        mujoco.mj_resetData(model, data)

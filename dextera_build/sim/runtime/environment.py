@@ -1,0 +1,203 @@
+"""Runs a task bundle: start, step, measure. The one runtime under operators, policies, replays and Gymnasium."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from dextera_build.artifacts.episode import Start
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.geometry import quaternions, transforms
+from dextera_build.policy.observation import DeployableObservation, Measurement, deployable
+from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.model.model import compile_folder
+from dextera_build.sim.primitives import grasp
+from dextera_build.sim.primitives.success import Judge, TaskState
+from dextera_build.sim.runtime import starts
+from dextera_build.sim.runtime.dynamics import Dynamics
+
+RAMP = 5
+"""Pieces in which a new joint target is approached within one control period, as robot controllers interpolate."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one control period brought."""
+
+    success: bool
+    """The task is done."""
+    over: bool
+    """The episode has ended: done, out of time, or broken off."""
+    reason: str
+    """Why it ended without success; empty otherwise."""
+    executed: np.ndarray
+    """Joint targets that were sent (A,) [rad]: the action within joint limits and speed limits."""
+
+
+class Environment:
+    """One task in one world.
+
+    Actions are targets (A,) of the robot's position controllers [rad] in the order of `RobotModel.joints`, sent at
+    `TaskSpec.control_hz`.
+
+    Args:
+        bundle: The task.
+
+    Raises:
+        RuleError: MuJoCo does not load the model.
+    """
+
+    def __init__(self, bundle: TaskBundle) -> None:
+        self.bundle = bundle
+        self.task = bundle.task
+        self.model = compile_folder(bundle.model)
+        self.data = mujoco.MjData(self.model)
+        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        # What rests and is touched by nothing that moves costs nothing: most objects, nearly all of the time.
+        self.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+        self.substeps = max(1, round(1.0 / (self.task.control_hz * self.model.opt.timestep)))
+        self.period_s = self.substeps * self.model.opt.timestep
+        self.goal = np.array(bundle.task.goal, np.float32)
+        self._dynamics = Dynamics(bundle, self.model)
+        self._index()
+        self._base_from_world = transforms.invert(bundle.world_from_base)
+        self._base_turn = quaternions.from_matrix(self._base_from_world[:3, :3])
+        self.begin(starts.photographed(bundle, self.model))
+
+    def reset(self, seed: int) -> DeployableObservation:
+        """Begin an episode at a start drawn with `seed`."""
+        return self.begin(starts.draw(self.bundle, self.model, seed))
+
+    def begin(self, start: Start) -> DeployableObservation:
+        """Begin an episode at a given start; nothing is left of the one before."""
+        mujoco.mj_resetData(self.model, self.data)
+        self._dynamics.apply(start, self.data)
+        self.data.qpos[:] = start.qpos
+        self.data.ctrl[self._actuators] = start.ctrl[self._actuators]
+        mujoco.mj_forward(self.model, self.data)
+        self.start = start
+        self.steps = 0
+        self.previous_action = self.data.ctrl[self._actuators].copy()
+        self._earlier = self.previous_action
+        self.judge = Judge(self.task, self.state())
+        return self.observe()
+
+    def step(self, action: np.ndarray) -> Outcome:
+        """Send joint targets for one control period.
+
+        A target that is not finite ends the episode with a reason instead of reaching the robot.
+        """
+        action = np.asarray(action, np.float64)
+        if action.shape != self.lower.shape or not np.isfinite(action).all():
+            return self._broken(action)
+        reach = self._speed * self.period_s
+        target = np.clip(action, self.previous_action - reach, self.previous_action + reach).clip(
+            self.lower, self.upper
+        )
+        self._advance(target)
+        self._earlier, self.previous_action = self.previous_action, target
+        self.steps += 1
+        if not np.isfinite(self.data.qvel).all() or np.abs(self.data.qvel).max() > 1e4:
+            return Outcome(False, True, "the simulation diverged", target)
+        success = self.judge.update(self.state())
+        late = self.steps * self.period_s >= self.task.timeout_s - 1e-9
+        reason = "" if success or not late else self._why()
+        return Outcome(success, success or late, reason, target)
+
+    def observe(self, rgb: np.ndarray | None = None) -> DeployableObservation:
+        """What a policy sees now."""
+        return deployable(self.measure(rgb), self.previous_action, self.goal)
+
+    def measure(self, rgb: np.ndarray | None = None) -> Measurement:
+        """What joint encoders, a tracker and a camera would give now."""
+        qpos = self.data.qpos
+        return Measurement(qpos[self._joints].copy(), self.object_poses(), qpos[self._displacements].copy(), rgb)
+
+    def object_poses(self) -> np.ndarray:
+        """Poses of all objects in the base frame, (O, 7): position [m], quaternion w x y z with w >= 0."""
+        return self.poses(self.data.xpos[self._objects], self.data.xquat[self._objects])
+
+    def poses(self, positions: np.ndarray, turns: np.ndarray) -> np.ndarray:
+        """World positions (N, 3) [m] and quaternions (N, 4) as poses (N, 7) in the base frame."""
+        found = np.empty((len(positions), 7))
+        found[:, :3] = positions @ self._base_from_world[:3, :3].T + self._base_from_world[:3, 3]
+        for row, quaternion in zip(found, turns, strict=True):
+            mujoco.mju_mulQuat(row[3:], self._base_turn, quaternion)
+            if row[3] < 0:
+                row[3:] *= -1
+        return found
+
+    def palm_pose(self) -> np.ndarray:
+        """Pose of the palm in the base frame (7,); zeros and no turn for a robot without one."""
+        if self._palm < 0:
+            return np.array([0.0, 0, 0, 1, 0, 0, 0])
+        turn = np.zeros((1, 4))
+        mujoco.mju_mat2Quat(turn[0], self.data.site_xmat[self._palm])
+        return np.asarray(self.poses(self.data.site_xpos[[self._palm]], turn)[0])
+
+    def contact_forces(self) -> np.ndarray:
+        """Force on each fingertip's finger in the base frame (F, 3) [N]; privileged."""
+        forces = grasp.tip_forces(self.model, self.data, self._fingers, len(self.tips))
+        return np.asarray(forces @ self._base_from_world[:3, :3].T)
+
+    def state(self) -> TaskState:
+        """What success is judged by."""
+        names = self.bundle.objects[self.task.object].joints
+        return TaskState(
+            time_s=self.steps * self.period_s,
+            world_from_object=transforms.rigid(
+                self.data.xmat[self._target].reshape(3, 3).copy(), self.data.xpos[self._target].copy()
+            ),
+            joints={name: float(self.data.joint(name).qpos[0]) for name in names},
+            ranges={name: tuple(self.model.joint(name).range) for name in names},
+            speeds={name: float(self.data.joint(name).qvel[0]) for name in names},
+            grasp=grasp.estimate(self.model, self.data, self._target, self._fingers, self._palm)
+            if self.task.primitive == "lift"
+            else grasp.NONE,
+        )
+
+    def _advance(self, target: np.ndarray) -> None:
+        pieces = min(RAMP, self.substeps)
+        earlier, before = self._earlier, self.previous_action
+        late = self.bundle.latency_s / self.period_s
+        done = 0
+        for piece in range(1, pieces + 1):
+            part = piece / pieces - late
+            ramp = before + (target - before) * part if part >= 0 else earlier + (before - earlier) * (1 + part)
+            self.data.ctrl[self._actuators] = ramp
+            upto = self.substeps * piece // pieces
+            mujoco.mj_step(self.model, self.data, upto - done)
+            done = upto
+        # Positions, contacts and forces of the new state, which mj_step leaves one step behind.
+        mujoco.mj_forward(self.model, self.data)
+
+    def _broken(self, action: np.ndarray) -> Outcome:
+        if action.shape != self.lower.shape:
+            reason = f"the action has shape {action.shape}, but the robot has {len(self.lower)} joints"
+        else:
+            bad = self.bundle.robot.joints[int(np.flatnonzero(~np.isfinite(action))[0])].name
+            reason = f"the action for `{bad}` is not a finite number"
+        return Outcome(False, True, reason, self.previous_action.copy())
+
+    def _why(self) -> str:
+        if self.judge.held_at_reset:
+            return "the condition held at the start already"
+        return f"not done within {self.task.timeout_s:g} s"
+
+    def _index(self) -> None:
+        model, robot = self.model, self.bundle.robot
+        names = [ROBOT + joint.name for joint in robot.joints]
+        self._joints = np.array([model.joint(name).qposadr[0] for name in names])
+        self._actuators = np.array([model.actuator(name).id for name in names])
+        self.lower = np.array([joint.lower for joint in robot.joints])
+        self.upper = np.array([joint.upper for joint in robot.joints])
+        self._speed = np.array([joint.velocity for joint in robot.joints])
+        self._objects = np.array([model.body(name).id for name in self.bundle.objects])
+        self._displacements = np.array([model.joint(name).qposadr[0] for name in self.bundle.displacement_names], int)
+        self._target = int(model.body(self.task.object).id)
+        self.tips = robot.tips
+        tips = np.array([model.site(ROBOT + robot.frames[role]).id for role in self.tips], int)
+        self._palm = int(model.site(ROBOT + robot.frames["palm"]).id) if "palm" in robot.frames else -1
+        self._fingers = grasp.finger_map(model, tips, self._palm)

@@ -1,0 +1,86 @@
+"""Bring what a tracker saw at a reset into the twin (paper, cross-domain replay; mission row G9)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dextera_build.artifacts.episode import Start
+from dextera_build.geometry import poses, quaternions, registration, transforms
+from dextera_build.policy.observation import Measurement
+from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.runtime import starts
+from dextera_build.sim.runtime.environment import Environment
+
+STEP_M = 0.0005
+"""Objects that stand in something are raised in steps of this [m]."""
+RAISE_M = 0.02
+"""... and by this at most [m]."""
+
+
+@dataclass(frozen=True)
+class Tracker:
+    """Errors of an object tracker, standard deviations per axis; zero is a perfect one."""
+
+    position_m: float = 0.0
+    """Of positions [m]."""
+    rotation_rad: float = 0.0
+    """Of rotations, as a rotation vector applied from the right [rad]."""
+
+
+def reconstruct(seen: Measurement, ctrl: np.ndarray, twin: Environment, tracker: Tracker, seed: int) -> Start:
+    """The start in the twin that looks like what was measured elsewhere, with the twin's own estimates of its dynamics.
+
+    Bodies and joints mean the same in both worlds. The twin's surfaces are not the other world's, so an object that
+    would stand in another or in the table is raised until it does not.
+
+    Args:
+        seen: Joints and tracked objects, in the twin's order, poses in the base frame.
+        ctrl: Joint targets (A,) of the robot at that moment [rad].
+        twin: Where the start belongs.
+        tracker: Errors that are added to the poses.
+        seed: Of these errors, and of the start.
+    """
+    bundle, model = twin.bundle, twin.model
+    start = starts.photographed(bundle, model)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.ctrl[:] = start.qpos, start.ctrl
+    random = np.random.default_rng([seed, 2])
+    for name, pose in zip(bundle.objects, seen.objects, strict=True):
+        place = bundle.world_from_base @ poses.to_matrix(pose) @ _error(tracker, random)
+        data.joint(name).qpos[:3] = place[:3, 3]
+        data.joint(name).qpos[3:] = quaternions.from_matrix(place[:3, :3])
+    for name, position in zip(bundle.displacement_names, seen.displacement, strict=True):
+        data.joint(name).qpos[0] = position
+    for number, joint in enumerate(bundle.robot.joints):
+        data.joint(ROBOT + joint.name).qpos[0] = seen.joints[number]
+        data.actuator(ROBOT + joint.name).ctrl[0] = ctrl[number]
+    _raise(model, data, list(bundle.objects))
+    return start.model_copy(update={"seed": seed, "qpos": data.qpos.copy(), "ctrl": data.ctrl.copy()})
+
+
+def _raise(model: Any, data: Any, names: list[str]) -> None:
+    """Lift objects out of what they stand in; a contact of two objects raises the one whose origin is higher."""
+    roots = {int(model.body(name).id): name for name in names}
+    for _ in range(round(RAISE_M / STEP_M)):
+        mujoco.mj_forward(model, data)
+        sunk = {_upper(model, data, roots, pair) for pair in data.contact.geom[data.contact.dist < -starts.TOUCH_M]}
+        if not sunk - {""}:
+            return
+        for name in sorted(sunk - {""}):
+            data.joint(name).qpos[2] += STEP_M
+
+
+def _upper(model: Any, data: Any, roots: dict[int, str], pair: np.ndarray) -> str:
+    """The object of a contact that gives way, or nothing: contacts with itself and among parts of the robot."""
+    bodies = {int(model.body_rootid[model.geom_bodyid[geom]]) for geom in pair}
+    free = sorted(bodies & roots.keys(), key=lambda body: float(data.xpos[body][2]))
+    return roots[free[-1]] if free and len(bodies) > 1 else ""
+
+
+def _error(tracker: Tracker, random: np.random.Generator) -> np.ndarray:
+    turn = registration.rotation(random.standard_normal(3) * tracker.rotation_rad)
+    return transforms.rigid(turn, random.standard_normal(3) * tracker.position_m)

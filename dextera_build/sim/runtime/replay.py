@@ -1,0 +1,87 @@
+"""Cross-domain replay: what succeeds in the twin is sent open loop to another world (mission row G9)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episode, Start
+from dextera_build.errors import RuleError
+from dextera_build.policy.observation import Measurement
+from dextera_build.sim.runtime import starts
+from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.reconstruction import Tracker, reconstruct
+from dextera_build.sim.runtime.rollout import open_loop
+from dextera_build.sim.runtime.seeds import seed_of
+
+Synthesise = Callable[[Start, int], Episode]
+"""A rollout in the twin from a start, by a seed; successful or with a reason."""
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """What came of one reset."""
+
+    episode: Episode | None = None
+    """The replay in the other world, or None where the twin had nothing to send."""
+    placed: np.ndarray | None = None
+    """Poses (O, 7) of the objects at the reset, in the base frame."""
+    rehearsal: Episode | None = None
+    """The rollout in the twin that was sent."""
+    reason: str = ""
+    """Why there is no replay."""
+
+
+class Replay:
+    """Replays in one world what was found in a twin.
+
+    Args:
+        twin: Where trajectories are synthesised.
+        world: Where they are sent; same task, robot and objects.
+        synthesise: Runs in `twin`.
+        tries: Syntheses per reset, until one succeeds.
+        tracker: Errors of the object tracker in `world`.
+        linger_s: The last target is held for so long after the trajectory [s].
+    """
+
+    def __init__(
+        self,
+        twin: Environment,
+        world: Environment,
+        synthesise: Synthesise,
+        *,
+        tries: int,
+        tracker: Tracker | None = None,
+        linger_s: float = 1.0,
+    ) -> None:
+        self._twin, self._world = twin, world
+        self._synthesise, self._tries = synthesise, tries
+        self._tracker, self._linger_s = tracker or Tracker(), linger_s
+
+    def attempt(self, seed: int) -> Replayed:
+        """Reset the world by `seed`, see it, succeed in the twin, and send that."""
+        try:
+            start = starts.draw(self._world.bundle, self._world.model, seed)
+        except RuleError as error:
+            return Replayed(reason=error.message)
+        self._world.begin(start)
+        placed = self._world.object_poses()
+        seen = reconstruct(self._measured(), self._world.previous_action, self._twin, self._tracker, seed)
+        reason = ""
+        for number in range(self._tries):
+            rehearsal = self._synthesise(seen, seed_of("rehearsal", seed, number))
+            if rehearsal.success:
+                episode = open_loop(self._world, start, rehearsal.executed, self._linger_s)
+                return Replayed(episode, placed, rehearsal)
+            reason = rehearsal.reason
+        return Replayed(reason=f"no success in the twin: {reason}")
+
+    def _measured(self) -> Measurement:
+        """What is tracked in the world, in the twin's order of objects and joints."""
+        seen, here, there = self._world.measure(), self._twin.bundle.objects, self._world.bundle.objects
+        rows = [list(there).index(name) for name in here]
+        inner = [joint for thing in there.values() for joint in thing.joints]
+        columns = [inner.index(joint) for thing in here.values() for joint in thing.joints]
+        return Measurement(seen.joints, seen.objects[rows], seen.displacement[columns])

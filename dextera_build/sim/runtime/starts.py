@@ -1,0 +1,134 @@
+"""Where episodes begin: randomised poses, joints, dynamics and robot configurations (mission rows D12-D14).
+
+Dynamics are drawn inside the intervals that the twin itself claims for its estimates, not within a fixed percentage. A
+start is complete and is kept with its episode, so any episode can be run again.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dextera_build.artifacts.episode import Start
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.errors import RuleError
+from dextera_build.geometry import quaternions, transforms
+from dextera_build.sim.model.compose import ROBOT
+
+TRIES = 200
+"""Draws before a task is called too crowded."""
+TOUCH_M = 0.001
+"""Deepest contact that a start may have [m]."""
+GAINS = 0.10
+"""Half range of the factor on the robot's gains, times `Reset.dynamics`."""
+Z90 = 1.645
+"""Half width of a 90 % interval in standard deviations."""
+
+
+def draw(bundle: TaskBundle, model: Any, seed: int) -> Start:
+    """A start of the task, the same for the same bundle and seed.
+
+    Args:
+        bundle: The task.
+        model: Its compiled model; not changed.
+        seed: Any integer from 0 to 2^63.
+
+    Raises:
+        RuleError: No start without collisions was found.
+    """
+    random = np.random.default_rng([seed])
+    data = mujoco.MjData(model)
+    dynamics = _dynamics(bundle, random)
+    for _ in range(TRIES):
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        _place_objects(bundle, data, random)
+        _pose_robot(bundle, model, data, random)
+        mujoco.mj_forward(model, data)
+        if _free(model, data) and _on_support(bundle, model, data):
+            break
+    else:
+        raise RuleError(
+            f"no start of `{bundle.task.name}` without collisions was found",
+            code="DXB-B220",
+            facts={"tries": TRIES, "position": f"± {bundle.task.reset.position_m} m"},
+            hint="make the ranges of `reset` smaller",
+        )
+    return Start(seed=seed, qpos=data.qpos.copy(), ctrl=data.ctrl.copy(), **dynamics)
+
+
+def photographed(bundle: TaskBundle, model: Any) -> Start:
+    """The configuration of the photograph with the robot at home and all estimates as they are."""
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    return Start(
+        seed=0,
+        qpos=data.qpos.copy(),
+        ctrl=data.ctrl.copy(),
+        mass_scale=dict.fromkeys(bundle.objects, 1.0),
+        friction={name: thing.friction for name, thing in bundle.objects.items()},
+        gain_scale=1.0,
+    )
+
+
+def _dynamics(bundle: TaskBundle, random: np.random.Generator) -> dict[str, Any]:
+    width = bundle.task.reset.dynamics
+    mass, friction = {}, {}
+    for name, thing in bundle.objects.items():
+        low, high = (1.0 + width * (end - 1.0) for end in thing.mass_scale)
+        mass[name] = float(random.uniform(low, high))
+        spread = width * Z90 * thing.friction_sigma
+        drawn = thing.friction + width * thing.friction_sigma * float(random.standard_normal())
+        friction[name] = float(max(0.05, np.clip(drawn, thing.friction - spread, thing.friction + spread)))
+    # What stands in for hardware has one robot, not a distribution of them.
+    spread = GAINS * width if bundle.kind == "twin" else 0.0
+    return {"mass_scale": mass, "friction": friction, "gain_scale": float(1 + spread * random.uniform(-1, 1))}
+
+
+def _place_objects(bundle: TaskBundle, data: Any, random: np.random.Generator) -> None:
+    reset = bundle.task.reset
+    for name, thing in bundle.objects.items():
+        ours = name == bundle.task.object
+        reach = reset.position_m if ours else reset.clutter_m
+        shift = random.uniform(-reach, reach, 2)
+        angle = float(random.uniform(-reset.yaw_rad, reset.yaw_rad)) if ours else 0.0
+        c, s = np.cos(angle), np.sin(angle)
+        turned = transforms.rigid(
+            np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ thing.world_from_object[:3, :3],
+            thing.world_from_object[:3, 3] + [*shift, 0.0],
+        )
+        place = data.joint(name).qpos
+        place[:3], place[3:] = turned[:3, 3], quaternions.from_matrix(turned[:3, :3])
+        for joint, position in zip(thing.joints, thing.positions, strict=True):
+            wide = reset.joint_rad if ours else 0.0
+            data.joint(joint).qpos[0] = position + random.uniform(-wide, wide)
+
+
+def _pose_robot(bundle: TaskBundle, model: Any, data: Any, random: np.random.Generator) -> None:
+    targets: dict[str, float] = {}
+    for joint in bundle.robot.joints:
+        drawn = joint.home + random.uniform(-1, 1) * bundle.task.reset.robot_rad
+        targets[joint.name] = float(np.clip(drawn, joint.lower, joint.upper))
+        data.actuator(ROBOT + joint.name).ctrl[0] = targets[joint.name]
+    for name, position in bundle.robot.followed(targets).items():
+        data.joint(ROBOT + name).qpos[0] = position
+
+
+def _free(model: Any, data: Any) -> bool:
+    """Whether nothing is pressed into anything else."""
+    return data.ncon == 0 or bool(data.contact.dist[: data.ncon].min() > -TOUCH_M)
+
+
+def _on_support(bundle: TaskBundle, model: Any, data: Any) -> bool:
+    """Whether every object's origin lies over the support with which the scene was built."""
+    names = [model.geom(number).name for number in range(model.ngeom)]
+    if "static_support" not in names:
+        return True
+    support = names.index("static_support")
+    rotation = data.geom_xmat[support].reshape(3, 3)
+    for name in bundle.objects:
+        local = rotation.T @ (data.body(name).xpos - data.geom_xpos[support])
+        if (np.abs(local[:2]) > model.geom_size[support][:2]).any():
+            return False
+    return True

@@ -1,1 +1,0 @@
-"""Scripted operators: one file per primitive."""

@@ -1,0 +1,170 @@
+"""Task bundles as Gymnasium environments (mission rows D4, E22).
+
+    gymnasium.make("dxb/CloseLaptop-KL-v0", bundle=bundle)
+
+after `register("dxb/CloseLaptop-KL-v0")`, or `TaskEnv(bundle)` directly. Observations are a flat `Dict` whose keys
+begin with their group: `deployable/joints` is what a robot can observe too, `privileged/contact` only a simulator knows
+and is there only when it was asked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from dextera_build.artifacts.episode import Start
+from dextera_build.artifacts.packed import unpack
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.policy.observation import DeployableObservation, PrivilegedObservation
+from dextera_build.sim.observe.privileged import Insight
+from dextera_build.sim.observe.progress import Progress
+from dextera_build.sim.render import portrait, rendering
+from dextera_build.sim.runtime.environment import Environment, Outcome
+
+DEPLOYABLE, PRIVILEGED = "deployable", "privileged"
+"""Groups of observations."""
+
+
+class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
+    """One task. Actions are absolute joint targets [rad] in the order of `RobotModel.joints`, at the task's rate.
+
+    An episode is *terminated* by success, or by an action or a state that is not finite; it is *truncated* by the
+    task's time limit, after which its value may be bootstrapped (trap 27). `info` has `is_success` and `success`,
+    `reason` (why it ended without success) and `executed` (the targets that were sent).
+
+    Args:
+        bundle: The task, or the path of one that was exported.
+        privileged: Whether observations hold what only a simulator knows too.
+        view: A camera whose pictures are `deployable/rgb`; None: no pictures.
+        render_mode: `rgb_array` or None.
+        size: (width, height) of rendered pictures [px].
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012  Gymnasium declares it so
+
+    def __init__(
+        self,
+        bundle: TaskBundle | str | Path,
+        *,
+        privileged: bool = False,
+        view: View | None = None,
+        render_mode: str | None = None,
+        size: tuple[int, int] = (480, 360),
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"`render_mode` is `rgb_array` or None, not `{render_mode}`")
+        opened = bundle if isinstance(bundle, TaskBundle) else unpack(TaskBundle, Path(bundle).read_bytes())
+        self.environment = Environment(opened)
+        self.render_mode = render_mode
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / self.environment.period_s)}
+        self._size = size
+        self._insight = Insight(self.environment) if privileged else None
+        self._progress = Progress(self.environment)
+        self._eye = rendering.through(self.environment.model, view) if view else None
+        self._portrait: rendering.Eye | None = None
+        self._value = self._progress.value(False)
+        self._last = self._observe()
+        self.observation_space: spaces.Space[Any] = spaces.Dict(
+            {name: _space(value) for name, value in self._last.items()}
+        )
+        self.action_space = spaces.Box(
+            self.environment.lower.astype(np.float32), self.environment.upper.astype(np.float32), dtype=np.float32
+        )
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: The start is the one that `Environment.reset(seed)` gives; None: the next of a random sequence.
+            options: `{"start": Start}` begins at that start instead.
+        """
+        super().reset(seed=seed)
+        start = (options or {}).get("start")
+        if isinstance(start, Start):
+            self.environment.begin(start)
+        else:
+            self.environment.reset(int(self.np_random.integers(2**62)) if seed is None else seed)
+        self._value = self._progress.value(False)
+        self._last = self._observe()
+        return self._last, self._info(False, "", self.environment.previous_action)
+
+    def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
+        """Send joint targets (A,) [rad] for one control period."""
+        return self.conclude(self.environment.step(action))
+
+    def conclude(self, outcome: Outcome) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
+        """What `step` returns after control periods of which the last ended with `outcome`."""
+        late = outcome.over and not outcome.success and self.late
+        broken = outcome.over and not outcome.success and not late
+        reward = 0.0
+        if not broken:
+            value = self._progress.value(outcome.success)
+            reward, self._value = value - self._value, value
+            self._last = self._observe()
+        info = self._info(outcome.success, outcome.reason, outcome.executed)
+        return self._last, float(reward), outcome.success or broken, late, info
+
+    @property
+    def value(self) -> float:
+        """Value of the present moment, whose change is the reward; see `dextera_build.sim.primitives.rewards`."""
+        return self._value
+
+    @property
+    def late(self) -> bool:
+        """Whether the task's time is up."""
+        environment = self.environment
+        return bool(environment.steps * environment.period_s >= environment.task.timeout_s - 1e-9)
+
+    def render(self) -> np.ndarray | None:
+        """The scene from in front of the table, (H, W, 3) uint8 sRGB, or None without a render mode."""
+        if self.render_mode is None:
+            return None
+        model, data = self.environment.model, self.environment.data
+        if self._portrait is None:
+            self._portrait = rendering.Eye(model, *portrait.stand(model, data, *self._size))
+        return self._portrait.rgb(data)
+
+    def close(self) -> None:
+        """Free what renders."""
+        for eye in (self._eye, self._portrait):
+            if eye is not None:
+                eye.__exit__(None, None, None)
+        self._eye = self._portrait = None
+
+    def _observe(self) -> dict[str, np.ndarray]:
+        rgb = self._eye.rgb(self.environment.data) if self._eye else None
+        found = _grouped(DEPLOYABLE, self.environment.observe(rgb))
+        return found | (_grouped(PRIVILEGED, self._insight.read()) if self._insight else {})
+
+    def _info(self, success: bool, reason: str, executed: np.ndarray) -> dict[str, Any]:
+        return {"is_success": success, "success": success, "reason": reason, "executed": np.array(executed)}
+
+
+def register(name: str, bundle: TaskBundle | str | Path | None = None) -> None:
+    """Make `gymnasium.make(name)` build a `TaskEnv`.
+
+    Args:
+        name: `dxb/<task>-<embodiment>-v0`, as Gymnasium wants it.
+        bundle: The task that it is made of; None: `make` is given `bundle=...`.
+    """
+    known = {} if bundle is None else {"bundle": bundle}
+    # The task's own time limit says when an episode is over, so Gymnasium adds none.
+    gymnasium.register(id=name, entry_point="dextera_build.sim.training.gym:TaskEnv", kwargs=known)
+
+
+def _grouped(group: str, observation: DeployableObservation | PrivilegedObservation) -> dict[str, np.ndarray]:
+    values = {field.name: getattr(observation, field.name) for field in fields(observation)}
+    return {f"{group}/{name}": value.copy() for name, value in values.items() if value is not None and value.size}
+
+
+def _space(value: np.ndarray) -> spaces.Box:
+    if value.dtype == np.uint8:
+        return spaces.Box(0, 255, value.shape, np.uint8)
+    return spaces.Box(-np.inf, np.inf, value.shape, np.float32)

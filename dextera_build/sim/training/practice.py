@@ -1,0 +1,101 @@
+"""A task as a reinforced policy practises it: decisions in, normalised numbers out, on the one environment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.policy.features import Fields, Reader
+from dextera_build.policy.layout import of_bundle
+from dextera_build.sim.control.steering import Steering
+from dextera_build.sim.runtime.seeds import seed_of
+from dextera_build.sim.training.gym import DEPLOYABLE, PRIVILEGED, TaskEnv
+
+FORCE_N, PLACE_M = 5.0, 0.3
+"""Scales of privileged forces [N] and places relative to the palm [m]."""
+
+
+class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
+    """Observations (N + P,) float32: the policy's N numbers, then P privileged ones for its critic.
+
+    Episode k of this environment begins at a seed that is made of `seed`, `number` and k, so that nothing hangs on the
+    order in which several environments are stepped.
+
+    Args:
+        bundle: The task.
+        contract: What the policy expects and gives.
+        seed: Seed of the training.
+        number: Which of several environments this is.
+    """
+
+    def __init__(self, bundle: TaskBundle, contract: PolicyContract, seed: int = 0, number: int = 0) -> None:
+        self._task = TaskEnv(bundle, privileged=True)
+        self._reader = Reader(contract.inputs, of_bundle(bundle))
+        self._steering = Steering(bundle.robot, contract)
+        self._seed, self._number = seed, number
+        self.episode = -1
+        self.decisions: list[np.ndarray] = []
+        self._inputs: Fields = {}
+        self.seen = self._begin(0)
+        self.observation_space = spaces.Box(-np.inf, np.inf, self._observation().shape, np.float32)
+        self.public = self._steering.numbers(self._inputs).shape[1]
+        self.action_space = spaces.Box(-1.0, 1.0, (self._steering.size,), np.float32)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin the next episode, or the first of another seed."""
+        super().reset(seed=seed)
+        if seed is not None:
+            self._seed, self.episode = seed, -1
+        self.episode += 1
+        self.decisions = []
+        self.seen = self._begin(self.episode)
+        return self._observation(), {}
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Carry out one decision (M,)."""
+        self.decisions.append(np.array(action, np.float32))
+        for target in self._steering.steered(action, self._inputs):
+            outcome = self._task.environment.step(target)
+            if outcome.over:
+                break
+        self.seen, earned, ended, late, info = self._task.conclude(outcome)
+        return self._observation(), earned, ended, late, info
+
+    def go_to(self, episode: int, decisions: list[np.ndarray]) -> np.ndarray:
+        """Be where these decisions lead to in that episode, bit for bit."""
+        self.episode = episode - 1
+        observation, _ = self.reset()
+        for decision in decisions:
+            observation, *_ = self.step(decision)
+        return observation
+
+    def _begin(self, episode: int) -> Fields:
+        return self._task.reset(seed=seed_of(self._seed, self._number, episode))[0]
+
+    def _observation(self) -> np.ndarray:
+        prefix = f"{DEPLOYABLE}/"
+        fields = {name.removeprefix(prefix): part[None] for name, part in self.seen.items() if name.startswith(prefix)}
+        self._inputs = self._reader.read(fields)
+        return np.concatenate([self._steering.numbers(self._inputs)[0], self._insight()])
+
+    def _insight(self) -> np.ndarray:
+        """Privileged numbers (P,): forces and velocities, tips and the object's surface as the palm sees them, time."""
+        hand = self.seen[f"{PRIVILEGED}/hand_pose"]
+        environment = self._task.environment
+        parts = [
+            np.tanh(self.seen.get(f"{PRIVILEGED}/contact", np.zeros(0)) / FORCE_N),
+            self.seen[f"{PRIVILEGED}/joint_velocities"],
+            self.seen[f"{PRIVILEGED}/object_velocities"],
+            (self.seen.get(f"{PRIVILEGED}/tip_poses", np.zeros((0, 7)))[:, :3] - hand[:3]) / PLACE_M,
+            (self.seen[f"{PRIVILEGED}/points"].mean(axis=0) - hand[:3]) / PLACE_M,
+            [environment.steps * environment.period_s / environment.task.timeout_s, self._task.value],
+        ]
+        numbers = np.concatenate([np.ravel(part) for part in parts])
+        return np.asarray(np.clip(numbers, -5.0, 5.0), np.float32)

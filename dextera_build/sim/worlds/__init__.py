@@ -1,0 +1,1 @@
+"""Worlds to run a task in beside the twin: reference worlds, disturbed twins, and whether a scene rests."""

@@ -1,0 +1,225 @@
+"""The form of an entry: what a store holds under a key, and what remotes and bundles carry of it.
+
+An entry is lines of canonical JSON:
+
+    {"bare":false,"files":[["output","3b9c...",345],["closure","77ab...",12]],"result":"51d0..."}
+    {"key_document":"f00d...","line":"12 views","output":"3b9c...",...}
+    {"backend":"hull","code":{...},"inputs":[...],...}
+
+The first names the blobs that the result needs, the second is the result, and its digest stands in the first. The
+third is the key document, whose digest is the key; where it is long, or other entries name it, it is one of the blobs.
+
+A *bare* entry has bytes that are absent by design: it names the blobs that are there.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from dextera_build import digest as digests
+from dextera_build.store.cas import is_digest
+
+MOST_DOCUMENT = 1 << 16
+"""Key documents up to this size [bytes] stand in the entry, which is read whenever the key is looked up."""
+OUTPUT, CLOSURE, KEY, CALL, ANSWER, PREVIEW, LOG, BESIDE = (
+    *("output", "closure", "key", "call", "answer", "preview", "log", "beside"),
+)
+"""Roles of blobs: the output's header, what it refers to, the key document, key documents of recorded calls, what these
+were answered, previews, what was printed, and further ones that stay as long as the result does."""
+_ROLES = frozenset((OUTPUT, CLOSURE, KEY, CALL, ANSWER, PREVIEW, LOG, BESIDE))
+_MOST_BYTES = 1 << 48
+_FIELDS = frozenset(("output", "line", "previews", "metrics", "seconds", "log", "key_document"))
+
+
+class File(NamedTuple):
+    """One blob that an entry needs."""
+
+    role: str
+    digest: str
+    size: int
+    """[bytes]"""
+
+
+@dataclass(frozen=True, slots=True)
+class ActionResult:
+    """What one run of a rule made."""
+
+    output: str
+    """Digest of the output's header."""
+    line: str
+    """The one line that the rule said about its result."""
+    previews: tuple[tuple[str, str], ...]
+    """(caption, digest of a PNG)."""
+    metrics: Mapping[str, tuple[float, str]]
+    """Name -> (value, unit)."""
+    seconds: float
+    """How long the rule ran [s]."""
+    log: str | None
+    """Digest of what it printed, None where it printed nothing."""
+    key_document: str
+    """Digest of the key document, which is the key."""
+    calls: tuple[tuple[str, str], ...] = ()
+    """(key, digest of the result) of recorded calls that the run made."""
+    _digest: str = field(default="", init=False, repr=False, compare=False)
+
+    @property
+    def document(self) -> bytes:
+        """This result as canonical JSON.
+
+        Raises:
+            ValueError: A number is not finite.
+        """
+        calls = {"calls": [list(pair) for pair in self.calls]} if self.calls else {}
+        return digests.canonical(
+            {
+                **calls,
+                "output": self.output,
+                "line": self.line,
+                "previews": [list(pair) for pair in self.previews],
+                "metrics": {name: list(pair) for name, pair in self.metrics.items()},
+                "seconds": self.seconds,
+                "log": self.log,
+                "key_document": self.key_document,
+            }
+        )
+
+    @property
+    def digest(self) -> str:
+        """Digest of `document`; computed once."""
+        if not self._digest:
+            self.know(digests.of_bytes(self.document))
+        return self._digest
+
+    def know(self, digest: str) -> None:
+        """Its digest is known already."""
+        object.__setattr__(self, "_digest", digest)
+
+    @property
+    def called(self) -> tuple[Mapping[str, str], ...]:
+        """The recorded calls, as events and records name them."""
+        return tuple({"call": key} for key, _ in self.calls)
+
+    @property
+    def is_record(self) -> bool:
+        """Whether this can be the result of a recorded call."""
+        return not (self.calls or self.previews or self.log)
+
+    @classmethod
+    def from_document(cls, data: bytes) -> ActionResult:
+        """The result that a `document` describes, which anybody may have written.
+
+        Raises:
+            ValueError: It describes none.
+        """
+        raw = digests.plain(data)
+        if not isinstance(raw, dict) or raw.keys() - {"calls"} != _FIELDS or not _is_typed(raw):
+            raise ValueError("not a result")
+        return cls(
+            output=raw["output"],
+            line=raw["line"],
+            previews=tuple((caption, blob) for caption, blob in raw["previews"]),
+            metrics={name: (value, unit) for name, (value, unit) in raw["metrics"].items()},
+            seconds=raw["seconds"],
+            log=raw["log"],
+            key_document=raw["key_document"],
+            calls=tuple((key, result) for key, result in raw.get("calls", ())),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What lies under a key."""
+
+    result: ActionResult
+    files: tuple[File, ...]
+    """The blobs that it needs, the output's header first."""
+    document: bytes = b""
+    """The key document, b"" where it is a blob."""
+    is_bare: bool = False
+
+    @property
+    def key(self) -> str:
+        """The key that it belongs under."""
+        return self.result.key_document
+
+    def spell(self) -> bytes:
+        """Its bytes."""
+        document = self.result.document
+        self.result.know(digests.of_bytes(document))
+        head = {"bare": self.is_bare, "files": [list(file) for file in self.files], "result": self.result.digest}
+        return b"\n".join((digests.canonical(head), document, *((self.document,) if self.document else ())))
+
+
+def read(data: bytes) -> Entry:
+    """The entry that these bytes spell, which anybody may have written; its digests agree with one another.
+
+    Raises:
+        ValueError: They spell none.
+    """
+    head, document, *asked = data.split(b"\n", 2)
+    raw = digests.plain(head)
+    if not isinstance(raw, dict) or raw.keys() != {"bare", "files", "result"} or type(raw["bare"]) is not bool:
+        raise ValueError("not an entry")
+    if digests.of_bytes(document) != raw["result"]:
+        raise ValueError("its result has another digest")
+    result = ActionResult.from_document(document)
+    result.know(raw["result"])
+    files = _files(raw["files"])
+    if files[0][:2] != (OUTPUT, result.output):
+        raise ValueError("it does not begin with the output")
+    named = [digests.of_bytes(asked[0])] if asked else [file.digest for file in files if file.role == KEY]
+    if named != [result.key_document]:
+        raise ValueError("its key document has another digest")
+    return Entry(result, files, asked[0] if asked else b"", raw["bare"])
+
+
+def _files(raw: Any) -> tuple[File, ...]:
+    if not isinstance(raw, list) or not raw:
+        raise ValueError("an entry names blobs")
+    files = []
+    for row in raw:
+        if not isinstance(row, list) or [*map(type, row)] != [str, str, int]:
+            raise ValueError("a blob has a role, a digest and a size")
+        file = File(*row)
+        if file.role not in _ROLES or not is_digest(file.digest) or not 0 <= file.size < _MOST_BYTES:
+            raise ValueError("it names what cannot be a blob")
+        files.append(file)
+    return tuple(files)
+
+
+def _is_typed(raw: Mapping[str, Any]) -> bool:
+    previews, metrics = raw["previews"], raw["metrics"]
+    return (
+        _is_blob(raw["output"])
+        and _is_blob(raw["key_document"])
+        and (raw["log"] is None or _is_blob(raw["log"]))
+        and isinstance(raw["line"], str)
+        and _is_number(raw["seconds"])
+        and isinstance(previews, list)
+        and all(_is_pair(pair) and isinstance(pair[0], str) and _is_blob(pair[1]) for pair in previews)
+        and ("calls" not in raw or _are_calls(raw["calls"]))
+        and isinstance(metrics, dict)
+        and all(_is_pair(pair) and _is_number(pair[0]) and isinstance(pair[1], str) for pair in metrics.values())
+    )
+
+
+def _are_calls(value: object) -> bool:
+    return (
+        isinstance(value, list) and bool(value) and all(_is_pair(pair) and all(map(_is_blob, pair)) for pair in value)
+    )
+
+
+def _is_pair(value: object) -> bool:
+    return isinstance(value, list) and len(value) == 2
+
+
+def _is_blob(value: object) -> bool:
+    return isinstance(value, str) and is_digest(value)
+
+
+def _is_number(value: object) -> bool:
+    # Of a whole number beyond all floats `math.isfinite` knows no answer.
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max

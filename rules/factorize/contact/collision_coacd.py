@@ -1,0 +1,126 @@
+"""Backend coacd of factorize.collision: exact walls, one hull, wedges for containers, CoACD for the rest."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.geometry import Hull
+from dextera_build.artifacts.object import Collision, Link, Pieces
+from dextera_build.rule import Backend
+
+from ..joints import manifolds
+from . import cavity, wedges
+from .picture import draw
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+    from .collision import CollisionOptions
+
+BACKEND = Backend(
+    summary="exact walls where known, else one hull, cut wedges (containers) or CoACD",
+    profiles=("cpu", "gpu"),
+    packages=("coacd", "manifold3d", "open3d", "scipy"),
+    extra="twin",
+    licence="MIT (CoACD), Apache-2.0 (manifold3d)",
+)
+
+
+def pieces(link: Link, hollow: bool, options: CollisionOptions) -> Pieces:
+    """The cheapest set of convex pieces that is good enough.
+
+    Args:
+        link: Closed mesh and, where known, its exact walls.
+        hollow: Whether the body has a cavity that must stay open.
+        options: See `CollisionOptions`.
+    """
+    inside = cavity.find(link.mesh) if hollow else cavity.Cavity(np.zeros((0, 3)), 0.0)
+    solid = manifolds.solid(link.mesh)
+    if link.walls:
+        fill = cavity.fill(inside, link.walls)
+        exact = Pieces(hulls=link.walls, method="walls", cavity_fill=fill)
+        if fill is None or fill <= options.cavity_fill:
+            return exact
+        return min(exact, _container(solid, inside, options), key=lambda made: made.cavity_fill or 0.0)
+    if solid.volume() >= options.convexity * solid.hull().volume():
+        return Pieces(hulls=(_hull(solid, options.corners),), method="hull")
+    if len(inside.points):
+        return _container(solid, inside, options)
+    return Pieces(hulls=_coacd(solid, options), method="coacd")
+
+
+def picture(collision: Collision) -> np.ndarray:
+    """Pieces in distinct colours, (H, W, 3) uint8."""
+    return draw([hull for link in collision.links.values() for hull in link.hulls])
+
+
+def _container(solid: Manifold, inside: cavity.Cavity, options: CollisionOptions) -> Pieces:
+    small = _simplified(solid, 2 * options.faces)
+    allowed = options.cavity_fill * inside.volume
+    best: Pieces | None = None
+    for attempt in range(options.attempts):
+        sectors = 16 + 8 * attempt
+        # Four cuts per wedge and half of what is allowed; the other half is for joining.
+        cut = wedges.cut(small, sectors, 0.5 * allowed / (4 * sectors * 2**attempt))
+        before = cavity.fill(inside, [_hull(piece, options.corners) for piece in cut]) or 0.0
+        joined = wedges.join(cut, 0.9 * (allowed - before * inside.volume), options.pieces)
+        hulls = tuple(_hull(piece, options.corners) for piece in joined)
+        fill = cavity.fill(inside, hulls) or 0.0
+        if best is None or fill < (best.cavity_fill or 0.0):
+            best = Pieces(hulls=hulls, method="wedges", cavity_fill=fill)
+        if fill <= options.cavity_fill:
+            break
+    assert best is not None, "options.attempts is positive"
+    return best
+
+
+def _coacd(solid: Manifold, options: CollisionOptions) -> tuple[Hull, ...]:
+    import coacd
+
+    coacd.set_log_level("error")
+    mesh = _simplified(solid, options.faces).to_mesh64()
+    parts = coacd.run_coacd(
+        coacd.Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32)),
+        threshold=options.threshold,
+        max_convex_hull=options.pieces,
+        preprocess_mode="off",  # the solid is manifold already, and voxels would round it
+        mcts_nodes=10,
+        mcts_iterations=60,
+        seed=options.seed,
+    )
+    hulls = [_hull_of_points(np.asarray(vertices), options.corners) for vertices, _ in parts]
+    return tuple(sorted(hulls, key=lambda hull: tuple(hull.vertices.mean(axis=0).tolist())))
+
+
+def _simplified(solid: Manifold, faces: int) -> Manifold:
+    low, high = np.array(solid.bounding_box()).reshape(2, 3)
+    tolerance = float(np.linalg.norm(high - low)) * 5e-4
+    small = solid
+    for _ in range(6):
+        if small.num_tri() <= faces:
+            break
+        small = solid.simplify(tolerance)
+        tolerance *= 1.6
+    return small
+
+
+def _hull(solid: Manifold, corners: int) -> Hull:
+    return _hull_of_points(np.asarray(solid.hull().to_mesh64().vert_properties)[:, :3], corners)
+
+
+def _hull_of_points(points: np.ndarray, corners: int) -> Hull:
+    """The convex hull with at most about `corners` corners, all of them points of the input."""
+    import manifold3d
+
+    hull = manifold3d.Manifold.hull_points(np.asarray(points, np.float64))
+    if hull.is_empty():
+        return Hull(vertices=np.asarray(points, np.float32))
+    tolerance = float(np.cbrt(hull.volume())) * 2e-3
+    small = hull
+    while small.num_vert() > corners:
+        small = hull.simplify(tolerance).hull()
+        tolerance *= 1.5
+    vertices = np.asarray(small.to_mesh64().vert_properties)[:, :3].astype(np.float32)
+    return Hull(vertices=np.unique(vertices, axis=0))

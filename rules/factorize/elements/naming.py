@@ -1,0 +1,94 @@
+"""Words for things that have no name yet: colour, shape class, material."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.object import Element
+
+from ..regions.heights import Relief
+from ..regions.proposals import Proposal
+
+HUES = (
+    (20.0, "pink"),
+    (50.0, "red"),
+    (73.0, "orange"),
+    (108.0, "yellow"),
+    (165.0, "green"),
+    (200.0, "teal"),
+    (312.0, "blue"),
+    (335.0, "purple"),
+    (360.0, "pink"),
+)
+"""Upper end of the hue angle in the a*b* plane [deg] and its word."""
+MATERIALS = {"box": "cardboard", "bowl": "ceramic", "mug": "ceramic", "laptop": "electronics"}
+INWARD = 0.12
+"""Part of the seen surface that faces a thing's own middle: above 0.2 for bowls and mugs, below 0.04 for solids."""
+SHAPES = ("box", "cylinder", "bowl", "mug", "laptop", "object")
+
+
+def colour_word(lab: np.ndarray) -> str:
+    """The commonest colour word of (N, 3) CIE Lab pixels."""
+    light, chroma = lab[:, 0], np.hypot(lab[:, 1], lab[:, 2])
+    hue = np.degrees(np.arctan2(lab[:, 2], lab[:, 1])) % 360.0
+    index = np.searchsorted([end for end, _ in HUES], hue, side="right")
+    words = np.array([word for _, word in HUES], dtype="<U8")[np.minimum(index, len(HUES) - 1)]
+    words[(words == "orange") & (light < 50)] = "brown"
+    words[(words == "red") & (light > 65)] = "pink"
+    words[(words == "pink") & (light < 50)] = "red"
+    plain = chroma < np.where(light > 70, 22.0, 10.0)
+    words[plain] = np.where(light[plain] > 68, "white", np.where(light[plain] < 25, "black", "gray"))
+    names, counts = np.unique(words, return_counts=True)
+    return str(names[int(np.argmax(counts))])
+
+
+def shape_class(proposal: Proposal, relief: Relief) -> str:
+    """`box`, `cylinder`, `bowl`, `mug`, `laptop` or `object`, from how the surface bends."""
+    if proposal.hinged:
+        return "laptop"
+    if proposal.inward > INWARD:
+        points = relief.points[proposal.mask & relief.valid]
+        width = float(np.median(np.quantile(points[:, :2], 0.98, axis=0) - np.quantile(points[:, :2], 0.02, axis=0)))
+        return "mug" if proposal.top_m > 0.75 * width else "bowl"
+    if sum(share for _, share in proposal.facets) > 0.75 and _square(proposal.facets):
+        return "box"
+    bent = sum(p.area_m2 for p in proposal.patches if p.bend > 0.08 and p.flatness_m > 0.003)
+    return "cylinder" if bent > 0.15 * sum(p.area_m2 for p in proposal.patches) else "object"
+
+
+def _square(facets: tuple[tuple[np.ndarray, float], ...]) -> bool:
+    normals = np.array([normal for normal, _ in facets])
+    cosines = np.abs(normals @ normals.T)[np.triu_indices(len(normals), 1)]
+    return bool((cosines < np.cos(np.radians(65))).all())
+
+
+def elements(proposals: tuple[Proposal, ...], relief: Relief, lab: np.ndarray) -> tuple[Element, ...]:
+    """An element per proposal, with unique names in the proposals' order."""
+    found: list[Element] = []
+    taken: set[str] = set()
+    for proposal in proposals:
+        shape = shape_class(proposal, relief)
+        colour = colour_word(lab[proposal.mask])
+        base = proposal.static or f"{colour}_{shape}"
+        found.append(
+            Element(
+                name=unique(base, taken),
+                category=proposal.static or shape,
+                phrase=base.replace("_", " "),
+                body_type="articulated" if shape == "laptop" and not proposal.static else "rigid",
+                interactive=not proposal.static,
+                box=proposal.box,
+                material=MATERIALS.get(shape, "plastic"),
+            )
+        )
+    return tuple(found)
+
+
+def unique(base: str, taken: set[str]) -> str:
+    """`base`, or `base_2`, ... if it is taken; the name is added to `taken`."""
+    name, number = base, 1
+    while name in taken:
+        number += 1
+        name = f"{base}_{number}"
+    taken.add(name)
+    return name

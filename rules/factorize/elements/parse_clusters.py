@@ -1,0 +1,23 @@
+"""Elements from geometry: what rises above the support, split at creases and steps, named by colour and shape."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.object import Element, Support
+from dextera_build.rule import Backend, Context
+
+from ..regions.proposals import colour_lab, scenery
+from . import naming
+
+BACKEND = Backend(
+    summary="surface patches above the support, named by colour and shape",
+    profiles=("cpu",),
+    packages=("numpy", "scipy", "opencv-python-headless"),
+    extra="twin",
+)
+
+
+def propose(ctx: Context, capture: Capture, support: Support, model: str) -> tuple[Element, ...]:
+    """Every thing above the support with its box [px], largest first."""
+    seen = scenery(capture, support)
+    return naming.elements(seen.objects, seen.relief, colour_lab(capture.rgb.pixels))

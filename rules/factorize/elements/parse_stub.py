@@ -1,0 +1,22 @@
+"""Elements without names: connected pixels above the support."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.object import Element, Support
+from dextera_build.rule import Backend, Context
+
+from ..regions.blobs import blobs
+
+BACKEND = Backend(
+    summary="connected pixels above the support, named `object`, `object_2` and so on", profiles=("stub",)
+)
+
+
+def propose(ctx: Context, capture: Capture, support: Support, model: str) -> tuple[Element, ...]:
+    """One element per connected region above the support, in scan order."""
+    found = []
+    for number, blob in enumerate(blobs(capture, support), start=1):
+        name = "object" if number == 1 else f"object_{number}"
+        found.append(Element(name=name, category="object", phrase="object", interactive=not blob.cut, box=blob.box))
+    return tuple(found)

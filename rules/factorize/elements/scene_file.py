@@ -1,0 +1,189 @@
+"""`scene.yaml`: what a person says is in the photograph, read strictly and matched to what geometry proposes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any, get_args
+
+from dextera_build.artifacts.object import Element
+from dextera_build.errors import Place, RuleError, did_you_mean, listing
+from dextera_build.geometry.materials import TABLE
+
+from ..masks.overlap import box_iou
+from .naming import unique
+
+FILE = "scene.yaml"
+FIELDS = ("name", "phrase", "category", "body_type", "material", "box", "interactive")
+CATEGORIES = ("box", "cylinder", "bowl", "mug", "laptop", "object", "support", "robot", "room")
+STATIC = ("support", "robot", "room")
+BODY_TYPES = get_args(Element.model_fields["body_type"].annotation)
+NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
+
+
+class Wanted:
+    """One element of the file, with the fields that the person set and where it stands."""
+
+    def __init__(self, fields: dict[str, Any], place: Place) -> None:
+        self.fields = fields
+        self.place = place
+
+    @property
+    def name(self) -> str:
+        """Its unique name."""
+        return str(self.fields["name"])
+
+    @property
+    def interactive(self) -> bool:
+        """Whether it is a handled object."""
+        return bool(self.fields.get("interactive", self.fields.get("category") not in STATIC))
+
+
+def read(data: bytes) -> list[Wanted]:
+    """The elements of a `scene.yaml`.
+
+    Raises:
+        RuleError: The file is not what it should be; names the line and column.
+    """
+    import yaml
+
+    try:
+        root = yaml.compose(data.decode("utf-8"), Loader=yaml.SafeLoader)
+    except UnicodeDecodeError as error:
+        raise _wrong(f"`{FILE}` is not UTF-8 text", None, reader=error) from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = Place(FILE, mark.line + 1, mark.column + 1) if mark else Place(FILE)
+        raise RuleError(f"not valid YAML: {error.problem}", code="DXB-B203", where=place) from None
+    fields = _mapping(root, ("elements",)) if root is not None else {}
+    entries = fields.get("elements")
+    if not isinstance(entries, yaml.SequenceNode) or not entries.value:
+        hint = "begin it with `elements:` and one `- name: ...` per thing"
+        raise _wrong("`elements` must list at least one element", entries or root, hint=hint)
+    found: list[Wanted] = []
+    for node in entries.value:
+        element = _element(node)
+        if any(element.name == other.name for other in found):
+            raise _wrong(f"the name `{element.name}` is given twice", node)
+        found.append(element)
+    return found
+
+
+def match(wanted: Sequence[Wanted], proposals: Sequence[Element], smallest_iou: float) -> tuple[Element, ...]:
+    """Each wanted element with the box of the proposal that it names; proposals that nobody named become static.
+
+    A box is compared by its overlap, a phrase by the colour and shape words that it shares with a proposal.
+
+    Raises:
+        RuleError: An interactive element names nothing that was proposed.
+    """
+    free = list(proposals)
+    chosen: dict[str, Element | None] = {}
+    # Boxes are certain and come first; then phrases, in the order of the file.
+    for item in sorted(wanted, key=lambda w: "box" not in w.fields):
+        proposal = _by_box(item, free, smallest_iou) if "box" in item.fields else _by_words(item, free)
+        if proposal is None and (item.interactive or "box" in item.fields):
+            raise RuleError(
+                f"`{item.name}` matches nothing that stands out from the support",
+                code="DXB-B204",
+                where=item.place,
+                facts={
+                    "wanted": item.fields.get("box") or item.fields.get("phrase") or item.name,
+                    "proposals": "; ".join(f"{p.name} {list(p.box or ())}" for p in proposals) or "none",
+                    "taken": listing(p.name for p in proposals if p not in free),
+                },
+                hint="give it the `box` of one of the proposals: [left, top, right, bottom] in pixels",
+            )
+        if proposal is not None:
+            free.remove(proposal)
+        chosen[item.name] = proposal
+    named = [_merged(item, chosen[item.name]) for item in wanted]
+    taken = {element.name for element in named}
+    rest = [p.model_copy(update={"name": unique(p.name, taken), "interactive": False}) for p in free]
+    return (*named, *rest)
+
+
+def _by_box(item: Wanted, free: Sequence[Element], smallest_iou: float) -> Element | None:
+    box = item.fields["box"]
+    scored = [(box_iou(box, p.box), p) for p in free if p.box is not None]
+    best = max(scored, key=lambda s: s[0], default=None)
+    return best[1] if best is not None and best[0] >= smallest_iou else None
+
+
+def _by_words(item: Wanted, free: Sequence[Element]) -> Element | None:
+    text = f"{item.fields.get('phrase', '')} {item.name} {item.fields.get('category', '')}"
+    words = set(re.findall(r"[a-z]+", text.lower()))
+    scored = [(len(words & set(re.findall(r"[a-z]+", f"{p.phrase} {p.category}"))), p) for p in free]
+    best = max((score for score, _ in scored), default=0)
+    fitting = [p for score, p in scored if score == best]
+    return fitting[0] if best > 0 and len(fitting) == 1 else None
+
+
+def _merged(item: Wanted, proposal: Element | None) -> Element:
+    given = dict(item.fields)
+    base: dict[str, Any] = {"category": "object", "phrase": item.name.replace("_", " ")}
+    if proposal is not None:
+        base = {key: getattr(proposal, key) for key in ("category", "body_type", "material", "box")}
+        base["phrase"] = item.name.replace("_", " ")
+    if "category" in given and "body_type" not in given:
+        given["body_type"] = "articulated" if given["category"] == "laptop" else "rigid"
+    return Element(**{**base, **given, "interactive": item.interactive})
+
+
+def _element(node: Any) -> Wanted:
+    fields = {key: _value(key, value) for key, value in _mapping(node, FIELDS).items()}
+    if "name" not in fields:
+        raise _wrong("an element has no `name`", node, hint="add `name: blue_mug`")
+    return Wanted(fields, Place(FILE, node.start_mark.line + 1, node.start_mark.column + 1))
+
+
+def _mapping(node: Any, known: Sequence[str]) -> dict[str, Any]:
+    import yaml
+
+    if not isinstance(node, yaml.MappingNode):
+        raise _wrong(f"a mapping with {listing(known)} belongs here", node)
+    found: dict[str, Any] = {}
+    for key, value in node.value:
+        if key.value in found:
+            raise _wrong(f"`{key.value}` is given twice", key)
+        if key.value not in known:
+            hint = did_you_mean(str(key.value), known)
+            raise _wrong(f"`{key.value}` is not known here", key, hint=hint, known=listing(known))
+        found[key.value] = value
+    return found
+
+
+def _value(key: str, node: Any) -> object:
+    if key == "box":
+        return _box(node)
+    text = node.value if node.id == "scalar" else None
+    if not isinstance(text, str) or not text:
+        raise _wrong(f"`{key}` must be a word or a phrase", node)
+    if key == "interactive":
+        if text not in ("true", "false"):
+            raise _wrong("`interactive` must be `true` or `false`", node, found=text)
+        return text == "true"
+    if key == "name" and not NAME.fullmatch(text):
+        raise _wrong(f"`{text}` is not a name", node, hint="use lower case letters and digits joined by `_`")
+    choices = {"category": CATEGORIES, "body_type": BODY_TYPES, "material": tuple(TABLE)}.get(key)
+    if choices is not None and text not in choices:
+        raise _wrong(f"`{text}` is not a {key}", node, hint=did_you_mean(text, choices), known=listing(choices))
+    return text
+
+
+def _box(node: Any) -> tuple[int, ...]:
+    parts = [part.value for part in node.value] if node.id == "sequence" else []
+    if len(parts) != 4 or not all(isinstance(p, str) and re.fullmatch(r"\d+", p) for p in parts):
+        raise _wrong("`box` must be four whole numbers: [left, top, right, bottom] in pixels", node)
+    left, top, right, bottom = (int(part) for part in parts)
+    if left >= right or top >= bottom:
+        raise _wrong(
+            "`box` is empty", node, box=f"[{left}, {top}, {right}, {bottom}]", hint="left < right, top < bottom"
+        )
+    return left, top, right, bottom
+
+
+def _wrong(message: str, node: Any, *, hint: str | None = None, **facts: object) -> RuleError:
+    mark = getattr(node, "start_mark", None)
+    place = Place(FILE, mark.line + 1, mark.column + 1) if mark is not None else Place(FILE)
+    return RuleError(message, code="DXB-B203", where=place, hint=hint, facts=facts)

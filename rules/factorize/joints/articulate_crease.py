@@ -1,0 +1,181 @@
+"""Backend crease of factorize.articulate: two slabs meet in a crease, and the hinge lies in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.geometry import Hull, Mesh
+from dextera_build.artifacts.object import Body, Joint, Link, ObjectView, Shape
+from dextera_build.geometry import cameras, transforms
+from dextera_build.rule import Backend
+
+from . import manifolds
+from .hinge import Hinge, find
+from .parts import Parts
+from .picture import draw
+
+if TYPE_CHECKING:
+    from .articulate import ArticulateOptions
+
+BACKEND = Backend(
+    summary="hinge in the crease of two slabs, limits by sweeping the lid",
+    profiles=("cpu", "gpu"),
+    packages=("manifold3d", "scipy"),
+    extra="twin",
+)
+
+_STEPS = 12
+"""Poses of the lid between closed and open that are checked for overlap."""
+
+
+def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts | None:
+    """Cut the shape at its hinge and close it.
+
+    Returns:
+        The links at joint position 0, or None where there is no crease or only one solid on both sides of it.
+    """
+    hinge = _declared(shape.mesh, options) if options.hinge else find(shape.mesh)
+    if hinge is None or hinge.angle >= np.pi * 1.1:
+        return None
+    halves = _split(shape.mesh, hinge)
+    if halves is None:
+        return None
+    base, lid = halves
+    hinge, lift = _seated(base, lid, hinge, options)
+    base_solid, lid_solid = manifolds.solid(base), manifolds.solid(lid)
+    area = _plan_area(lid, hinge)
+
+    def overlap(position: float) -> float:
+        moved = lid_solid.transform(hinge.turn(position - hinge.angle)[:3])
+        return float((moved ^ base_solid).volume()) / area
+
+    closing = max(overlap(position) for position in np.linspace(0.0, hinge.angle, _STEPS))
+    upper = _upper(overlap, hinge, options)
+    closed = hinge.turn(-hinge.angle)
+    mine, theirs = _walls(shape, hinge)
+    metrics = [("lifted", lift * 1000.0, "mm")]
+    if (angle := _seen_angle(shape, seen, hinge)) is not None:
+        metrics.append(("seen_minus_mesh", float(np.degrees(angle - hinge.angle)), "deg"))
+    return Parts(
+        Link(mesh=base, walls=mine),
+        Link(mesh=_moved(lid, closed), walls=tuple(Hull(vertices=_apply(closed, hull.vertices)) for hull in theirs)),
+        _joint(hinge, upper),
+        closing,
+        tuple(metrics),
+    )
+
+
+def picture(body: Body, seen: ObjectView) -> np.ndarray:
+    """The hinge on the crop, (H, W, 3) uint8."""
+    return draw(body, seen)
+
+
+def _declared(mesh: Mesh, options: ArticulateOptions) -> Hinge:
+    assert options.hinge is not None
+    origin, axis = np.array(options.hinge.origin_m), np.array(options.hinge.axis)
+    axis = axis / np.linalg.norm(axis)
+    along = np.cross(np.array([0.0, 0.0, 1.0]), axis)
+    return Hinge(origin, axis, along / np.linalg.norm(along), options.hinge.angle_rad)
+
+
+def _split(mesh: Mesh, hinge: Hinge) -> tuple[Mesh, Mesh] | None:
+    """Lower and upper part as they stand; whole components where there are several, else a cut."""
+    sides: list[list[np.ndarray]] = [[], []]
+    for faces in manifolds.components(mesh):
+        middle = mesh.vertices[mesh.faces[faces]].mean(axis=(0, 1), dtype=np.float64)
+        sides[int(hinge.bisector @ (middle - hinge.origin) > 0.0)].append(faces)
+    if all(sides):
+        base, lid = (manifolds.subset(mesh, np.sort(np.concatenate(side))) for side in sides)
+        return base, lid
+    offset = float(hinge.bisector @ hinge.origin)
+    above, below = manifolds.solid(mesh).split_by_plane(tuple(hinge.bisector), offset)
+    if above.is_empty() or below.is_empty():
+        return None
+    return manifolds.mesh(below, mesh), manifolds.mesh(above, mesh)
+
+
+def _seated(base: Mesh, lid: Mesh, hinge: Hinge, options: ArticulateOptions) -> tuple[Hinge, float]:
+    """Move the axis so that the closed lid lies on the base, `clearance_m` above it; also how far it was lifted."""
+    closed = _apply(hinge.turn(-hinge.angle), lid.vertices)
+    below = _heights(base.vertices, hinge)
+    lowest = _heights(closed, hinge)
+    # Robust ends: a mesh from a network has specks that would hold the lid up.
+    lift = float(np.quantile(below, 0.99) - np.quantile(lowest, 0.01)) + options.clearance_m
+    return (hinge, 0.0) if options.hinge else (hinge.lifted(lift), lift)
+
+
+def _heights(vertices: np.ndarray, hinge: Hinge) -> np.ndarray:
+    return np.asarray((vertices - hinge.origin) @ hinge.up)
+
+
+def _plan_area(lid: Mesh, hinge: Hinge) -> float:
+    """Area of the lid's outline seen along its slab [m^2], by its faces that look inward when closed."""
+    areas, normals = manifolds.areas_and_normals(lid)
+    inward = hinge.turn(hinge.angle)[:3, :3] @ -hinge.up
+    cosine = normals @ inward
+    return float((areas * np.maximum(cosine, 0.0)).sum())
+
+
+def _upper(overlap: Callable[[float], float], hinge: Hinge, options: ArticulateOptions) -> float:
+    """The widest opening up to which nothing is in the way; never less than what was observed and a margin."""
+    least = hinge.angle + options.margin_rad
+    free = least
+    for position in np.linspace(least, max(options.upper_rad, least), _STEPS):
+        if overlap(float(position)) > options.overlap_m:
+            break
+        free = float(position)
+    return free
+
+
+def _walls(shape: Shape, hinge: Hinge) -> tuple[tuple[Hull, ...], tuple[Hull, ...]]:
+    """Walls of the lower and of the upper link, as they stand."""
+    sides: tuple[list[Hull], list[Hull]] = ([], [])
+    for hull in shape.walls:
+        middle = hull.vertices.mean(axis=0, dtype=np.float64)
+        sides[int(hinge.bisector @ (middle - hinge.origin) > 0.0)].append(hull)
+    # Walls that stand on one side only do not describe both links.
+    return (tuple(sides[0]), tuple(sides[1])) if all(sides) else ((), ())
+
+
+def _seen_angle(shape: Shape, seen: ObjectView, hinge: Hinge) -> float | None:
+    """Opening of a plane through the seen points near the lid [rad]: a check of the mesh by the measurement."""
+    valid = seen.mask & (seen.depth.depth > 0.0)
+    points = cameras.backproject(seen.depth.depth, seen.camera.matrix())[valid]
+    to_object = transforms.invert(shape.world_from_object) @ seen.world_from_camera
+    local = transforms.apply(to_object, points) - hinge.origin
+    inside = hinge.turn(hinge.angle)[:3, :3] @ hinge.along
+    front = np.cross(hinge.axis, inside)
+    near = (local @ inside > 0.02) & (np.abs(local @ front) < 0.008)
+    if near.sum() < 200:
+        return None
+    offsets = local[near] - local[near].mean(axis=0)
+    normal = np.linalg.svd(offsets.T @ offsets)[0][:, 2]
+    direction = np.cross(normal, hinge.axis)
+    direction *= np.sign(direction @ inside)
+    return float(np.arctan2(direction @ hinge.up, direction @ hinge.along)) % (2.0 * np.pi)
+
+
+def _joint(hinge: Hinge, upper: float) -> Joint:
+    origin, axis = ([float(value) for value in vector] for vector in (hinge.origin, hinge.axis))
+    return Joint(
+        name="hinge",
+        type="revolute",
+        parent="base",
+        child="lid",
+        origin=(origin[0], origin[1], origin[2]),
+        axis=(axis[0], axis[1], axis[2]),
+        lower=0.0,
+        upper=upper,
+        position=hinge.angle,
+    )
+
+
+def _moved(mesh: Mesh, motion: np.ndarray) -> Mesh:
+    return mesh.model_copy(update={"vertices": _apply(motion, mesh.vertices)})
+
+
+def _apply(motion: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    return transforms.apply(motion, vertices.astype(np.float64)).astype(np.float32)

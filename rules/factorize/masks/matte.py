@@ -1,0 +1,160 @@
+"""Pixel-accurate masks: holes and borders where the depth camera saw nothing or could not tell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.geometry import regions
+
+from ..regions import proposals
+from ..regions.heights import Relief
+
+BAND = 12
+"""How far beyond the measured mask pixels may belong to the object [px]."""
+DEEP = 8
+"""Measured pixels farther inside stay [px]."""
+SURE = 6
+"""Depth cameras rarely fatten a border by more than this [px]."""
+EATEN = 9
+"""They rarely eat more than this off a thin part [px]."""
+NEARBY = 15
+"""Distance over which colours are compared [px]."""
+COLOUR_SIGMA = 6.0
+"""Colour differences of one surface under one light [CIE Lab]."""
+FARTHEST = 900.0
+"""Squared colour difference beyond which colours are equally foreign."""
+MOST_CHANGE = 0.4
+"""A border that changes more than this part of the mask is not believed."""
+
+
+def complete(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarray) -> np.ndarray:
+    """The mask (H, W) bool with its holes filled and its border moved to the object's colours.
+
+    Args:
+        mask: (H, W) bool, measured pixels of the object.
+        others: (H, W) bool, pixels of other objects; they stay out.
+        relief: Heights of the capture.
+        pixels: (H, W, 3) uint8 photograph.
+    """
+    from scipy import ndimage
+
+    smooth = ndimage.binary_closing(np.pad(mask, 4), np.ones((3, 3), bool))[4:-4, 4:-4] & ~others
+    filled = fill(mask | (smooth & ~relief.valid), others, relief)
+    settled = border(filled, others, relief, pixels)
+    closed = ndimage.binary_closing(np.pad(settled, 4), np.ones((3, 3), bool), iterations=2)[4:-4, 4:-4]
+    return fill(settled | (closed & ~relief.valid & ~others), others, relief)
+
+
+def fill(mask: np.ndarray, others: np.ndarray, relief: Relief) -> np.ndarray:
+    """The mask with holes over its footprint, such as the floor of a bowl; what shows through a handle stays out."""
+    from scipy import ndimage
+
+    holes = ndimage.binary_fill_holes(mask) & ~mask & ~others
+    labels, count = ndimage.label(holes)
+    if not count:
+        return mask
+    outline = regions.convex_hull(relief.points[mask & relief.raised][:, :2])
+    within = relief.valid & regions.inside_convex(relief.points[..., :2], outline)
+    numbers = np.arange(1, count + 1)
+    size = np.asarray(ndimage.sum(holes, labels, numbers))
+    measured = np.asarray(ndimage.sum(relief.valid, labels, numbers))
+    inside = np.asarray(ndimage.sum(within, labels, numbers))
+    small = (measured == 0) & (size < max(30.0, 0.02 * mask.sum()))
+    keep = np.concatenate([[False], small | ((measured > 0.3 * size) & (inside > 0.7 * measured))])
+    return np.asarray(mask | keep[labels])
+
+
+def border(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarray) -> np.ndarray:
+    """The mask with its border moved to where colour changes from the object's to that of what surrounds it.
+
+    Depth cameras fatten some borders and eat others by a few pixels. Each pixel near the border weighs what depth
+    says, which counts less the nearer the border is, against its colour, and agrees with neighbours of like colour.
+    """
+    from scipy import ndimage
+
+    box = _box(mask, 3 * BAND)
+    own, foreign, measured = mask[box], others[box], relief.valid[box]
+    inside, outside = ndimage.distance_transform_edt(own), ndimage.distance_transform_edt(~own)
+    prior = np.where(own, 1.0 + 0.5 * inside, np.where(measured, -0.8 - 0.35 * outside, -0.5 - 0.25 * outside))
+    # Borders with other objects are creases and steps, which depth knows better than colour.
+    touching = ndimage.distance_transform_edt(~foreign) <= 4
+    fixed = foreign | (outside > BAND) | (inside > DEEP) | (own & touching)
+    lab = ndimage.median_filter(proposals.colour_lab(pixels[box]), size=(3, 3, 1))
+    ridge = own & (inside >= ndimage.maximum_filter(inside, size=7))
+    nearby = Nearby(lab, ~fixed)
+    beyond = (outside > BAND) | (measured & (outside > EATEN))
+    belief = np.where(own & ((inside > SURE) | ridge), 1.0, np.where(beyond, 0.0, 0.5))
+    for _ in range(4):
+        # The open band never counts as surroundings, or it would confirm itself.
+        surround = (beyond | (own & (belief < 0.1))) & ~foreign
+        hint = nearby.evidence((belief > 0.9) & ~foreign, surround)
+        belief = agree(prior + hint, lab, fixed, own)
+    won = ndimage.binary_opening(np.pad(belief > 0.5, 2), np.ones((2, 2), bool))[2:-2, 2:-2] & ~foreign
+    labels, count = ndimage.label(won | (own & (inside > DEEP)))
+    if not count:
+        return mask
+    sizes = ndimage.sum(own, labels, np.arange(1, count + 1))
+    result = np.zeros_like(mask)
+    result[box] = np.isin(labels, 1 + np.flatnonzero(sizes > 0.02 * own.sum()))
+    change = (result ^ mask).sum() / mask.sum()
+    return result if change <= MOST_CHANGE else mask
+
+
+class Nearby:
+    """Colour differences of some pixels to the pixels around them, for repeated questions."""
+
+    def __init__(self, lab: np.ndarray, where: np.ndarray) -> None:
+        self.where = where
+        rows, columns = np.nonzero(where)
+        reach = np.arange(-NEARBY, NEARBY + 1, 3)
+        down, right = (step.reshape(-1, 1) for step in np.meshgrid(reach, reach, indexing="ij"))
+        r, c = np.clip(rows + down, 0, lab.shape[0] - 1), np.clip(columns + right, 0, lab.shape[1] - 1)
+        self.index = r * lab.shape[1] + c
+        flat = lab.reshape(-1, 3)
+        own = lab[rows, columns]
+        self.difference = np.minimum(sum(np.square(flat[self.index, i] - own[:, i]) for i in range(3)), FARTHEST)
+
+    def evidence(self, object_: np.ndarray, surround: np.ndarray) -> np.ndarray:
+        """Log likelihood ratio (h, w), within +-3: is a pixel's colour found nearby in the object or around it?"""
+        least = [
+            np.where(known.ravel()[self.index], self.difference, FARTHEST).min(axis=0) for known in (object_, surround)
+        ]
+        ratio = np.zeros(self.where.shape)
+        ratio[self.where] = np.clip((least[1] - least[0]) / (2.0 * COLOUR_SIGMA**2), -3.0, 3.0)
+        return ratio
+
+
+def agree(unary: np.ndarray, lab: np.ndarray, fixed: np.ndarray, start: np.ndarray, rounds: int = 12) -> np.ndarray:
+    """Belief (h, w) in 0..1 of a mean field: log odds `unary`, pulled towards neighbours of like colour."""
+    belief = np.where(fixed, start, 1.0 / (1.0 + np.exp(-unary)))
+    links = [(down, right, _likeness(lab, down, right)) for down, right in ((0, 1), (1, 0), (1, 1), (1, -1))]
+    for _ in range(rounds):
+        pull = np.zeros_like(unary)
+        signed = 2.0 * belief - 1.0
+        for down, right, weight in links:
+            here, there = _pair(unary.shape, down, right)
+            pull[here] += weight * signed[there]
+            pull[there] += weight * signed[here]
+        belief = np.where(fixed, start, 1.0 / (1.0 + np.exp(-np.clip(unary + pull, -30.0, 30.0))))
+    return np.asarray(belief)
+
+
+def _likeness(lab: np.ndarray, down: int, right: int) -> np.ndarray:
+    here, there = _pair(lab.shape[:2], down, right)
+    difference = ((lab[here] - lab[there]) ** 2).sum(axis=-1)
+    return np.asarray(0.7 * np.exp(-difference / (2.0 * 8.0**2)) / np.hypot(down, right))
+
+
+def _pair(shape: tuple[int, ...], down: int, right: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    height, width = shape[:2]
+    here = (slice(0, height - down), slice(max(0, -right), width - max(0, right)))
+    there = (slice(down, height), slice(max(0, right), width - max(0, -right)))
+    return here, there
+
+
+def _box(mask: np.ndarray, margin: int) -> tuple[slice, slice]:
+    rows, columns = np.nonzero(mask)
+    return (
+        slice(max(0, int(rows.min()) - margin), int(rows.max()) + margin + 1),
+        slice(max(0, int(columns.min()) - margin), int(columns.max()) + margin + 1),
+    )

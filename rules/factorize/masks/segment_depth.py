@@ -1,0 +1,56 @@
+"""Masks from geometry: surface patches above the support, their borders finished by colour."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.object import Element, Elements, Support
+from dextera_build.rule import Backend
+
+from ..regions.proposals import Proposal, scenery
+from . import matte
+from .overlap import box_inside, box_iou
+
+BACKEND = Backend(
+    summary="surface patches above the support, borders settled by colour",
+    profiles=("cpu",),
+    packages=("numpy", "scipy", "opencv-python-headless"),
+    extra="twin",
+)
+SAME = 0.3
+PART = 0.85
+
+
+def masks(capture: Capture, support: Support, elements: Elements) -> dict[str, np.ndarray]:
+    """Interactive element -> mask (H, W) bool, in the elements' order."""
+    seen = scenery(capture, support)
+    owners = [_owner(proposal, elements.elements) for proposal in seen.objects]
+    measured: dict[str, np.ndarray] = {}
+    for element in elements.elements:
+        parts = [p.mask for p, owner in zip(seen.objects, owners, strict=True) if owner == element.name]
+        if parts:
+            measured[element.name] = np.logical_or.reduce(parts)
+    everything = np.logical_or.reduce([proposal.mask for proposal in seen.objects] or [np.zeros_like(seen.other)])
+    finished: dict[str, np.ndarray] = {}
+    taken = np.zeros_like(everything)
+    for element in elements.elements:
+        if element.interactive and element.name in measured:
+            own = measured[element.name]
+            mask = matte.complete(own, (everything & ~own) | taken, seen.relief, capture.rgb.pixels)
+            finished[element.name] = mask
+            taken |= mask
+    return finished
+
+
+def _owner(proposal: Proposal, elements: tuple[Element, ...]) -> str | None:
+    """The element whose box fits best; a fragment belongs to the element whose box holds it."""
+    best, score = None, 0.0
+    for element in elements:
+        if element.box is None:
+            continue
+        iou = box_iou(proposal.box, element.box)
+        inside = box_inside(proposal.box, element.box)
+        if (iou >= SAME or inside >= PART) and iou > score:
+            best, score = element.name, iou
+    return best

@@ -1,0 +1,26 @@
+"""Masks without refinement: connected pixels above the support."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.object import Elements, Support
+from dextera_build.rule import Backend
+
+from ..regions.blobs import blobs
+from .overlap import box_iou
+
+BACKEND = Backend(summary="connected pixels above the support", profiles=("stub",))
+
+
+def masks(capture: Capture, support: Support, elements: Elements) -> dict[str, np.ndarray]:
+    """Interactive element -> mask (H, W) bool of the region that overlaps its box most."""
+    found = {}
+    seen = blobs(capture, support)
+    for element in elements.elements:
+        if element.interactive and element.box is not None and seen:
+            best = max(seen, key=lambda blob: box_iou(blob.box, element.box or blob.box))
+            if box_iou(best.box, element.box) > 0:
+                found[element.name] = best.mask
+    return found

@@ -1,0 +1,106 @@
+"""Bodies of stacked cross-sections about a vertical axis: cylinders, revolved profiles, oval bottles, vessels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..evidence import Evidence
+from ..refine import Model
+from .box import LARGEST_M, SMALLEST_M
+from .profile import THINNEST_M, Layout
+from .revolution import axis, cavity_floor, outer_radii
+
+CYLINDER = Layout(knots=2)
+
+
+def cylinder(evidence: Evidence) -> Model:
+    """An upright cylinder: x, y, height, and one radius twice."""
+    centre, radius = axis(evidence)
+    return Model(
+        name="cylinder",
+        build=lambda p: CYLINDER.build(np.array([*p, p[3]])),
+        starts=[np.array([*centre, evidence.height, radius])],
+        steps=np.array([0.003, 0.003, 0.003, 0.002]),
+        lower=np.array([-np.inf, -np.inf, SMALLEST_M, SMALLEST_M]),
+        upper=np.array([np.inf, np.inf, LARGEST_M, LARGEST_M / 2]),
+    )
+
+
+def revolved(evidence: Evidence, *, hollow: bool, wall_m: float) -> tuple[Layout, Model]:
+    """A profile turned about a vertical axis; with `hollow` there is a cavity that is open upwards."""
+    height = evidence.height
+    layout = Layout(knots=int(np.clip(round(height / 0.02), 5, 9 if hollow else 12)), hollow=hollow)
+    centre, typical = axis(evidence)
+    radii = outer_radii(evidence, centre, typical, np.linspace(0.0, height, layout.knots))
+    start = [*centre, height, *radii]
+    if hollow:
+        start += [wall_m] * layout.knots + [cavity_floor(evidence, centre, typical, wall_m)]
+    name = "revolved_hollow" if hollow else "revolved"
+    return layout, model(layout, name, [np.array(start)], wall_m)
+
+
+def oval(evidence: Evidence) -> tuple[Layout, Model]:
+    """Stacked superellipses with two planes of symmetry: a bottle or a carton with rounded corners."""
+    layout = Layout(knots=int(np.clip(round(evidence.height / 0.018), 5, 12)), oval=True)
+    facing = float(np.arctan2(-evidence.forward[0], evidence.forward[1]))
+    turns = np.deg2rad([0.0, 20.0, -20.0, 40.0, -40.0, 65.0, -65.0, 90.0])
+    starts = [_oval_start(evidence, facing + turn, layout) for turn in turns]
+    return layout, model(layout, "oval", starts, 0.0)
+
+
+def model(layout: Layout, name: str, starts: list[np.ndarray], wall_m: float) -> Model:
+    """The model of a layout about its first guesses.
+
+    Args:
+        layout: Meaning of the parameters.
+        name: Of the family.
+        starts: First guesses; what is not seen stays near the first.
+        wall_m: Wall thickness where it is not seen [m].
+    """
+    knots, inf = layout.knots, np.inf
+    steps, low, high, spread = [0.003, 0.003], [-inf, -inf], [inf, inf], [inf, inf]
+    if layout.oval:
+        steps, low, high, spread = [*steps, 0.04, 0.2], [*low, -inf, 1.7], [*high, inf, 8.0], [*spread, inf, 1.0]
+    steps += [0.003] + [0.002] * knots
+    low += [SMALLEST_M] + [SMALLEST_M / 2] * knots
+    high += [LARGEST_M] + [LARGEST_M / 2] * knots
+    spread += [inf] + [0.05] * knots
+    if layout.oval:
+        steps, low = steps + [0.06] * layout.ratios, low + [0.2] * layout.ratios
+        high, spread = high + [1.6] * layout.ratios, spread + [0.4] * layout.ratios
+    if layout.hollow:
+        thick = max(4 * wall_m, 0.3 * float(layout.split(starts[0])[1].max()))
+        steps, low = steps + [0.0015] * knots + [0.003], low + [THINNEST_M] * (knots + 1)
+        high, spread = high + [thick] * knots + [0.9 * layout.height(starts[0])], spread + [0.004] * knots + [0.02]
+    return Model(
+        name=name,
+        build=layout.build,
+        starts=starts,
+        steps=np.array(steps),
+        lower=np.array(low),
+        upper=np.array(high),
+        expected=starts[0],
+        spread=np.array(spread),
+        smooth=layout.bends(layout.height(starts[0])),
+        cost=0.02 if layout.oval else 0.01,
+    )
+
+
+def _oval_start(evidence: Evidence, yaw: float, layout: Layout) -> np.ndarray:
+    """Half-axes from the widths of the seen points in slices; the axis is a half-axis of depth behind the front."""
+    along, across = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
+    u, v, z = evidence.points[:, :2] @ along, evidence.points[:, :2] @ across, evidence.points[:, 2]
+    heights = np.linspace(0.0, evidence.height, layout.knots)
+    half, middle = np.full(layout.knots, np.nan), np.full(layout.knots, np.nan)
+    for i, height in enumerate(heights):
+        near = np.abs(z - height) < evidence.height / layout.knots
+        if near.sum() > 12:
+            low, high = np.quantile(u[near], [0.02, 0.98])
+            half[i], middle[i] = (high - low) / 2 + 0.002, (low + high) / 2
+    good = np.isfinite(half)
+    half = np.interp(heights, heights[good], half[good]) if good.any() else np.full(layout.knots, 0.02)
+    lateral = float(np.nanmedian(middle)) if good.any() else float(np.median(u))
+    ratio = 0.7
+    depth = float(np.quantile(v, 0.05)) + ratio * float(half.max())
+    centre = along * lateral + across * depth
+    return np.array([*centre, yaw, 2.3, evidence.height, *half, *[ratio] * layout.ratios])

@@ -1,0 +1,233 @@
+"""Bodies of no family: what was seen, and the same again behind a vertical plane of symmetry.
+
+Known are the seen surface and the outline of the mask: the body is the largest that fits behind the one and within the
+other and equals its mirror image. Guessed are the plane (upright, within some 50 degrees of facing the camera; its
+place explains the view best at a depth that is not far from the width) and so the whole back; that whatever is hidden
+but could be full is full, down to what the object stands on; and the surface where depth is missing, which continues
+the nearest seen one. A body whose true plane of symmetry lies along the line of sight comes out too short or too bulky,
+and so does one without such a plane; a cavity is only as deep as it was seen, and has the wrong back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.geometry import solids, transforms
+from dextera_build.geometry.solids import Solid
+
+from ..evidence import Evidence
+from ..refine import Model
+from ..scoring import judge
+from .box import LARGEST_M, upright
+
+if TYPE_CHECKING:
+    from manifold3d import CrossSection, Manifold
+
+COST = 0.2
+"""Complexity. The front is copied, so it always fits: the body wins only where every family with sizes fits badly."""
+YAWS_DEG = (0.0, -20.0, 20.0, -40.0, 40.0)
+"""Turns of the plane from facing the camera that are tried."""
+RATIOS = (0.6, 0.9, 1.4, 2.1)
+"""Depths over widths of the body that are tried."""
+UNLIKELY = 0.04
+"""What a depth costs that is e times the width, or as much smaller, beside an overlap of 1."""
+SEARCHED_PX = 90
+"""Resolution at which planes are compared [px]."""
+COARSE, FINE = 12, 48
+"""Edges that the longer side of the outline is divided into: while the plane is sought, and in the end."""
+MOST_FACES = 5500
+SLACK_M = 0.0003
+"""How far faces may first move to have fewer of them [m]; doubled until they are few enough."""
+FOOT_M = 0.004
+"""Height over its lowest point at which a body that hangs in the air is cut to be extended downwards [m]."""
+SPECK_M = 1e-4
+"""Size of the body that a plane leaves of which nothing is left [m]."""
+
+
+@dataclass(frozen=True)
+class Front:
+    """All that may be full: the seen surface and everything behind it, within the outline of the mask."""
+
+    coarse: Manifold
+    fine: Manifold
+
+    def body(self, p: np.ndarray, *, fine: bool = False) -> Solid | None:
+        """The largest body within, in the world frame, with a plane of symmetry; None where nothing is left.
+
+        Args:
+            p: Direction of the plane's normal (from x to y, about z) [rad] and its distance from the origin [m].
+            fine: Whether to keep the detail of the view.
+        """
+        half = self.fine if fine else self.coarse
+        normal = np.array([np.cos(p[0]), np.sin(p[0]), 0.0])
+        mirror = np.concatenate([np.eye(3) - 2.0 * np.outer(normal, normal), 2.0 * p[1] * normal[:, None]], axis=1)
+        whole = half ^ half.transform(mirror)
+        parts = whole.decompose()
+        if not parts:
+            return None
+        largest = _standing(max(parts, key=lambda part: float(part.volume())))
+        mesh = _simplified(largest).to_mesh64() if fine else largest.to_mesh64()
+        return Solid(np.array(mesh.vert_properties[:, :3], np.float64), np.array(mesh.tri_verts, np.int64))
+
+
+def mirrored(evidence: Evidence) -> tuple[Front, Model] | None:
+    """The front, and the model: direction of the plane's normal [rad] and its distance from the origin [m]; or None."""
+    outline, mask = _outline(evidence)
+    if outline is None:
+        return None
+    depth = _smooth_depth(evidence)
+    longest = float(np.ptp(np.argwhere(mask), axis=0).max())
+    coarse, fine = (_swept(outline, depth, evidence, longest / count) for count in (COARSE, FINE))
+    front = Front(coarse, fine)
+    start = _best_plane(front, _thinned(evidence))
+    if start is None:
+        return None
+    room = np.array([0.25, 0.02])
+    model = Model(
+        name="mirrored",
+        build=lambda p: _built(front, p),
+        starts=[start],
+        steps=np.array([0.05, 0.003]),
+        lower=start - room,
+        upper=start + room,
+        expected=start,
+        spread=np.array([0.2, 0.01]),
+        cost=COST,
+    )
+    return front, model
+
+
+def finished(front: Front, p: np.ndarray) -> tuple[Solid, np.ndarray]:
+    """The body in its own frame, whose plane of symmetry is y = 0, and T_world_object (4, 4)."""
+    body = front.body(p, fine=True) or _built(front, p)
+    turned = upright(0.0, 0.0, float(p[0]) - np.pi / 2)
+    own = body.vertices @ turned[:3, :3]
+    middle = np.array([(own[:, 0].min() + own[:, 0].max()) / 2, p[1], own[:, 2].min()])
+    return Solid(own - middle, body.faces), transforms.rigid(turned[:3, :3], turned[:3, :3] @ middle)
+
+
+def _built(front: Front, p: np.ndarray) -> Solid:
+    """The coarse body; a speck, which explains nothing, where the plane leaves none."""
+    return front.body(p) or solids.box((SPECK_M, SPECK_M, SPECK_M), (0.0, 0.0, SPECK_M / 2))
+
+
+def _thinned(evidence: Evidence) -> Evidence:
+    """The view at about `SEARCHED_PX` pixels along the mask's longer side: every n-th pixel."""
+    step = max(1, round(float(np.ptp(np.argwhere(evidence.mask), axis=0).max()) / SEARCHED_PX))
+    k = evidence.k / np.array([[step], [step], [1.0]])
+    names = ("mask", "known", "depth", "sigma", "core")
+    return replace(evidence, k=k, **{name: getattr(evidence, name)[::step, ::step] for name in names})
+
+
+def _best_plane(front: Front, evidence: Evidence) -> np.ndarray | None:
+    """The likeliest plane of a coarse grid and its neighbours; None where no plane leaves a body."""
+    found = _likeliest(front, evidence, [(yaw, ratio) for yaw in YAWS_DEG for ratio in RATIOS])
+    if found is None:
+        return None
+    nearby = [found, (found[0], 0.82 * found[1]), (found[0], 1.2 * found[1])]
+    return _plane(evidence, *(_likeliest(front, evidence, nearby) or found))
+
+
+def _likeliest(front: Front, evidence: Evidence, choices: list[tuple[float, float]]) -> tuple[float, float] | None:
+    """The choice of turn [degrees] and depth over width whose body explains the view best, at a likely depth."""
+    marks = {}
+    for yaw_deg, ratio in choices:
+        body = front.body(_plane(evidence, yaw_deg, ratio))
+        if body is not None:
+            marks[yaw_deg, ratio] = judge(body, evidence).score - UNLIKELY * float(np.log(ratio) ** 2)
+    return max(marks, key=lambda choice: marks[choice]) if marks else None
+
+
+def _plane(evidence: Evidence, yaw_deg: float, ratio: float) -> np.ndarray:
+    """Direction of the normal [rad] and distance from the origin [m] of a plane half the body's depth behind its front.
+
+    Args:
+        evidence: The view.
+        yaw_deg: Turn of the plane from facing the camera.
+        ratio: Depth over width of the body.
+    """
+    direction = float(np.arctan2(evidence.forward[1], evidence.forward[0]) + np.deg2rad(yaw_deg))
+    normal = np.array([np.cos(direction), np.sin(direction)])
+    across = evidence.points[:, :2] @ [-normal[1], normal[0]]
+    width = float(np.ptp(np.quantile(across, [0.01, 0.99])))
+    near = float(np.quantile(evidence.points[:, :2] @ normal, 0.02))
+    return np.array([direction, near + ratio * width / 2])
+
+
+def _outline(evidence: Evidence) -> tuple[CrossSection | None, np.ndarray]:
+    """The mask as polygons [px] and as pixels; what something nearer may hide is filled up to the convex hull."""
+    import cv2
+    import manifold3d as m3
+
+    mask = evidence.mask.astype(np.uint8)
+    if not mask.any():
+        return None, evidence.mask
+    if not evidence.known.all():
+        corners = cv2.convexHull(np.argwhere(mask)[:, ::-1].astype(np.int32))
+        hull = cv2.fillConvexPoly(np.zeros_like(mask), corners, 1)
+        mask |= hull & ~evidence.known
+    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    contours, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    rings = [contour[:, 0].astype(np.float64) for contour in contours if len(contour) >= 12]
+    if not rings:
+        return None, evidence.mask
+    section = m3.CrossSection(rings, m3.FillRule.EvenOdd)
+    # Contours run through the centres of the outermost pixels, half a pixel inside.
+    return section.offset(0.5, m3.JoinType.Round).simplify(0.7), mask > 0
+
+
+def _smooth_depth(evidence: Evidence) -> np.ndarray:
+    """Depth (H, W) of the seen surface: gaps hold the nearest trusted depth, then noise is smoothed [m]."""
+    from scipy import ndimage
+
+    nearest = ndimage.distance_transform_edt(~evidence.core, return_distances=False, return_indices=True)
+    filled = evidence.depth[nearest[0], nearest[1]]
+    filled = ndimage.median_filter(filled, 5)
+    return np.asarray(ndimage.gaussian_filter(filled, 1.5))
+
+
+def _swept(outline: CrossSection, depth: np.ndarray, evidence: Evidence, edge_px: float) -> Manifold:
+    """The solid above z = 0 between the seen surface and the same far behind it along the lines of sight."""
+    import manifold3d as m3
+    from scipy import ndimage
+
+    # A prism over the outline, thinner than an edge is long, so that only its two ends are divided.
+    thick = 0.5 * edge_px
+    prism = m3.Manifold.extrude(outline.simplify(0.1 * edge_px), thick).refine_to_length(edge_px)
+
+    def bend(corners: np.ndarray) -> np.ndarray:
+        place = np.asarray(corners)
+        seen = ndimage.map_coordinates(depth, place[:, 1::-1].T, order=1, mode="nearest")
+        z = seen + (place[:, 2] / thick).round() * LARGEST_M
+        k = evidence.k
+        point = np.stack([(place[:, 0] - k[0, 2]) / k[0, 0] * z, (place[:, 1] - k[1, 2]) / k[1, 1] * z, z], axis=-1)
+        return np.asarray(transforms.apply(evidence.world_from_camera, point))
+
+    swept = prism.warp_batch(bend).trim_by_plane((0.0, 0.0, 1.0), 0.0)
+    return swept.simplify(SLACK_M)
+
+
+def _standing(body: Manifold) -> Manifold:
+    """The body, extended straight down to z = 0 where its lowest part hangs in the air."""
+    import manifold3d as m3
+
+    low = float(body.bounding_box()[2])
+    if low < 1e-6:
+        return body
+    foot = body.slice(low + FOOT_M)
+    if foot.is_empty():
+        return body.translate((0.0, 0.0, -low))
+    return body + m3.Manifold.extrude(foot, low + FOOT_M)
+
+
+def _simplified(body: Manifold) -> Manifold:
+    """The body with at most `MOST_FACES` faces."""
+    slack = SLACK_M
+    found = body.simplify(slack)
+    while found.num_tri() > MOST_FACES and slack < 0.05:
+        slack *= 2.0
+        found = body.simplify(slack)
+    return found

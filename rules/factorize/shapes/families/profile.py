@@ -1,0 +1,131 @@
+"""Stacked cross-sections about a vertical axis, and how a parameter vector describes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dextera_build.geometry import solids
+from dextera_build.geometry.solids import Solid
+
+from .box import SMALLEST_M, upright
+
+THINNEST_M = 0.0012
+"""No wall is thinner [m]."""
+BEND_RAD = 0.2
+"""Standard deviation of the turn of a profile from one piece to the next [rad]."""
+WALL_STEP_M = 0.0008
+"""Standard deviation of the change of a wall's thickness from knot to knot [m]."""
+FLOOR_M = 0.003
+"""Standard deviation of the difference between a floor and the wall above it [m]."""
+FACETS = 60
+"""Corners of a finished cross-section; a multiple of `wall_pieces.SECTORS`."""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Cross-sections by height: superellipses with half-axes `a` along x and `b` along y, maybe with a cavity."""
+
+    heights: np.ndarray  # (K,) from 0 up [m]
+    a: np.ndarray  # (K,) [m]
+    b: np.ndarray  # (K,) [m]
+    exponent: float = 2.0
+    wall: np.ndarray | None = None  # (K,) wall thickness [m]; None makes it solid
+    floor: float = 0.0  # height of the cavity's floor [m]
+
+    def finer(self, count: int) -> Profile:
+        """The same profile at `count` heights, joined by a smooth curve that never overshoots."""
+        from scipy.interpolate import PchipInterpolator
+
+        heights = np.linspace(0.0, self.heights[-1], count)
+        a, b = (np.asarray(PchipInterpolator(self.heights, curve)(heights)) for curve in (self.a, self.b))
+        wall = None if self.wall is None else np.asarray(PchipInterpolator(self.heights, self.wall)(heights))
+        return Profile(heights, a, b, self.exponent, wall, self.floor)
+
+    def outer(self, facets: int) -> np.ndarray:
+        """Rings (K, facets, 3) of the outside, from the base up."""
+        rows = zip(self.a, self.b, self.heights, strict=True)
+        return np.stack([solids.ring(a, b, self.exponent, z, facets) for a, b, z in rows])
+
+    def inner(self, facets: int) -> np.ndarray:
+        """Rings of the cavity, from the rim down to the floor."""
+        if self.wall is None:
+            return np.zeros((0, facets, 3))
+        heights = np.concatenate([[self.floor], self.heights[self.heights > self.floor + 1e-4]])
+        a, b, wall = (np.interp(heights, self.heights, curve) for curve in (self.a, self.b, self.wall))
+        a, b = np.maximum(a - wall, SMALLEST_M / 3), np.maximum(b - wall, SMALLEST_M / 3)
+        rows = list(zip(a, b, heights, strict=True))[::-1]
+        return np.stack([solids.ring(x, y, self.exponent, z, facets) for x, y, z in rows])
+
+    def solid(self, facets: int) -> Solid:
+        """The closed body in its own frame, base on z = 0."""
+        return solids.loft(np.concatenate([self.outer(facets), self.inner(facets)]))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What parameters mean: x, y, [yaw, exponent], height, a by knot, [ratios b / a], [wall by knot, floor]."""
+
+    knots: int
+    oval: bool = False
+    ratios: int = 3
+    hollow: bool = False
+
+    def split(self, p: np.ndarray) -> list[np.ndarray]:
+        """Runs of parameters: what stands before the half-axes, the half-axes, then ratios, walls and floor."""
+        own = [self.knots] + [self.ratios] * self.oval + [self.knots] * self.hollow
+        return np.split(p, np.cumsum([5 if self.oval else 3, *own])[: 2 + self.oval + 2 * self.hollow - 1])
+
+    def height(self, p: np.ndarray) -> float:
+        """Height of the body [m]."""
+        return float(p[4 if self.oval else 2])
+
+    def profile(self, p: np.ndarray) -> Profile:
+        """The profile that the parameters stand for."""
+        height, runs = self.height(p), self.split(p)
+        heights = np.linspace(0.0, height, self.knots)
+        a = b = runs[1]
+        exponent = 2.0
+        if self.oval:
+            b = a * np.interp(heights, np.linspace(0.0, height, self.ratios), runs[2])
+            exponent = float(p[3])
+        if not self.hollow:
+            return Profile(heights, a, b, exponent)
+        wall = np.minimum(runs[-2], 0.8 * np.minimum(a, b))
+        return Profile(heights, a, b, exponent, wall, float(np.clip(p[-1], THINNEST_M, 0.9 * height)))
+
+    def pose(self, p: np.ndarray) -> np.ndarray:
+        """T_world_object (4, 4)."""
+        return upright(p[0], p[1], p[2] if self.oval else 0.0)
+
+    def build(self, p: np.ndarray) -> Solid:
+        """The body in the world frame, coarse enough for a search."""
+        return self.profile(p).solid(40).moved(self.pose(p))
+
+    def finer(self, p: np.ndarray) -> tuple[Layout, np.ndarray]:
+        """The layout with twice as many knots, and the parameters that draw the same profile with it."""
+        layout = replace(self, knots=min(2 * self.knots - 1, 25))
+        old, new = np.linspace(0, 1, self.knots), np.linspace(0, 1, layout.knots)
+        runs = self.split(p)
+        runs[1] = np.interp(new, old, runs[1])
+        if self.hollow:
+            runs[-2] = np.interp(new, old, runs[-2])
+        return layout, np.concatenate(runs)
+
+    def bends(self, height: float) -> np.ndarray:
+        """Rows (R, P): how a body of about this height bends and its wall swells, in standard deviations."""
+        first = 5 if self.oval else 3
+        count = first + self.knots + self.oval * self.ratios + self.hollow * (self.knots + 1)
+        rows = np.zeros((max(self.knots - 2, 0), count))
+        for i in range(self.knots - 2):
+            rows[i, first + i : first + i + 3] = [1.0, -2.0, 1.0]
+        # A wall that is not seen is as thick as the wall next to it, a floor about as thick as the wall.
+        walls = np.zeros((self.knots - 1 if self.hollow else 0, count))
+        for i in range(len(walls)):
+            walls[i, first + self.knots + i : first + self.knots + i + 2] = [-1.0, 1.0]
+        floor = np.zeros((1 if self.hollow else 0, count))
+        if self.hollow:
+            floor[0, [first + self.knots, -1]] = [-1.0, 1.0]
+        # A profile may turn by about a quarter radian from knot to knot before it counts.
+        return np.concatenate([rows / (BEND_RAD * height / (self.knots - 1)), walls / WALL_STEP_M, floor / FLOOR_M])

@@ -1,0 +1,105 @@
+"""A box in any orientation: it leans, or lies on something that is not level."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.geometry import solids, transforms
+from dextera_build.geometry.solids import Solid
+
+from ..evidence import Evidence
+from ..refine import Model
+from .box import LARGEST_M, SMALLEST_M
+from .planes import largest_plane
+
+LEAST_PART = 0.15
+"""A face that gives a direction holds at least this part of the points."""
+
+
+def tilted(evidence: Evidence) -> tuple[list[np.ndarray], Model] | None:
+    """First orientations (3, 3), and the model: which of them, a rotation vector on top, middle, sizes; or None.
+
+    The first parameter is fixed by the start: the number of the orientation that it begins at.
+    """
+    frames = _frames(evidence)
+    if not frames:
+        return None
+    starts = []
+    for number, frame in enumerate(frames):
+        turned = evidence.points @ frame
+        low, high = np.quantile(turned, 0.01, axis=0), np.quantile(turned, 0.99, axis=0)
+        low, high = _deepened(low, high, frame.T @ (np.median(evidence.points, axis=0) - evidence.eye))
+        starts.append(np.array([number, 0.0, 0.0, 0.0, *(frame @ (low + high) / 2), *(high - low)]))
+    inf = np.inf
+    model = Model(
+        name="tilted_box",
+        build=lambda p: tilted_body(p).moved(tilted_pose(frames, p)),
+        starts=starts,
+        steps=np.array([1e-9, 0.015, 0.015, 0.015, 0.003, 0.003, 0.003, 0.003, 0.003, 0.003]),
+        lower=np.array([-inf] * 7 + [SMALLEST_M] * 3),
+        upper=np.array([inf] * 7 + [LARGEST_M] * 3),
+        expected=np.array([0.0] * 7 + [float(np.median(starts[0][7:]))] * 3),
+        spread=np.array([inf] * 7 + [0.1] * 3),
+        cost=0.03,
+    )
+    return frames, model
+
+
+def tilted_body(p: np.ndarray) -> Solid:
+    """The box in its own frame, base on z = 0."""
+    return solids.box(p[7:10], (0.0, 0.0, p[9] / 2))
+
+
+def tilted_pose(frames: list[np.ndarray], p: np.ndarray) -> np.ndarray:
+    """T_world_object (4, 4); the parameters hold the middle of the box, the object's origin is that of its base."""
+    rotation = turned_by(p[1:4]) @ frames[round(float(p[0]))]
+    return transforms.rigid(rotation, p[4:7] - rotation[:, 2] * p[9] / 2)
+
+
+def turned_by(vector: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3) about the direction of a vector (3,) by its length [rad] (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-12:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
+
+
+def _frames(evidence: Evidence) -> list[np.ndarray]:
+    """Orientations whose axes are normals of the largest seen faces, the most upright axis as z."""
+    step = max(1, len(evidence.points) // 4000)
+    points, normals = evidence.points[::step], evidence.normals[::step]
+    first = largest_plane(points)
+    if first is None or (np.abs(points @ first[0] - first[1]) < 0.005).mean() < LEAST_PART:
+        return []
+    aside = np.abs(normals @ first[0]) < 0.35
+    second = largest_plane(points[aside]) if aside.mean() > 0.5 * LEAST_PART else None
+    if second is not None and abs(second[0] @ first[0]) < 0.35:
+        return [_upright_frame(first[0], second[0])]
+    helper = np.eye(3)[int(np.argmin(np.abs(first[0])))]
+    along = np.cross(first[0], helper)
+    turns = np.deg2rad([0.0, 22.5, 45.0, 67.5])
+    return [_upright_frame(first[0], turned_by(first[0] * turn) @ along) for turn in turns]
+
+
+def _upright_frame(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    a = first / np.linalg.norm(first)
+    b = second - (second @ a) * a
+    axes = np.stack([a, b / np.linalg.norm(b), np.cross(a, b / np.linalg.norm(b))])
+    order = np.argsort(np.abs(axes[:, 2]), kind="stable")
+    z, x = axes[order[2]] * np.sign(axes[order[2], 2] or 1.0), axes[order[0]]
+    return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
+def _deepened(low: np.ndarray, high: np.ndarray, sight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of a box of which only one face is seen, grown away from the camera to a likely depth."""
+    size = high - low
+    thin = int(np.argmin(size))
+    extra = max(0.0, 0.4 * float(np.median(size)) - float(size[thin]))
+    low, high = low.copy(), high.copy()
+    if sight[thin] > 0:
+        high[thin] += extra
+    else:
+        low[thin] -= extra
+    return low, np.maximum(high, low + SMALLEST_M)

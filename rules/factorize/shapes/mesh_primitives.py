@@ -1,0 +1,139 @@
+"""Closed meshes from one view without learned weights: fit families of simple bodies and keep the best explained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.geometry import Hull, Mesh
+from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.object import ObjectView, Shape
+from dextera_build.errors import listing
+from dextera_build.rule import Backend, Context
+
+from . import evidence as evidence_of
+from .families.names import HYPOTHESES
+from .handle import with_handle
+from .hypotheses import Candidate, Finished, propose
+from .paint import HALF_TURN, MIRROR, paint
+from .refine import descend, fit, undetermined
+from .scoring import Judgement, judge
+
+if TYPE_CHECKING:
+    from .mesh import MeshOptions
+
+BACKEND = Backend(
+    summary="boxes, cylinders, revolved, oval, extruded, hinged and mirrored bodies, fitted to depth and silhouette",
+    profiles=("cpu",),
+    packages=("manifold3d", "open3d", "opencv-python-headless", "scipy"),
+    extra="twin",
+)
+
+HANDLED = ("revolved", "revolved_hollow", "cylinder")
+"""Families that may have a handle."""
+HALF_TURN_SYMMETRIC = ("box", "tilted_box", "lying_cylinder", "oval")
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """A family's best body."""
+
+    candidate: Candidate
+    parameters: np.ndarray
+    score: float
+
+
+def complete(ctx: Context, seen: ObjectView, options: MeshOptions) -> Shape:
+    """The best explained closed body, textured.
+
+    Args:
+        ctx: Of the rule.
+        seen: The view.
+        options: Of the rule.
+    """
+    evidence = evidence_of.gather(seen)
+    if len(evidence.points) < options.least_points:
+        ctx.fail(
+            f"the view has {len(evidence.points)} pixels with trusted depth, {options.least_points} are needed",
+            hint="lower `least_points`, or use backend `stub`",
+            mask=f"{int(seen.mask.sum()):,} pixels, {int((seen.mask & (seen.depth.depth > 0)).sum()):,} with depth",
+        )
+    candidates = propose(evidence, options.hypotheses, options.wall_m)
+    fitted = []
+    for done, candidate in enumerate(candidates):
+        ctx.progress(done, len(candidates), candidate.model.name)
+        fitted.append(_fitted(candidate, evidence, options.refine_steps))
+    if not fitted:
+        ctx.fail("no hypothesis is left to try", hint="allow more `hypotheses`", known=listing(HYPOTHESES))
+    best = max(fitted, key=lambda found: found.score)
+    body, judged, loose = _finished(best, evidence, options.refine_steps)
+    scores = {found.candidate.model.name: found.score for found in fitted}
+    shape = _shape(best.candidate.model.name, body, judged, scores, seen, options)
+    return shape.model_copy(update={"unobserved": loose})
+
+
+def _fitted(candidate: Candidate, evidence: evidence_of.Evidence, steps: int) -> _Fitted:
+    found = fit(candidate.model, evidence, steps)
+    body = candidate.model.build(found.parameters)
+    return _Fitted(candidate, found.parameters, judge(body, evidence, candidate.model.cost).score)
+
+
+def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tuple[Finished, Judgement, tuple[str, ...]]:
+    """The winner, refined longer, in more detail and with a handle where those explain the view better.
+
+    The third value names the sizes that the view leaves open.
+    """
+    cost = best.candidate.model.cost
+    candidate, parameters = best.candidate, descend(best.candidate.model, evidence, best.parameters, steps).parameters
+    loose = undetermined(candidate.model, evidence, parameters, tuple(candidate.sizes))
+    named = tuple(candidate.sizes[index] for index in loose)
+    if candidate.settled is not None:
+        settled = candidate.settled(parameters)
+        parameters = descend(settled, evidence, settled.starts[0], steps).parameters
+    choices = [candidate.finish(parameters)]
+    if candidate.finer is not None:
+        detailed = candidate.finer(parameters)
+        choices.append(detailed.finish(descend(detailed.model, evidence, detailed.model.starts[0], steps).parameters))
+    judged = [judge(body.solid.moved(body.pose), evidence, cost) for body in choices]
+    winner = int(np.argmax([mark.score for mark in judged]))
+    body, mark = choices[winner], judged[winner]
+    if candidate.model.name in HANDLED:
+        handled = with_handle(body, evidence)
+        if handled is not None:
+            again = judge(handled.solid.moved(handled.pose), evidence, cost)
+            if again.score > mark.score:
+                body, mark = handled, again
+    return _lifted(body, evidence.base), mark, named
+
+
+def _lifted(body: Finished, base: float) -> Finished:
+    """The body in the world of the support, from one whose zero is the height that it stands on."""
+    pose = body.pose.copy()
+    pose[2, 3] += base
+    return replace(body, pose=pose)
+
+
+def _shape(
+    name: str, body: Finished, judged: Judgement, scores: dict[str, float], seen: ObjectView, options: MeshOptions
+) -> Shape:
+    symmetry = HALF_TURN if name in HALF_TURN_SYMMETRIC else MIRROR if name == "mirrored" else None
+    painted = paint(body.solid, body.pose, seen, options.texture_px, symmetry, revolved=name in HANDLED)
+    mesh = Mesh(
+        vertices=body.solid.vertices.astype(np.float32),
+        faces=body.solid.faces.astype(np.int32),
+        uv=painted.uv,
+        texture=Image(pixels=painted.pixels),
+    )
+    return Shape(
+        mesh=mesh,
+        walls=tuple(Hull(vertices=corners.astype(np.float32)) for corners in body.walls),
+        world_from_object=body.pose,
+        hypothesis=name,
+        hollow=body.hollow,
+        residual_m=judged.residual_m,
+        mask_iou=judged.mask_iou,
+        unseen_fraction=1.0 - painted.seen_fraction,
+        scores=scores,
+    )

@@ -1,0 +1,89 @@
+"""Strictness of `scene.yaml`: every error with its line and column."""
+
+from __future__ import annotations
+
+import importlib
+
+import pytest
+
+from dextera_build.artifacts.object import Element
+from dextera_build.code.loader import Library
+from dextera_build.errors import RuleError
+
+Library().find("factorize.parse")
+scene_file = importlib.import_module("rules.factorize.elements.scene_file")
+
+
+def test_a_whole_element_is_read():
+    text = b"""
+elements:
+  - name: coffee_mug          # one a line
+    phrase: a blue mug
+    category: mug
+    body_type: rigid
+    material: ceramic
+    box: [1, 2, 30, 40]
+    interactive: true
+"""
+    (element,) = scene_file.read(text)
+    assert element.fields["box"] == (1, 2, 30, 40)
+    assert element.interactive
+    assert (element.place.line, element.place.column) == (3, 5)
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "place"),
+    [
+        ("elements: [", "not valid YAML", "scene.yaml:1"),
+        ("elements:\n  - {name: a\n", "not valid YAML", "scene.yaml:3"),
+        ("", "`elements` must list at least one element", "scene.yaml"),
+        ("elements: []", "`elements` must list at least one element", "scene.yaml:1:11"),
+        ("things: []", "`things` is not known here", "scene.yaml:1:1"),
+        ("elements:\n- {name: a, phrase: x, phrase: y}", "`phrase` is given twice", "scene.yaml:2:24"),
+        ("elements:\n- {name: a, colour: red}", "`colour` is not known here", "scene.yaml:2:13"),
+        ("elements:\n- {phrase: a mug}", "an element has no `name`", "scene.yaml:2:3"),
+        ("elements:\n- {name: Blue Mug}", "`Blue Mug` is not a name", "scene.yaml:2:10"),
+        ("elements:\n- {name: a, category: cup}", "`cup` is not a category", "scene.yaml:2:23"),
+        ("elements:\n- {name: a, body_type: soft}", "`soft` is not a body_type", "scene.yaml:2:24"),
+        ("elements:\n- {name: a, material: plastc}", "`plastc` is not a material", "scene.yaml:2:23"),
+        ("elements:\n- {name: a, box: [1, 2, 3]}", "`box` must be four whole numbers", "scene.yaml:2:18"),
+        ("elements:\n- {name: a, box: [9, 2, 3, 8]}", "`box` is empty", "scene.yaml:2:18"),
+        ("elements:\n- {name: a, interactive: yes}", "`interactive` must be `true` or `false`", "scene.yaml:2:26"),
+        ("elements:\n- {name: a, phrase: [x]}", "`phrase` must be a word or a phrase", "scene.yaml:2:21"),
+        ("elements:\n- mug", "a mapping with", "scene.yaml:2:3"),
+        ("elements:\n- {name: a}\n- {name: a}", "the name `a` is given twice", "scene.yaml:3:3"),
+    ],
+)
+def test_an_error_names_line_and_column(text, message, place):
+    with pytest.raises(RuleError) as caught:
+        scene_file.read(text.encode())
+    assert caught.value.message.startswith(message)
+    assert str(caught.value.where).startswith(place)
+
+
+def test_what_is_no_text_is_refused():
+    with pytest.raises(RuleError, match="is not UTF-8 text"):
+        scene_file.read(b"\xff\xfe\x00")
+
+
+def test_a_near_miss_gets_a_hint():
+    with pytest.raises(RuleError) as caught:
+        scene_file.read(b"elements:\n- {name: a, material: plastc}")
+    assert caught.value.hint == "did you mean `plastic`?"
+
+
+def test_words_that_fit_two_proposals_match_none():
+    proposals = [
+        Element(name=name, category="box", phrase="red box", box=(i, 0, i + 9, 9))
+        for i, name in enumerate(["red_box", "red_box_2"])
+    ]
+    wanted = scene_file.read(b"elements:\n- {name: cereal, phrase: red box}")
+    with pytest.raises(RuleError, match="`cereal` matches nothing"):
+        scene_file.match(wanted, proposals, 0.3)
+
+
+def test_a_static_element_needs_no_proposal():
+    wanted = scene_file.read(b"elements:\n- {name: wall, category: room}")
+    (element,) = scene_file.match(wanted, [], 0.3)
+    assert not element.interactive
+    assert element.category == "room"

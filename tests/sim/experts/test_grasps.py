@@ -1,0 +1,70 @@
+"""Candidate grasps: what they promise about hand and object."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.geometry import transforms
+from dextera_build.sim.control.hand import THUMB, HandKinematics
+from dextera_build.sim.experts.grasps import candidates
+from tests.robots import robot_recipes
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
+    return robot_recipes.built("kuka_leap", tmp_path_factory.mktemp("robot"))
+
+
+@pytest.fixture(scope="module")
+def hand(robot: RobotModel) -> HandKinematics:
+    return HandKinematics(robot)
+
+
+def can(radius: float, height: float) -> np.ndarray:
+    """Points on the side of an upright cylinder."""
+    random = np.random.default_rng(0)
+    turn, up = random.uniform(0, 2 * np.pi, 600), random.uniform(0, height, 600)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), up], axis=1)
+
+
+def test_a_pinch_has_the_object_between_thumb_and_fingers(robot: RobotModel, hand: HandKinematics) -> None:
+    found = list(candidates(can(0.04, 0.1), {"pinch": robot.grips["pinch"]}, hand))
+    assert found
+    for grasp in found:
+        thumb = transforms.apply(grasp.palm, hand.tip(THUMB, grasp.open))
+        fingers = transforms.apply(grasp.palm, hand.reach(grasp.open))
+        radii = np.linalg.norm([thumb[:2], fingers[:2]], axis=1)
+        assert (radii > 0.04 + robot.grips["pinch"].tip_radius_m).all(), grasp.name
+        cosine = thumb[:2] @ fingers[:2] / np.prod(radii)
+        assert cosine < -0.9, grasp.name
+        assert 0.0 < thumb[2] < 0.12
+        assert 0.0 < fingers[2] < 0.12
+
+
+def test_nothing_wider_than_the_hand_is_pinched(robot: RobotModel, hand: HandKinematics) -> None:
+    assert not list(candidates(can(0.15, 0.1), {"pinch": robot.grips["pinch"]}, hand))
+
+
+def test_a_wrap_lays_the_object_into_the_palm(robot: RobotModel, hand: HandKinematics) -> None:
+    grip = robot.grips["wrap"]
+    found = list(candidates(can(0.035, 0.19), {"wrap": grip}, hand))
+    assert found
+    for grasp in found:
+        out = grasp.palm[:3, :3] @ np.array(grip.facing)
+        surface = grasp.palm[:3, 3] + out * grip.surface_m
+        assert out @ -grasp.palm[:3, 3] > 0, f"{grasp.name} faces away"
+        assert (can(0.035, 0.19) - surface).min() > -0.3
+        assert grasp.away @ out < 0, "it waits behind"
+
+
+def test_candidates_are_rotations(robot: RobotModel, hand: HandKinematics) -> None:
+    for grasp in candidates(can(0.035, 0.15), robot.grips, hand):
+        turn = grasp.palm[:3, :3]
+        assert np.allclose(turn @ turn.T, np.eye(3), atol=1e-9)
+        assert np.linalg.det(turn) == pytest.approx(1.0)
+
+
+def test_a_grip_that_only_points_holds_nothing(robot: RobotModel, hand: HandKinematics) -> None:
+    assert not list(candidates(can(0.035, 0.15), {"point": robot.grips["point"]}, hand))

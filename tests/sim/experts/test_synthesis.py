@@ -1,0 +1,220 @@
+"""Eq. 4 of the paper: what is kept, what is interpolated, what noise may touch."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dextera_build.artifacts.episode import Segment
+from dextera_build.geometry import quaternions, transforms
+from dextera_build.geometry.poses import to_matrix
+from dextera_build.geometry.registration import rotation
+from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.experts.drive import Noise, _Disturbance
+from dextera_build.sim.experts.motion import between
+from dextera_build.sim.experts.synthesis import (
+    Synthesis,
+    Timing,
+    _hold,
+    alike,
+    bent,
+    nearest,
+    slowed,
+    steps_between,
+    transfer,
+)
+from tests import episodes, factories
+
+numbers = st.floats(-2.0, 2.0)
+vectors = st.tuples(numbers, numbers, numbers).map(np.array)
+poses = st.builds(lambda turn, place: transforms.rigid(rotation(turn), place), vectors, vectors)
+
+
+@given(poses, poses, poses)
+def test_the_pose_relative_to_the_frame_is_kept(palm, source, new):
+    moved = transfer(palm[None], source, new)[0]
+    assert np.allclose(transforms.invert(new) @ moved, transforms.invert(source) @ palm, atol=1e-9)
+
+
+@given(poses, poses)
+def test_a_frame_that_did_not_move_changes_nothing(palm, frame):
+    assert np.allclose(transfer(palm[None], frame, frame)[0], palm, atol=1e-9)
+
+
+@given(poses, poses, st.floats(0.0, 1.0))
+def test_rotation_takes_the_shortest_way_at_even_speed_and_inputs_are_left_alone(first, last, part):
+    kept = first.copy(), last.copy()
+    whole = transforms.angle(first[:3, :3].T @ last[:3, :3])
+    made = between(first, last, part)
+    assert transforms.angle(first[:3, :3].T @ made[:3, :3]) == pytest.approx(part * whole, abs=1e-6)
+    assert np.allclose(made[:3, 3], (1 - part) * first[:3, 3] + part * last[:3, 3])
+    assert np.array_equal(first, kept[0])
+    assert np.array_equal(last, kept[1])
+
+
+def test_opposite_quaternions_are_the_same_rotation():
+    pose = np.array([0.1, 0.2, 0.3, 0.6, 0.0, 0.8, 0.0])
+    turned = np.concatenate([pose[:3], -pose[3:]])
+    assert np.allclose(between(to_matrix(pose), to_matrix(turned), 0.5), to_matrix(pose))
+
+
+def test_interpolation_is_timed_by_speed():
+    near, far = factories.pose(0.0), factories.pose(0.7)
+    timing = Timing(speed_m_s=0.35, turn_rad_s=1.0)
+    assert steps_between(near, far, 20.0, timing) == 40
+    assert steps_between(near, factories.pose(yaw=0.5), 20.0, timing) == 10
+    assert steps_between(near, near, 20.0, timing) == 1
+
+
+def moved_task(shift: np.ndarray) -> tuple[Synthesis, State]:
+    """The demonstration of `tests.episodes`, with the box moved by `shift` in the base frame."""
+    source = episodes.episode(20, seed=3)
+    environment = SimpleNamespace(
+        bundle=SimpleNamespace(robot=episodes.robot()),
+        palm_pose=lambda: source.hand[0],
+        previous_action=np.array(episodes.HOME),
+        task=SimpleNamespace(control_hz=20.0),
+    )
+    objects = {name: shift @ to_matrix(row) for name, row in zip(("box", "case"), source.objects[0], strict=True)}
+    state = State(joints=np.array(episodes.HOME), objects=objects, displacement={})
+    operator = Synthesis(source, ("box", "case"), environment, Timing())
+    operator.begin(state)
+    return operator, state
+
+
+@settings(max_examples=20, deadline=None)
+@given(numbers, numbers, st.floats(-3.0, 3.0))
+def test_every_framed_step_keeps_the_demonstrated_pose_in_the_objects_frame(x, y, yaw):
+    shift = factories.pose(0.1 * x, 0.1 * y, yaw=yaw)
+    operator, state = moved_task(shift)
+    commands = []
+    while (command := operator.command(state)) is not None:
+        commands.append(command)
+    source = episodes.episode(20, seed=3)
+    framed = [command for command in commands if command.frame]
+    assert len(framed) == 20
+    for row, command in enumerate(framed):
+        assert np.allclose(command.palm, shift @ to_matrix(source.hand[row]), atol=1e-5)
+
+
+def with_free_approach() -> tuple[Synthesis, State, np.ndarray]:
+    """The demonstration with a free first half, its box moved; and the poses that were demonstrated."""
+    operator, state = moved_task(factories.pose(0.1, 0.0, yaw=0.4))
+    source = episodes.episode(20, seed=3)
+    segments = (
+        Segment(name="approach", first=0, last=10, frame="", contact=False),
+        Segment(name="grasp", first=10, last=20, frame="box", contact=True),
+    )
+    operator._source = source.model_copy(update={"segments": segments})
+    operator.begin(state)
+    return operator, state, np.array([to_matrix(row) for row in source.hand])
+
+
+def test_free_motion_leads_from_the_hand_to_the_moved_object_no_faster_than_shown():
+    operator, state, shown = with_free_approach()
+    commands = []
+    while (command := operator.command(state)) is not None:
+        commands.append(command)
+    free = [command.palm for command in commands if not command.frame]
+    target = next(command.palm for command in commands if command.frame)
+    assert len(free) >= 9
+    steps = np.linalg.norm(np.diff([*[pose[:3, 3] for pose in free], target[:3, 3]], axis=0), axis=1)
+    fastest = np.linalg.norm(np.diff(shown[:11, :3, 3], axis=0), axis=1).max()
+    turn = max(transforms.angle(a[:3, :3].T @ b[:3, :3]) for a, b in pairwise(shown[:11]))
+    assert steps.max() <= fastest + turn + 1e-9
+    assert transforms.angle(free[-1][:3, :3].T @ target[:3, :3]) < 0.2
+
+
+@given(poses, poses)
+def test_a_bent_path_begins_and_ends_where_it_shall(start, end):
+    path = np.array([factories.pose(0.1 * row, 0.05 * row**2, 0.0, yaw=0.1 * row) for row in range(6)])
+    made = bent(path, start, end)
+    assert np.allclose(made[0], start, atol=1e-9)
+    assert np.allclose(made[-1], end, atol=1e-9)
+
+
+def test_a_path_that_is_moved_as_a_whole_keeps_its_shape():
+    path = np.array([factories.pose(0.1 * row, 0.05 * row**2, 0.0, yaw=0.1 * row) for row in range(6)])
+    shift = factories.pose(0.3, -0.2, 0.1, yaw=0.7)
+    assert np.allclose(bent(path, shift @ path[0], shift @ path[-1]), shift @ path)
+    assert slowed(path, shift @ path) == pytest.approx(1.0)
+
+
+def test_free_motion_at_the_end_goes_on_from_where_the_hand_is():
+    source = episodes.episode(20, seed=3)
+    segments = (
+        Segment(name="grasp", first=0, last=10, frame="box", contact=True),
+        Segment(name="retreat", first=10, last=20, frame="", contact=False),
+    )
+    operator, state = moved_task(factories.pose(0.05, 0.02))
+    operator._source = source.model_copy(update={"segments": segments})
+    operator.begin(state)
+    palms = []
+    while (command := operator.command(state)) is not None:
+        palms.append(command.palm)
+    made = transforms.invert(palms[-10]) @ palms[-1]
+    shown = transforms.invert(to_matrix(source.hand[10])) @ to_matrix(source.hand[19])
+    assert np.allclose(made, shown, atol=1e-5)
+
+
+def test_the_nearest_demonstration_is_taken():
+    shown = [episodes.episode(5, seed=number) for number in range(8)]
+    wanted = shown[5].objects[0, 0]
+    assert nearest(shown, 0, wanted, 1, np.random.default_rng(0)) == 5
+    drawn = {nearest(shown, 0, wanted, 3, np.random.default_rng(seed)) for seed in range(40)}
+    assert 5 in drawn
+    assert len(drawn) == 3
+
+
+def test_demonstrations_that_take_hold_otherwise_are_left_out():
+    shown = [episodes.episode(20, seed=number) for number in range(5)]
+    odd = shown[2].hand.copy()
+    odd[:, 3:] = odd[:, 3:][:, [1, 0, 3, 2]]
+    mixed = [*shown[:2], shown[2].model_copy(update={"hand": odd}), *shown[3:]]
+    alone = [_hold(source, ["box", "case"]) for source in mixed]
+    assert transforms.angle(alone[2][:3, :3].T @ _hold(shown[2], ["box", "case"])[:3, :3]) > 0.5
+    same = [source.model_copy(update={"hand": shown[0].hand, "objects": shown[0].objects}) for source in shown[:4]]
+    assert alike([*same, mixed[2]], ("box", "case")) == same
+    assert alike([], ()) == []
+
+
+def command(contact: bool) -> Command:
+    return Command(factories.pose(0.3, 0.1, 0.2, yaw=0.3), np.zeros(4), "grasp", "box", contact)
+
+
+def test_noise_has_the_declared_spread_and_stays_a_rotation():
+    noise = Noise(position_m=0.01, rotation_rad=0.02, finger_rad=0.03, correlation=0.0)
+    disturbance = _Disturbance(noise, seed=1)
+    clean = command(contact=False)
+    made = [disturbance.on(clean) for _ in range(4000)]
+    shifts = np.array([one.palm[:3, 3] - clean.palm[:3, 3] for one in made])
+    assert shifts.std(axis=0) == pytest.approx(0.01, rel=0.1)
+    turns = [transforms.angle(clean.palm[:3, :3].T @ one.palm[:3, :3]) for one in made]
+    assert np.sqrt(np.mean(np.square(turns)) / 3) == pytest.approx(0.02, rel=0.1)
+    assert np.array([one.fingers for one in made]).std() == pytest.approx(0.03, rel=0.1)
+    assert all(abs(np.linalg.det(one.palm[:3, :3]) - 1) < 1e-9 for one in made[:50])
+    assert quaternions.from_matrix(made[0].palm[:3, :3]).shape == (4,)
+
+
+def test_correlated_noise_keeps_its_spread():
+    disturbance = _Disturbance(Noise(position_m=0.01, correlation=0.9), seed=2)
+    shifts = np.array([disturbance.on(command(False)).palm[0, 3] for _ in range(20000)]) - 0.3
+    assert shifts.std() == pytest.approx(0.01, rel=0.15)
+    assert np.corrcoef(shifts[:-1], shifts[1:])[0, 1] == pytest.approx(0.9, abs=0.03)
+
+
+def test_contact_is_not_disturbed_unless_asked():
+    loud = Noise(position_m=0.01, rotation_rad=0.02, finger_rad=0.03)
+    assert _Disturbance(loud, 3).on(command(contact=True)).palm is not None
+    assert np.array_equal(_Disturbance(loud, 3).on(command(contact=True)).palm, command(True).palm)
+    everywhere = Noise(position_m=0.01, in_contact=True)
+    assert not np.array_equal(_Disturbance(everywhere, 3).on(command(contact=True)).palm, command(True).palm)
+
+
+def test_no_noise_is_the_command_itself():
+    assert np.allclose(_Disturbance(Noise(), 4).on(command(contact=False)).palm, command(False).palm)

@@ -1,0 +1,98 @@
+"""Staged rewards cannot be earned without getting on with the task."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dextera_build.sim.observe.progress import Progress
+from dextera_build.sim.primitives import rewards
+from dextera_build.sim.primitives.rewards import ArticulateProgress, LiftProgress
+from dextera_build.sim.primitives.success import GraspState
+from dextera_build.sim.runtime.environment import Environment
+from tests import task_bundles
+
+HELD = GraspState(fingers=2, opposing=True, supported=False)
+metres = st.floats(0.0, 2.0)
+shares = st.floats(0.0, 1.0)
+
+
+def lifting(reach_m: float = 0.0, grasp: GraspState = HELD, rise: float = 0.0, success: bool = False) -> float:
+    return rewards.lift(LiftProgress(reach_m, grasp, rise, success))
+
+
+@given(metres, metres)
+def test_nearer_is_better_everywhere(one, other):
+    low, high = sorted((one, other))
+    assert lifting(low) >= lifting(high)
+    value = [rewards.articulate(ArticulateProgress(distance, 1.0, 0.0, False)) for distance in (low, high)]
+    assert value[0] >= value[1]
+
+
+@given(st.floats(-1.0, 5.0), st.booleans(), st.integers(0, 1))
+def test_an_object_that_flies_or_hangs_on_one_finger_earns_nothing_by_its_height(rise, opposing, fingers):
+    loose = GraspState(fingers=fingers, opposing=opposing and fingers > 1)
+    assert lifting(grasp=loose, rise=rise) == lifting(grasp=loose, rise=0.0)
+
+
+@given(shares, shares)
+def test_later_stages_are_worth_more(rise, left):
+    none = GraspState()
+    assert lifting(0.0, none) < lifting(0.0, HELD, rise) <= lifting(0.0, HELD, 1.0) < lifting(0.0, HELD, 1.0, True)
+    moved = [
+        rewards.articulate(ArticulateProgress(0.0, way, 0.0, done))
+        for way, done in ((1.0, False), (left, False), (0.0, True))
+    ]
+    assert moved[0] <= moved[1] < moved[2]
+
+
+def test_dragging_the_object_along_costs():
+    values = [rewards.articulate(ArticulateProgress(0.1, 0.5, strayed, False)) for strayed in (0.0, 0.5, 1.0)]
+    assert values[0] > values[1] > values[2]
+
+
+def test_height_beyond_the_goal_is_worth_nothing_more():
+    assert lifting(rise=1.0) == lifting(rise=3.0)
+
+
+def test_there_and_back_earns_nothing():
+    """The reward is a change of value, so a way that ends where it began sums to zero."""
+    environment = Environment(task_bundles.close())
+    progress = Progress(environment)
+    values = []
+    for target in (0.0, 0.3, -0.3, 0.0):
+        for _ in range(25):
+            environment.step(np.array([target, 0, 0.2, 0.05, 0.05]))
+        values.append(progress.value(False))
+    assert abs(values[1] - values[0]) > 0.3
+    # The lid creeps a little meanwhile.
+    assert values[3] == pytest.approx(values[0], abs=0.05)
+
+
+def test_a_lid_is_reached_from_the_side_that_it_moves_away_from():
+    """Before the lid stands the way leads around its edge; behind it the way is straight."""
+    environment = Environment(task_bundles.close())
+    progress = Progress(environment)
+    data = environment.data
+    hinge = data.joint("case_lid_hinge")
+    away = data.body("case_lid").xmat.reshape(3, 3) @ [0.0, 0.0, 1.0]  # outer face of the lid
+    middle = data.body("case_lid").xpos + data.body("case_lid").xmat.reshape(3, 3) @ [0.0, -0.095, 0.003]
+    link = progress._links["case_lid_hinge"]
+    sides = np.array([middle + 0.1 * away, middle - 0.1 * away])
+    closing, opening = link.distances(data, -1.0, sides), link.distances(data, 1.0, sides)
+    assert float(hinge.qpos[0]) == pytest.approx(1.5)
+    assert closing[0] < 0.08 < 0.15 < closing[1]
+    assert opening[1] < 0.08 < 0.15 < opening[0]
+
+
+def test_moving_the_lid_to_its_command_is_what_pays():
+    environment = Environment(task_bundles.close())
+    progress = Progress(environment)
+    start = progress.articulating(False)
+    assert start.left == pytest.approx(1.0)
+    environment.data.joint("case_lid_hinge").qpos[0] = 0.75
+    assert progress.articulating(False).left == pytest.approx(0.5)
+    environment.data.joint("case_lid_hinge").qpos[0] = 1.8
+    assert progress.articulating(False).left == pytest.approx(1.2)

@@ -1,0 +1,130 @@
+"""Starts and dynamics: drawn by seed, within what the twin claims, applied to the model itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.task import Reset
+from dextera_build.errors import RuleError
+from dextera_build.geometry import quaternions
+from dextera_build.sim.runtime import starts
+from dextera_build.sim.runtime.dynamics import Dynamics
+from dextera_build.sim.runtime.environment import Environment
+from tests import task_bundles
+
+WIDE = Reset(position_m=0.03, yaw_rad=0.5, clutter_m=0.01, robot_rad=0.01, joint_rad=0.1, dynamics=1.0)
+
+
+@pytest.fixture(scope="module")
+def drawn() -> list[starts.Start]:
+    environment = Environment(task_bundles.close(reset=WIDE))
+    return [starts.draw(environment.bundle, environment.model, seed) for seed in range(60)]
+
+
+def test_a_seed_decides_a_start_whatever_was_drawn_before(drawn):
+    environment = Environment(task_bundles.close(reset=WIDE))
+    for seed in (59, 0, 17):
+        again = starts.draw(environment.bundle, environment.model, seed)
+        assert again.model_dump_json(exclude={"qpos", "ctrl"}) == drawn[seed].model_dump_json(exclude={"qpos", "ctrl"})
+        assert again.qpos.tobytes() == drawn[seed].qpos.tobytes()
+    assert len({start.qpos.tobytes() for start in drawn}) == len(drawn)
+
+
+def test_starts_fill_the_ranges_and_stay_inside_them(drawn):
+    bundle = task_bundles.close(reset=WIDE)
+    qpos = np.array([start.qpos for start in drawn])
+    box = qpos[:, :2] - bundle.objects["box"].world_from_object[:2, 3]
+    case = qpos[:, 7:9] - bundle.objects["case"].world_from_object[:2, 3]
+    lid, robot = qpos[:, 14] - 1.5, qpos[:, 15:18]
+    for values, reach in ((box, 0.01), (case, 0.03), (lid, 0.1), (robot, 0.01)):
+        assert np.abs(values).max() <= reach + 1e-12
+        assert np.abs(values).max() > 0.8 * reach
+        assert abs(values.mean()) < 0.35 * reach
+    home = bundle.objects["case"].world_from_object[:3, :3]
+    turned = [np.arctan2(*(home.T @ quaternions.to_matrix(row[10:14]))[[1, 0], 0]) for row in qpos]
+    assert 0.4 < np.abs(turned).max() <= 0.5
+    assert np.array_equal(qpos[:, 15:], [start.ctrl for start in drawn])
+
+
+def test_dynamics_are_drawn_within_what_the_twin_claims(drawn):
+    for name in ("box", "case"):
+        mass = np.array([start.mass_scale[name] for start in drawn])
+        friction = np.array([start.friction[name] for start in drawn])
+        assert mass.min() >= 0.7
+        assert mass.max() <= 1.4
+        assert np.ptp(mass) > 0.5
+        assert np.abs(friction - 0.8).max() <= 1.645 * 0.1 + 1e-12
+        assert friction.std() > 0.04
+    assert np.ptp([start.gain_scale for start in drawn]) > 0.1
+
+
+def test_without_dynamics_the_estimates_stay():
+    environment = Environment(task_bundles.lift())
+    start = starts.draw(environment.bundle, environment.model, 4)
+    assert set(start.mass_scale.values()) == {1.0}
+    assert set(start.friction.values()) == {0.8}
+    assert start.gain_scale == 1.0
+
+
+def test_no_start_begins_in_a_collision():
+    # The box would often be drawn into a post beside it.
+    pose = task_bundles.WORLD_FROM_BASE
+    post = pose[:3, :3] @ [0.3, 0.15, 0.0] + pose[:3, 3]
+    extra = f'<geom type="cylinder" size="0.02 0.1" pos="{post[0]} {post[1]} 0.1"/>'
+    environment = Environment(task_bundles.lift(extra=extra, reset=Reset(position_m=0.05)))
+    for seed in range(20):
+        environment.reset(seed)
+        assert environment.data.ncon == 0 or environment.data.contact.dist.min() > -starts.TOUCH_M
+
+
+def test_no_start_stands_beside_the_support():
+    environment = Environment(task_bundles.lift(reset=Reset(position_m=0.6)))
+    support = environment.model.geom("static_support")
+    for seed in range(20):
+        environment.reset(seed)
+        local = environment.data.body("box").xpos[:2] - support.pos[:2]
+        assert (np.abs(local) <= support.size[:2]).all()
+
+
+def test_a_task_that_is_too_crowded_says_so():
+    pose = task_bundles.WORLD_FROM_BASE
+    place = pose[:3, :3] @ [*task_bundles.BOX_M, 0.0] + pose[:3, 3]
+    extra = f'<geom type="cylinder" size="0.05 0.1" pos="{place[0]} {place[1]} 0.1"/>'
+    environment = Environment(task_bundles.lift(extra=extra))
+    with pytest.raises(RuleError, match="no start of `LiftBox` without collisions was found") as caught:
+        environment.reset(0)
+    assert caught.value.code == "DXB-B220"
+    assert caught.value.hint == "make the ranges of `reset` smaller"
+
+
+def test_dynamics_are_applied_to_the_model_s_own_values():
+    environment = Environment(task_bundles.lift())
+    model, data = environment.model, environment.data
+    own = model.body_mass.copy(), model.body_inertia.copy(), model.actuator_gainprm.copy()
+    box, case, lid = (model.body(name).id for name in ("box", "case", "case_lid"))
+    dynamics = Dynamics(environment.bundle, model)
+    start = environment.start.model_copy(
+        update={"mass_scale": {"box": 2.0, "case": 0.5}, "friction": {"box": 0.3, "case": 0.9}, "gain_scale": 1.1}
+    )
+    for _ in range(3):
+        dynamics.apply(start, data)
+        assert model.body_mass[box] == pytest.approx(2.0 * own[0][box])
+        assert model.body_mass[[case, lid]] == pytest.approx(0.5 * own[0][[case, lid]])
+        assert model.body_inertia[box] == pytest.approx(2.0 * own[1][box])
+        assert model.actuator_gainprm[:, 0] == pytest.approx(1.1 * own[2][:, 0])
+        assert model.actuator_biasprm[:, 1] == pytest.approx(-1.1 * own[2][:, 0])
+        assert set(model.geom_friction[model.geom_bodyid == box][:, 0]) == {0.3}
+        assert set(model.geom_friction[np.isin(model.geom_bodyid, [case, lid])][:, 0]) == {0.9}
+    environment.reset(0)
+    assert np.array_equal(model.body_mass, own[0])
+    assert np.array_equal(model.actuator_gainprm, own[2])
+
+
+def test_a_heavier_world_is_heavier_in_the_simulation():
+    environment = Environment(task_bundles.lift())
+    start = environment.start
+    environment.begin(start.model_copy(update={"mass_scale": {"box": 3.0, "case": 1.0}}))
+    assert environment.model.body("box").subtreemass[0] == pytest.approx(0.3)
+    environment.begin(start)
+    assert environment.model.body("box").subtreemass[0] == pytest.approx(0.1)

@@ -1,0 +1,131 @@
+"""Task bundles as Gymnasium environments."""
+
+from __future__ import annotations
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from stable_baselines3.common.env_checker import check_env as check_for_sb3
+
+from dextera_build.artifacts.packed import pack
+from dextera_build.artifacts.task import Reset
+from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.training import gym
+from tests import episodes, task_bundles
+
+WIDE = Reset(position_m=0.03, yaw_rad=0.5, robot_rad=0.01)
+
+
+@pytest.mark.parametrize("privileged", [False, True])
+@pytest.mark.parametrize("make", [task_bundles.lift, task_bundles.close])
+def test_gymnasium_and_stable_baselines_accept_it(make, privileged):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # joint targets are radians, not -1 to 1
+        for render_mode in (None, "rgb_array"):
+            environment = gym.TaskEnv(make(reset=WIDE), privileged=privileged, render_mode=render_mode)
+            check_env(environment, skip_render_check=render_mode is None)
+            check_for_sb3(environment)
+            environment.close()
+
+
+def test_privileged_keys_are_there_only_when_asked_for():
+    plain, told = (gym.TaskEnv(task_bundles.lift(), privileged=privileged) for privileged in (False, True))
+    assert {name.split("/")[0] for name in plain.observation_space} == {"deployable"}
+    assert set(plain.observation_space) < set(told.observation_space)
+    extra = set(told.observation_space) - set(plain.observation_space)
+    assert extra == {
+        f"privileged/{name}"
+        for name in (
+            "contact",
+            "joint_velocities",
+            "object_velocities",
+            "hand_pose",
+            "tip_poses",
+            "tip_velocities",
+            "points",
+        )
+    }
+
+
+def test_an_environment_is_made_by_name_from_a_file(tmp_path):
+    file = tmp_path / "task.dxb"
+    file.write_bytes(pack(task_bundles.lift()))
+    gym.register("dxb/LiftBox-TEST-v0")
+    environment = gymnasium.make("dxb/LiftBox-TEST-v0", bundle=str(file))
+    seen, _ = environment.reset(seed=3)
+    assert environment.observation_space.contains(seen)
+    assert environment.unwrapped.environment.task.name == "LiftBox"
+    gym.register("dxb/LiftBox-TEST-v1", task_bundles.lift())
+    assert gymnasium.make("dxb/LiftBox-TEST-v1").action_space.shape == (5,)
+
+
+def test_a_seed_begins_the_episode_that_it_begins_everywhere():
+    bundle = task_bundles.lift(reset=WIDE)
+    seen, _ = gym.TaskEnv(bundle).reset(seed=11)
+    plain = Environment(bundle)
+    wanted = plain.reset(11)
+    assert np.array_equal(seen["deployable/objects"], wanted.objects)
+    environment = gym.TaskEnv(bundle)
+    given, _ = environment.reset(options={"start": plain.start})
+    assert np.array_equal(given["deployable/objects"], wanted.objects)
+    first, second = environment.reset(seed=1), environment.reset()
+    assert not np.array_equal(first[0]["deployable/objects"], second[0]["deployable/objects"])
+
+
+def test_time_truncates_and_a_broken_action_terminates():
+    environment = gym.TaskEnv(task_bundles.lift())
+    environment.reset(seed=0)
+    hold = environment.environment.previous_action
+    for step in range(80):
+        _, _, terminated, truncated, info = environment.step(hold)
+        assert (terminated, truncated) == (False, step == 79)
+    assert (info["success"], info["is_success"], info["reason"]) == (False, False, "not done within 4 s")
+    environment.reset(seed=0)
+    seen, reward, terminated, truncated, info = environment.step(np.full(5, np.nan))
+    assert (terminated, truncated, reward) == (True, False, 0.0)
+    assert info["reason"] == "the action for `x` is not a finite number"
+    assert all(np.isfinite(value).all() for value in seen.values())
+
+
+def test_a_lift_earns_reward_and_terminates_as_a_success():
+    environment = gym.TaskEnv(task_bundles.lift())
+    environment.reset(seed=0)
+    earned, steps = [], 0
+    plan = [((0.3, 0.1, 0.1), 0.05, 18), ((0.3, 0.1, 0.0), 0.05, 8), ((0.3, 0.1, 0.0), 0.012, 6)]
+    for place, fingers, periods in [*plan, ((0.3, 0.1, 0.15), 0.012, 40)]:
+        total = 0.0
+        for _ in range(periods):
+            _, reward, terminated, truncated, info = environment.step(np.array([*place, fingers, fingers]))
+            total, steps = total + reward, steps + 1
+            if terminated or truncated:
+                break
+        earned.append(total)
+    assert terminated
+    assert not truncated
+    assert info["is_success"]
+    reach, down, hold, rise = earned
+    assert reach > 0.2
+    assert down > 0.1
+    assert hold > 0.9
+    assert rise > 8.5  # 4 for the way up and 5 for success
+    assert steps < 72
+
+
+def test_pictures_come_through_the_view_that_is_given():
+    view = episodes.view(width=32, height=24)
+    environment = gym.TaskEnv(task_bundles.lift(), view=view, render_mode="rgb_array", size=(80, 60))
+    seen, _ = environment.reset(seed=0)
+    assert seen["deployable/rgb"].shape == (24, 32, 3)
+    assert seen["deployable/rgb"].std() > 1
+    shown = environment.render()
+    assert shown is not None
+    assert shown.shape == (60, 80, 3)
+    environment.close()
+
+
+def test_a_render_mode_that_does_not_exist_is_refused():
+    with pytest.raises(ValueError, match="`render_mode` is `rgb_array` or None, not `human`"):
+        gym.TaskEnv(task_bundles.lift(), render_mode="human")
