@@ -66,7 +66,7 @@ class Worker:
         if os.fstat(1).st_size:
             os.ftruncate(1, 0)
         self._last_progress = 0.0
-        self._meter.begin(at_once=True)
+        self._meter.begin()
         began = time.perf_counter()
         answer: dict[str, object]
         try:
