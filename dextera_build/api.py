@@ -24,7 +24,7 @@ from dextera_build.store import header
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
     from dextera_build.engine.dryrun import Planned
-    from dextera_build.engine.execute import NodeRecord
+    from dextera_build.engine.events import NodeFinished
     from dextera_build.errors import DxbError
     from dextera_build.explain.causes import Cause
 
@@ -37,7 +37,7 @@ class Result:
     """Whether every target is up to date."""
     run: str
     """Id of the run, for `dxb log` and `dxb report`; "" where the store cannot be written."""
-    nodes: Mapping[str, NodeRecord]
+    nodes: Mapping[str, NodeFinished]
     """Address -> what became of it: `status`, `output`, `line`, `seconds`, `key`, ..."""
     targets: tuple[str, ...]
     """Addresses of the nodes that were asked for, every copy by itself."""
@@ -141,8 +141,7 @@ class Project(settings_of.Project):
         built = building.build(session, order, locking, listen or (lambda event: None))
         result = built.run_result
         paths = {node: Path(path) for node, path in built.placed.paths.items()}
-        errors = {**result.errors, **result.own.errors()}
-        return Result(result.ok, built.run, result.nodes, result.targets, paths, errors, session)
+        return Result(result.ok, built.run, result.nodes, result.targets, paths, result.errors, session)
 
     def plan(
         self,

@@ -179,7 +179,7 @@ class _Build:
             placed = out.place(result, self._out_of_date(out, result) if built.ok else ())
         except StoreError as error:
             if error.code != MissingBlob.CODE:
-                if any(failed.code == error.code for failed in result.own.errors().values()):
+                if any(failed.code == error.code for failed in result.errors.values()):
                     return built  # a node failed of the same, and that was said
                 raise
             # All damaged blobs are set aside, so building again makes them anew.

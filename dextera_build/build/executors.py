@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from dextera_build.errors import UsageError
+from dextera_build.errors import UsageError, listing
 
 if TYPE_CHECKING:
     from dextera_build.engine.executors.ray_worker import Setup
@@ -38,6 +38,8 @@ def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False
         wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
         capacity = project.capacity(gpus=wants_gpu)
         with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity) as workers:
+            if not idle:
+                workers.warm()  # a build whose snapshot is not fresh mostly runs something
             yield workers
 
 
@@ -53,6 +55,11 @@ def _environment(project: Project) -> dict[str, str]:
 
 
 def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Executor]:
+    from pathlib import Path
+    from shutil import copyfile
+    from tempfile import TemporaryDirectory
+
+    from dextera_build.code import sources
     from dextera_build.engine.executors.ray import RayExecutor
     from dextera_build.engine.executors.ray_cluster import RayCluster
 
@@ -72,23 +79,34 @@ def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Exe
         for rule in rules
         if rule.backend and rule.weights
     }
-    setup = _setup(session, rules)
-    with RayExecutor(RayCluster(address), session.store, setup, said=said, models=models) as workers:
-        yield workers
+    setup = _setup(project, rules)
+    with TemporaryDirectory(prefix="dxb-code-") as code:
+        for name, file in sources.files(project.root).items():
+            target = Path(code, name)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            copyfile(file, target)
+        cluster = RayCluster(address, Path(code))
+        discovering = {rule.path for rule in rules if rule.discovers}
+        with RayExecutor(cluster, session.store, setup, said=said, models=models, discovering=discovering) as workers:
+            yield workers
 
 
-def _setup(session: Session, rules: list[RuleFacts]) -> Setup:
-    from dextera_build import digest
+def _setup(project: Project, rules: list[RuleFacts]) -> Setup:
     from dextera_build.code import sources
     from dextera_build.engine.executors.ray_worker import Setup
 
-    project, blobs = session.project, session.store.blobs
-    table = {name: blobs.put_file(file)[0] for name, file in sources.files(project.root).items()}
+    shared = next((spec for spec in project.remotes.used if spec.mode == "rw"), None)
+    if shared is None:
+        raise UsageError(
+            "a build on a cluster needs a remote that all its machines can read and write",
+            code="DXB-U195",
+            facts={"remotes": listing(f"{spec.name} ({spec.mode})" for spec in project.remotes.used)},
+            hint='in `dxb.toml`: [remotes] shared = {address = "/mnt/shared/dxb", mode = "rw"}',
+        )
     return Setup(
         runner=RUNNER,
-        driver="",
+        shared=shared,
         environment=_environment(project),
-        code=blobs.put(digest.canonical(table)),
         stand=sources.stand({name: version for rule in rules for name, version in rule.packages.items()}),
         compare="dextera_build.code.sources:differences",
     )

@@ -6,7 +6,7 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
@@ -79,14 +79,14 @@ class Out:
         """
         self._placed = Placed()
         table = self._table()
-        outputs = {node: output for node in result.targets if (output := result.output(node)) is not None}
+        outputs = {node: output for node in result.targets if (output := result.nodes[node].output) is not None}
         stale = {node for node in outputs if not self._stands(table.get(node), outputs[node], node)}
         gone = [node for node in gone if node in table]
         try:
             if stale or gone:
                 self._replace(table, {node: outputs[node] for node in outputs if node in stale}, gone, result)
                 self._placed.removed = gone
-            elif self._session.project.durable and "ran" in result.own.statuses():
+            elif self._session.project.durable and any(node.status == "ran" for node in result.nodes.values()):
                 durable.settle(self._session.store.root)
         except OSError as error:
             raise files.store_error(error, error.filename or self.base) from None
@@ -111,7 +111,7 @@ class Out:
         self._scratch = f"{self.base}/{files.TEMPORARY}-{files.unique()}"
         sharing.make_folder(self._scratch)
         try:
-            made = {node: self._write(node, output, result.rule) for node, output in stale.items()}
+            made = {node: self._write(node, output, result.nodes[node].rule) for node, output in stale.items()}
             failpoints.reach("export.written")
             # The table says that files are whole, so it comes when they are on the disk.
             if self._session.project.durable:
@@ -120,31 +120,31 @@ class Out:
             if old:
                 self._save(table)
             for node in (*stale, *gone):
-                self._swap(node, old.get(node), result.rule)
+                self._swap(node, old.get(node), result.nodes[node].rule)
             table |= made
             failpoints.reach("export.stamp")
             self._save(table)
         finally:
             shutil.rmtree(self._scratch, ignore_errors=True)
 
-    def _write(self, node: str, output: str, rule: Callable[[str], str]) -> _Copy:
+    def _write(self, node: str, output: str, rule: str) -> _Copy:
         folder = f"{self._scratch}/{_name(node)}"
         os.mkdir(folder)
         main = self._restore(folder, node, rule, output)
         sharing.share_tree(folder)
         return _Copy(output, main, {name: signature.of(os.stat(f"{folder}/{name}")) for name in _files(folder)})
 
-    def _restore(self, folder: str, node: str, rule: Callable[[str], str], output: str) -> str:
+    def _restore(self, folder: str, node: str, rule: str, output: str) -> str:
         """Write the files of an output into a folder; the name of the main one."""
         with header.reading(f"`{node}`"):
             main = _restore_file(self._session, folder, stem_of(node), output)
             if main is None:
-                kind, where = self._session.project.library.find(rule(node)).rule.returns, Path(folder)
+                kind, where = self._session.project.library.find(rule).rule.returns, Path(folder)
                 written = kind.restore(output, self._session.store.reader, where, stem_of(node))
                 main = written[0].relative_to(where).as_posix() if written else "."
         return main
 
-    def _swap(self, node: str, old: _Copy | None, rule: Callable[[str], str]) -> None:
+    def _swap(self, node: str, old: _Copy | None, rule: str) -> None:
         """Move the new folder of a node into its place; what somebody changed in the old one is kept."""
         folder, new, aside = self._folder(node), f"{self._scratch}/{_name(node)}", f"{self._scratch}/~{_name(node)}"
         with suppress(FileNotFoundError):
@@ -156,7 +156,7 @@ class Out:
             self._placed.kept[node] = _free(folder)
             os.rename(aside, self._placed.kept[node])
 
-    def _is_changed(self, folder: str, node: str, old: _Copy, rule: Callable[[str], str]) -> bool:
+    def _is_changed(self, folder: str, node: str, old: _Copy, rule: str) -> bool:
         """Whether a folder holds what dxb did not write; another time stamp of the same bytes is no change."""
         names = {*_files(folder)}
         if not names <= old.files.keys():

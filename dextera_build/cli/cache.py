@@ -9,6 +9,8 @@ import json
 from dextera_build.cli import options
 
 ACTIONS = {
+    "push": ("upload what was built to a remote", "push"),
+    "pull": ("bring targets from a remote, without running anything", "pull"),
     "size": ("count blobs, results and unfinished calls, and their bytes", "cache"),
     "gc": ("collect what nobody needs, down to a size or an age", "collecting"),
     "verify": ("read everything and say what is damaged", "verifying"),
@@ -26,7 +28,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         if module != "cache":
             importlib.import_module(f"dextera_build.cli.{module}").arguments(sub)
         options.project_arguments(sub)
-        options.json_argument(sub)
+        if name not in ("push", "pull"):
+            options.json_argument(sub)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -121,7 +121,7 @@ def _words(*words: str) -> Callable[..., list[str]]:
 _COMPLETERS: dict[str, Callable[..., object]] = {
     "RECIPE[:TARGET]": _targets,
     "RECIPE[:NODE]": _targets,
-    "RECIPE[:NODE]|CALL": _targets,
+    "RECIPE[:NODE]|RUN|CALL": _targets,
     "RECIPE:NODE": _targets,
     "A": _targets,
     "B": _targets,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TextIO
 
 from dextera_build.engine.events import NodeFinished
-from dextera_build.errors import DxbError, Place, from_json
+from dextera_build.errors import DxbError, Place
 from dextera_build.report.wording import some
 
 Lines = Callable[[str], Sequence[str] | None]
@@ -69,7 +69,7 @@ def render_node(node: NodeFinished, waiting: Sequence[str], run: str, *, colour:
         run: The run's name, for `dxb log`.
         colour: Use ANSI colours.
     """
-    error = from_json(node.error or {"message": "it ended without a result"})
+    error = node.error or DxbError("it ended without a result")
     verb = "failed its check" if error.code == "DXB-B201" else "failed"
     message = paint(_clean(f"{node.node} {verb}: {error.message}"), _BOLD, colour)
     backend = f", backend {node.backend}" if node.backend else ""

@@ -4,27 +4,44 @@ from __future__ import annotations
 
 import argparse
 import importlib
+from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
 from dextera_build import __version__
-from dextera_build.cli.verbs import VERBS
+from dextera_build.cli.verbs import GROUPS, MOVED, VERBS
 from dextera_build.errors import UsageError, did_you_mean
+
+_FOOT = "`dxb VERB --help` explains a verb; every verb that reads takes `--json`."
 
 
 class _Parser(argparse.ArgumentParser):
     """Says what is wrong in the form of every other error."""
 
     def error(self, message: str) -> NoReturn:
-        hint = f"`{self.prog} --help` shows what it takes"
+        hint: str | None = f"`{self.prog} --help` shows what it takes"
         if message.startswith("argument VERB: invalid choice: "):
             wrong = message.split("'")[1]
             message, hint = f"there is no verb `{wrong}`", did_you_mean(wrong, VERBS, "`dxb {}`") or hint
+            if wrong in MOVED:
+                message, hint = f"`dxb {wrong}` is now `dxb {MOVED[wrong]}`", None
         raise UsageError(message, code="DXB-U101", hint=hint)
+
+
+class _Top(_Parser):
+    """The whole command line."""
+
+    def format_help(self) -> str:
+        """The verbs in their groups."""
+        width = max(map(len, VERBS)) + 2
+        lines = ["usage: dxb VERB [ARGUMENT ...]", "", str(self.description)]
+        for group, verbs in GROUPS.items():
+            lines += ["", f"{group}:", *(f"  {verb:<{width}}{text}" for verb, text in verbs.items())]
+        return "\n".join([*lines, "", _FOOT, ""])
 
 
 def parser(verb: str | None = None) -> argparse.ArgumentParser:
     """The command line's grammar; with `verb`, only that verb's arguments are filled in, so that start-up is quick."""
-    top = _Parser(prog="dxb", description="A content-addressed build system for robot digital twins.")
+    top = _Top(prog="dxb", description="A content-addressed build system for robot digital twins.")
     top.add_argument("--version", action="version", version=f"dxb {__version__}")
     verbs = top.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=_Parser)
     for name, summary in VERBS.items():
@@ -34,8 +51,28 @@ def parser(verb: str | None = None) -> argparse.ArgumentParser:
     return top
 
 
-def alone(verb: str) -> argparse.ArgumentParser:
-    """What a verb takes."""
-    found = _Parser(prog=f"dxb {verb}")
-    importlib.import_module(f"dextera_build.cli.{verb}").arguments(found)
-    return found
+def parse(words: Sequence[str]) -> argparse.Namespace:
+    """The arguments of a command line, without `dxb`.
+
+    Raises:
+        UsageError: They are not in the grammar.
+    """
+    verb = next((word for word in words if not word.startswith("-")), "")
+    top = parser(verb)
+    args, rest = top.parse_known_args(words)
+    if rest:
+        known = sorted(set(_flags(top)))
+        flag = next((word.partition("=")[0] for word in rest if word.startswith("-")), None)
+        if flag is None:
+            raise UsageError(f"`{rest[0]}` is one argument too many", code="DXB-U101", hint=f"`dxb {verb} --help`")
+        hint = did_you_mean(flag, known) or f"`dxb {verb} --help` shows what it takes"
+        raise UsageError(f"`dxb {verb}` has no flag `{flag}`", code="DXB-U101", hint=hint)
+    return args
+
+
+def _flags(top: argparse.ArgumentParser) -> Iterator[str]:
+    for action in top._actions:
+        yield from action.option_strings
+        if isinstance(action, argparse._SubParsersAction):
+            for sub in action.choices.values():
+                yield from _flags(sub)

@@ -1,4 +1,4 @@
-"""`dxb graph`: the nodes of a recipe and what they read, as SVG, JSON or Graphviz DOT."""
+"""`dxb show --graph`: the nodes of a recipe and what they read, as SVG, JSON or Graphviz DOT."""
 
 from __future__ import annotations
 
@@ -19,19 +19,11 @@ if TYPE_CHECKING:
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Fill in the parser."""
-    parser.add_argument("target", metavar="RECIPE[:TARGET]", help="all of a recipe, or what a target or node needs")
-    form = parser.add_mutually_exclusive_group()
-    form.add_argument("--svg", action="store_true", help="a picture (the default)")
-    form.add_argument("--json", action="store_true", help="nodes and edges")
-    form.add_argument("--dot", action="store_true", help="for Graphviz")
-    parser.add_argument(
-        "--by", metavar="WHAT", default="node", help="a box for each node, group, rule or recipe (node)"
-    )
-    parser.add_argument("--status", action="store_true", help="what a build would do with each node now")
-    parser.add_argument("-o", "--out", metavar="FILE", help="where to write it (standard output)")
-    options.project_arguments(parser)
-    options.request_arguments(parser)
+    """Fill in the parser of `dxb show`."""
+    group = parser.add_argument_group("with --graph")
+    group.add_argument("--dot", action="store_true", help="in Graphviz' language, not as SVG")
+    group.add_argument("--by", metavar="WHAT", default="node", help="a box for each node, group, rule or recipe (node)")
+    group.add_argument("--status", action="store_true", help="what a build would do with each node now")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,13 +1,14 @@
 """`dxb`: reads the command line, calls one verb, prints errors, and gives the exit code.
 
 Exit codes: 0 done, 1 a node failed, 2 command line or recipe wrong, 3 stale under `--check` or
-not as locked under `--locked`, 4 the machine lacks something, 70 a fault in dxb, 130 interrupted.
+not as locked under `--locked`, 4 the machine lacks something, 70 a fault in dxb, 130 interrupted,
+141 the reader of a stream went away.
 """
 
 import os
 import sys
 
-from dextera_build.cli import quick
+from dextera_build.cli import quick, streams
 
 # A build that does nothing ends before anything else of dxb is loaded, so all of that is imported where it is used.
 TYPE_CHECKING = False
@@ -31,25 +32,36 @@ def main(argv: "Sequence[str] | None" = None) -> int:
     if "_ARGCOMPLETE" in os.environ:
         return _complete()
     try:
-        code = 0 if quick.answer(words) else _run(words)
+        code = _guarded(words)
         sys.stdout.flush()
+        sys.stderr.flush()
         return code
-    except KeyboardInterrupt:
-        print("interrupted; what was finished is kept, the next build goes on from there", file=sys.stderr)
-        return 130
-    except BrokenPipeError:
-        # The reader (`| head`) went away; nobody is left to tell.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except Exception as error:  # the one place that must not let a traceback out unexplained
-        from dextera_build.errors import DxbError
-
-        return _refuse(error) if isinstance(error, DxbError) else _fault(error, words)
+    except Exception:
+        code_of_stream = streams.give_up()
+        if code_of_stream is None:
+            raise
+        return code_of_stream
 
 
 def entry() -> "NoReturn":
     """The console script."""
+    streams.watch()
     sys.exit(main())
+
+
+def _guarded(words: "list[str]") -> int:
+    """Run one command and say what went wrong; only a stream that cannot be written is left to the caller."""
+    try:
+        return 0 if quick.answer(words) else _run(words)
+    except KeyboardInterrupt:
+        print("interrupted; what was finished is kept, the next build goes on from there", file=sys.stderr)
+        return 130
+    except Exception as error:  # the one place that must not let a traceback out unexplained
+        from dextera_build.errors import DxbError
+
+        if streams.is_lost():
+            raise
+        return _refuse(error) if isinstance(error, DxbError) else _fault(error, words)
 
 
 def _complete() -> int:
@@ -67,10 +79,9 @@ def _run(words: list[str]) -> int:
     import gc
     import importlib
 
-    from dextera_build.cli.grammar import parser
+    from dextera_build.cli.grammar import parse
 
-    verb = next((word for word in words if not word.startswith("-")), "")
-    args = parser(verb).parse_args(words)
+    args = parse(words or ["--help"])
     args.words = words
     # What a command makes it keeps. To look for circles in it at every 700 objects takes a tenth of a small build.
     gc.set_threshold(_YOUNG)
@@ -99,9 +110,10 @@ def _fault(error: Exception, words: list[str]) -> int:
 
     from dextera_build import __version__
     from dextera_build.errors import DxbError
+    from dextera_build.redact import redact
 
     with tempfile.NamedTemporaryFile("w", prefix="dxb-fault-", suffix=".txt", delete=False) as file:
-        file.write(f"dxb {__version__} {' '.join(words)}\n\n{traceback.format_exc()}")
+        file.write(redact(f"dxb {__version__} {' '.join(words)}\n\n{traceback.format_exc()}"))
     fault = DxbError(
         f"a fault in dxb: {type(error).__name__}: {error}",
         code="DXB-X001",

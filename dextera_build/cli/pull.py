@@ -1,4 +1,4 @@
-"""`dxb pull`: brings targets from a remote, and runs nothing."""
+"""`dxb cache pull`: brings targets from a remote, and runs nothing."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--from", metavar="NAME|URL", dest="source", help="the remote; else those that the settings let be read"
     )
-    options.project_arguments(parser)
     options.request_arguments(parser)
 
 
@@ -37,7 +36,6 @@ def run(args: argparse.Namespace) -> int:
         wanted = options.wish(text)
         session = Session(project, wanted.recipe, options.added(args), makes=True)
         result = _bring(session, wanted.target, args)
-        lacking += [f"{wanted.recipe}:{node}" for node in result.own.errors()]
         lacking += [f"{wanted.recipe}:{place}" for place in result.errors]
     if lacking:
         count = "1 node is" if len(lacking) == 1 else f"{len(lacking)} nodes are"

@@ -1,4 +1,4 @@
-"""`dxb push`: uploads what was built."""
+"""`dxb cache push`: uploads what was built."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what to upload, with all it came from")
     parser.add_argument("--to", metavar="NAME|URL", help="the remote; else those that the settings let be written")
-    options.project_arguments(parser)
     options.request_arguments(parser)
 
 

@@ -76,7 +76,7 @@ def _one(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch: W
     except DxbError as error:
         return _refused(project, error, watch)
     tell(built, quiet=True)
-    return None, states(Counter(built.run_result.own.statuses()))
+    return None, states(Counter(node.status for node in built.run_result.nodes.values()))
 
 
 def _refused(project: Project | None, error: DxbError, watch: Watch) -> tuple[DxbError, str]:

@@ -1,4 +1,4 @@
-"""`dxb show`: a node, all that it came from, a recipe's past, or the configuration."""
+"""`dxb show`: a node, everything that it came from, a recipe's past, its graph, a run's trace, or the configuration."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 import time
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli import options
+from dextera_build.cli import graph, options, trace
 from dextera_build.cli.calls import is_call, show
 from dextera_build.errors import UsageError
 from dextera_build.explain.reads import Reads
@@ -20,14 +20,24 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument(
-        "target", nargs="?", metavar="RECIPE[:NODE]|CALL", help="a recipe, a node, or a call by its digest"
+        "target",
+        nargs="?",
+        metavar="RECIPE[:NODE]|RUN|CALL",
+        help="a recipe, a node or target, a run's id for --trace, or a call by its digest",
     )
-    parser.add_argument(
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--graph", action="store_true", help="the nodes of a recipe, or what a target needs, as SVG")
+    what.add_argument(
+        "--trace", action="store_true", help="when every node of a run worked, for Perfetto or speedscope"
+    )
+    what.add_argument(
         "--lineage",
         action="store_true",
-        help="all that the result came from: nodes with options, seeds, code and packages, down to project files",
+        help="what the result came from: nodes with options, seeds, code and packages, down to project files",
     )
-    parser.add_argument("--config", action="store_true", help="every setting with its origin")
+    what.add_argument("--config", action="store_true", help="every setting with its origin")
+    parser.add_argument("-o", "--out", metavar="FILE", help="where to write a graph or trace (standard output)")
+    graph.arguments(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)
     options.json_argument(parser)
@@ -37,11 +47,15 @@ def run(args: argparse.Namespace) -> int:
     """Print rows of name and value; with `--lineage` an indented line for everything, each once."""
     from dextera_build.session import Session
 
+    if args.trace:
+        return trace.run(args)
     project = options.project(args)
     if args.config:
         rows: dict[str, Any] = {name: _setting(found, as_json=args.json) for name, found in project.config.items()}
     elif args.target is None:
         raise UsageError("name a recipe or a node, or give `--config`", code="DXB-U111", hint="`dxb ls` lists recipes")
+    elif args.graph:
+        return graph.run(args)
     elif is_call(args.target):
         rows = show(project, args.target)
     else:

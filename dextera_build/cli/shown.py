@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from dextera_build.cli.streams import StreamError
+
 if TYPE_CHECKING:
     from dextera_build.build.build import Built
     from dextera_build.cli.consoles import Console
@@ -32,7 +34,10 @@ class Shown:
             from dextera_build.cli.consoles import console
 
             self._console = console(self._kind, sys.stderr, verbose=self._verbose)
-        self._console(event)
+        try:
+            self._console(event)
+        except OSError as error:
+            raise StreamError(str(error)) from error
 
     def __enter__(self) -> Self:
         """Itself."""
@@ -43,7 +48,11 @@ class Shown:
     ) -> None:
         """Leave the terminal as it was."""
         if self._console is not None:
-            self._console.close()
+            try:
+                self._console.close()
+            except OSError:
+                if error is None:
+                    raise
 
 
 def tell(built: Built, *, quiet: bool = False) -> None:

@@ -1,4 +1,4 @@
-"""`dxb trace`: when every node of a run worked, for Perfetto, Chrome's about:tracing or speedscope."""
+"""`dxb show --trace`: when every node of a run worked, for Perfetto, Chrome's about:tracing or speedscope."""
 
 from __future__ import annotations
 
@@ -9,13 +9,6 @@ from dextera_build.cli import options
 from dextera_build.cli.text_file import give
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
-    """Fill in the parser."""
-    parser.add_argument("run", nargs="?", metavar="RUN|RECIPE", help="a run's id, or a recipe for its last run")
-    parser.add_argument("-o", "--out", metavar="FILE", help="where to write it (standard output)")
-    options.project_arguments(parser)
-
-
 def run(args: argparse.Namespace) -> int:
     """Print the trace, or write it and print its path."""
     from dextera_build.cli import runs
@@ -24,5 +17,5 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.session import reading
 
     project = options.project(args)
-    _, events = runs.find(project, args.run)
+    _, events = runs.find(project, args.target)
     return give(project, json.dumps(trace(past.read(events, reading(project)))), args.out)

@@ -1,26 +1,43 @@
-"""The verbs of `dxb`, each with one line; completion reads this and nothing else."""
+"""The verbs of `dxb` in their groups, each with one line, and the names that verbs had before."""
 
-VERBS = {
-    "build": "build targets; only what is stale runs",
-    "plan": "show what a build would do, without doing it",
-    "watch": "build, and again whenever something that the build read changes",
-    "get": "write a node's artifact to files",
-    "why": "explain why a node is stale, or when it was built",
-    "ls": "list recipes, rules, backends, nodes or runs",
-    "show": "show an artifact, a node, or the configuration",
-    "diff": "show what is different between two runs, nodes or artifacts",
-    "log": "show past runs and what their nodes printed",
-    "view": "look at a scene in the browser",
-    "report": "write a run's report, one offline HTML file",
-    "graph": "draw a recipe's graph as SVG, JSON or DOT",
-    "trace": "write when every node of a run worked, for a trace viewer",
-    "init": "make a new project",
-    "new": "make a new recipe, rule or backend in this project",
-    "check": "check recipes, or rebuild a node and compare",
-    "doctor": "say what this machine has and lacks",
-    "push": "upload what was built to a remote",
-    "pull": "bring targets from a remote, without running anything",
-    "cache": "look after the store",
-    "bundle": "carry results elsewhere, with all that explains them",
-    "completion": "print a script that completes command lines in bash, zsh or fish",
+GROUPS = {
+    "build": {
+        "build": "build targets; only what is stale runs",
+        "plan": "show what a build would do, without doing it",
+        "watch": "build, and again whenever something that the build read changes",
+        "check": "check recipes, or rebuild a node and compare",
+    },
+    "look": {
+        "show": "show a recipe, node, rule, graph, trace, lineage, or the configuration",
+        "ls": "list recipes, rules, backends, nodes or runs",
+        "why": "explain why a node is stale, or when it was built",
+        "diff": "show what is different between two runs, nodes or artifacts",
+        "log": "show past runs and what their nodes printed",
+        "get": "write a node's artifact to files",
+        "view": "look at a scene in the browser",
+        "report": "write a run's report, one offline HTML file",
+    },
+    "share": {
+        "cache": "push and pull results, collect garbage, verify or serve the store",
+        "bundle": "carry results elsewhere, with everything that explains them",
+    },
+    "project": {
+        "init": "make a new project",
+        "new": "make a new recipe, rule or backend in this project",
+        "doctor": "say what this machine has and lacks",
+        "completion": "print a script that completes command lines in bash, zsh or fish",
+    },
 }
+"""Group -> verb -> what it does."""
+VERBS = {verb: text for group in GROUPS.values() for verb, text in group.items()}
+MOVED = {
+    "graph": "show --graph",
+    "lineage": "show --lineage",
+    "trace": "show --trace",
+    "gc": "cache gc",
+    "pull": "cache pull",
+    "push": "cache push",
+    "serve": "cache serve",
+    "verify": "cache verify",
+}
+"""What is not a verb of its own, or no longer -> how it is written."""

@@ -38,13 +38,8 @@ def stand(packages: Mapping[str, str]) -> dict[str, str]:
     return {"dextera-build": _own_code(), "python": f"{major}.{minor}", **packages}
 
 
-def differences(wanted: Mapping[str, str], project: str) -> dict[str, tuple[str, str]]:
-    """What of `wanted` is otherwise here: name -> (there, here).
-
-    Args:
-        wanted: What `stand` gave elsewhere.
-        project: The folder with the project's code; its rules are not compared, they came from there.
-    """
+def differences(wanted: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    """What of `wanted`, which `stand` gave elsewhere, is otherwise here: name -> (there, here)."""
     packages = {name: version_of(name) or "none" for name in wanted if name not in ("dextera-build", "python")}
     here = stand(packages)
     return {name: (there, here[name]) for name, there in wanted.items() if here[name] != there}

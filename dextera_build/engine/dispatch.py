@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 from dextera_build.engine.admission import Admission, estimate, lacks
 from dextera_build.engine.capacity import Capacity, Needs
 from dextera_build.engine.graph import RuleFacts
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.publish import log_of, publish
 from dextera_build.engine.reading import Reading
 from dextera_build.engine.sharing import Sharing
 from dextera_build.engine.states import State, States
 from dextera_build.engine.tasks import Ended, Executor, Report, Said, Task
-from dextera_build.engine.units import Node
+from dextera_build.engine.units import End, Node
 from dextera_build.errors import DxbError
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
@@ -38,12 +37,8 @@ class Dispatch:
     sharing: Sharing
     policy: Policy
     reading: Reading
+    hooks: Hooks
     forced: Callable[[Node], bool]
-    started: Callable[[Node], None]
-    said: Callable[[Node, str, Any], None]
-    succeed: Callable[[Node, str, ActionResult], None]
-    broke: Callable[[Node, DxbError], None]
-    pause: Callable[[], None]
 
     def __post_init__(self) -> None:
         self._running: dict[int, Node] = {}
@@ -54,22 +49,25 @@ class Dispatch:
         """By identity, since rules cannot be hashed; an entry keeps its rule alive."""
         self._store_name = str(self.store.root)
 
-    def start(self) -> None:
-        """Start queued nodes as long as there is room for one of them."""
+    def start(self) -> Iterator[End]:
+        """Start queued nodes as long as there is room for one of them; gives those that end without running."""
         if self.executor is None:
             return
-        self._line_up()
+        yield from self._line_up()
         while (node := self._admission.next()) is not None:
-            if not self._claim(node):
-                self._admission.end(node)
+            hit = self._claim(node)
+            if hit is None and node.state is State.QUEUED:
+                node.ticket, node.tries = next(self._tickets), node.tries + 1
+                self._running[node.ticket] = node
+                self.states.set(node, State.RUNNING)
+                self.hooks.started(node)
+                self.executor.submit(self._task(node, self._admission.devices(node)))
                 continue
-            node.ticket, node.tries = next(self._tickets), node.tries + 1
-            self._running[node.ticket] = node
-            self.states.set(node, State.RUNNING)
-            self.started(node)
-            self.executor.submit(self._task(node, self._admission.devices(node)))
+            self._admission.end(node)
+            if hit is not None:
+                yield End(node, "cached", hit)
 
-    def _line_up(self) -> None:
+    def _line_up(self) -> Iterator[End]:
         """Let queued nodes stand in line for what they need; those that rest before another try do so later."""
         queue, now = self.states.queue, time.monotonic()
         if self._resting:
@@ -81,7 +79,7 @@ class Dispatch:
             if node.rests_until > now:
                 self._resting.append(node)
             elif lacking:
-                self.broke(node, lacks(lacking, self._admission.capacity))
+                yield End(node, error=lacks(lacking, self._admission.capacity))
             else:
                 self._admission.wait(node, estimate(needs, self.policy.peak_gb(node.address)))
 
@@ -93,29 +91,33 @@ class Dispatch:
             known = self._needs[id(rule)] = (rule, needs, needs.lacks(self._admission.capacity))
         return known[1:]
 
-    def wait(self, idle: bool) -> bool:
-        """Take what the executor reports, waiting for it where `idle`; False: nothing runs here or elsewhere."""
-        self.pause()
+    @property
+    def is_busy(self) -> bool:
+        """Whether something runs, here or elsewhere, or rests before another try."""
+        return bool(self._running or self._resting or self.states.locked or self.states.fetching)
+
+    def wait(self, idle: bool) -> Iterator[End]:
+        """Take what the executor reports, waiting for it where `idle`; gives the nodes that ended."""
+        self.hooks.pause()
         busy = self.states.locked or self.states.fetching
         patience = 0.0 if not idle else _PATIENCE_S if busy else _REST_S if self._resting else None
         if self._running and self.executor is not None:
             for report in self.executor.poll(patience):
-                self._take(report)
+                end = self._take(report)
+                if end is not None:
+                    yield end
         elif self.states.fetching:
             self.sharing.wait(patience or 0.0)
         elif patience:
             time.sleep(patience)
-        else:
-            return not idle
-        return True
 
-    def retry_locked(self) -> None:
-        """Look again at what other processes were building."""
+    def retry_locked(self) -> Iterator[End]:
+        """Look again at what other processes were building; gives what they have built."""
         for node in list(self.states.locked):
             assert node.key is not None
             hit = self.reading.whole(node)
             if hit is not None:
-                self.succeed(node, "cached", hit)
+                yield End(node, "cached", hit)
             elif self.store.locks.take(node.key):
                 self.store.locks.release(node.key)
                 self.states.set(node, State.QUEUED)
@@ -125,25 +127,25 @@ class Dispatch:
         for node in self._running.values():
             self.store.locks.release(node.key or "")
 
-    def _claim(self, node: Node) -> bool:
-        """Take the lock of the node's key; False where another process has it, or has built it since we looked."""
-        key = node.key
-        assert key is not None
-        if not self.store.locks.take(key):
-            self.said(node, "log", {"text": self._who_builds(key)})
-            self.states.set(node, State.LOCKED)
-            return False
-        forced = self.forced(node)
-        hit = None if forced or self.reading.is_missing(node) else self.reading.whole(node)
-        if hit is None and node.key == key:
-            if forced:
-                self.store.keep.drop(key)
-            return True
-        self.store.locks.release(key)
-        if hit is None:  # another process ran it with other files: what ours lead to has a lock of its own
-            return self._claim(node)
-        self.succeed(node, "cached", hit)
-        return False
+    def _claim(self, node: Node) -> ActionResult | None:
+        """Take the lock of the node's key, or wait for who has it; returns what another process made meanwhile."""
+        while True:
+            key = node.key
+            assert key is not None
+            if not self.store.locks.take(key):
+                self.hooks.said(node, "log", {"text": self._who_builds(key)})
+                self.states.set(node, State.LOCKED)
+                return None
+            forced = self.forced(node)
+            hit = None if forced or self.reading.is_missing(node) else self.reading.whole(node)
+            if hit is None and node.key == key:
+                if forced:
+                    self.store.keep.drop(key)
+                return None
+            self.store.locks.release(key)
+            if hit is not None:
+                return hit
+            # Another process ran it with other files: what ours lead to has a lock of its own.
 
     def _task(self, node: Node, devices: tuple[str, ...]) -> Task:
         rule = node.rule
@@ -162,47 +164,47 @@ class Dispatch:
             sources=rule.sources,
         )
 
-    def _take(self, report: Report) -> None:
+    def _take(self, report: Report) -> End | None:
+        """What became of the node of a report, None where it goes on."""
         node = self._running.get(report.ticket)
         if node is None:
-            return
+            return None
         if isinstance(report, Said):
             if report.kind == "read":
                 self.reading.watch(node, report.data.get("steps"))
             else:
-                self.said(node, report.kind, report.data)
-            return
+                self.hooks.said(node, report.kind, report.data)
+            return None
         del self._running[report.ticket]
         self._admission.end(node)
         node.ticket = -1
         key = node.key or ""  # what the node read gives it another
         try:
-            self._end(node, report)
+            return self._end(node, report)
         finally:
             self.store.locks.release(key)
 
-    def _end(self, node: Node, report: Ended) -> None:
-        node.seconds, node.usage = report.seconds, report.usage
-        node.calls = tuple((report.reply or {}).get("calls") or ())
+    def _end(self, node: Node, report: Ended) -> End | None:
+        node.last = replace(report, log=b"")
         retries = node.rule.retries
         if report.error is not None and retries.again(node.tries, report.error, report.raised):
             self._rest(node, report, report.error)
-            return
+            return None
         try:
             result = publish(self.store, node, report, self.reading)
         except DxbError as error:
-            self.broke(node, error)
-        else:
-            if report.reply is not None and report.reply["output"] != result.output:
-                self.said(node, "log", {"text": "its key gave another output before, which stays: `dxb ls divergent`"})
-            self.succeed(node, "ran", result)
+            return End(node, error=error)
+        if report.reply is not None and report.reply["output"] != result.output:
+            text = "its key gave another output before, which stays: `dxb ls divergent`"
+            self.hooks.said(node, "log", {"text": text})
+        return End(node, "ran", result)
 
     def _rest(self, node: Node, report: Ended, error: DxbError) -> None:
         """Have the node tried again after a while."""
         wait_s = node.rule.retries.delay_s(node.tries, node.key or "")
         node.rests_until = time.monotonic() + wait_s
         log = log_of(self.store, report)
-        self.said(node, "retried", {"tries": node.tries, "wait_s": wait_s, "error": error.to_json(), "log": log})
+        self.hooks.said(node, "retried", {"tries": node.tries, "wait_s": wait_s, "error": error.to_json(), "log": log})
         self.states.set(node, State.QUEUED)
 
     def _who_builds(self, key: str) -> str:

@@ -14,7 +14,6 @@ from dextera_build.engine.reach import leaves, lookup, reach
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node, Path
-from dextera_build.engine.values import inputs_of
 from dextera_build.engine.wiring import Wiring
 from dextera_build.store.store import Store
 
@@ -76,30 +75,21 @@ class Forecast(Sequence[Planned]):
 
     def _planned(self, node: Node) -> Planned:
         if node.state is State.DONE:
+            seconds = node.result.seconds if node.result else None
             if node.bare and node.asked:
-                return self._told(node, "stale", node.made_s)
-            return replace(self._told(node, "cached", node.made_s), output=node.output)
+                return self._told(node, "stale", seconds)
+            return replace(self._told(node, "cached", seconds), output=node.output)
         last = self._history.get(node.address) if self._history else None
         seconds = last.seconds if last else None
         if node.state is State.STALE:
             if node.rule.discovers:
-                self._fill(node)
                 self._scheduler.reading.suppose(node, last.key if last else "")
             return self._told(node, "stale", seconds)
         return Planned(node.address, "unknown", None, seconds, rule=node.rule)
 
     def _told(self, node: Node, status: Literal["cached", "stale"], seconds: float | None) -> Planned:
-        spell = partial(self._spell, node)
+        spell = partial(self._scheduler.reading.document, node)
         return Planned(node.address, status, node.key, seconds, bare=node.bare, rule=node.rule, spell=spell)
-
-    def _spell(self, node: Node) -> bytes:
-        self._fill(node)
-        return self._scheduler.reading.document(node)
-
-    def _fill(self, node: Node) -> None:
-        """A node that was settled holds its inputs no more."""
-        if not node.inputs:
-            node.inputs = inputs_of(node.call, node, self._scheduler.wiring, self._scheduler.store.blobs)
 
 
 def plan(

@@ -9,11 +9,17 @@ from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from typing import Any, ClassVar, Literal, TypeAlias, get_args, get_origin, get_type_hints
 
+from dextera_build.errors import DxbError
 from dextera_build.redact import redact
 
 Status: TypeAlias = Literal["cached", "ran", "fetched", "failed", "waits", "cancelled"]
 
-_spell = json.JSONEncoder(sort_keys=True, ensure_ascii=False, default=dict).encode
+
+def _plain(value: Any) -> object:
+    return value.to_json() if isinstance(value, DxbError) else dict(value)
+
+
+_spell = json.JSONEncoder(sort_keys=True, ensure_ascii=False, default=_plain).encode
 
 
 @dataclass(frozen=True)
@@ -128,7 +134,7 @@ class NodeRetried(Event):
 
 @dataclass(frozen=True)
 class NodeFinished(Event):
-    """A node is done, one way or another. `error` is `DxbError.to_json()` for `failed`.
+    """What became of a node: the event that tells of it, and its record in the result of the run.
 
     `waits` on a node says that it never ran because `blocked_by` failed. `result` is the digest of the node's
     `result.json`, `log` that of what it printed (also when it failed). A node may finish twice in a run, when its bytes
@@ -145,9 +151,11 @@ class NodeFinished(Event):
     key: str | None
     output: str | None
     seconds: float
+    """How long it ran or was fetched [s], in this run or, for a cached one, when it was made."""
     line: str = ""
     result: str | None = None
-    error: Mapping[str, Any] | None = None
+    error: DxbError | None = None
+    """Of one that failed; a log has it as `DxbError.to_json()`."""
     blocked_by: list[str] = field(default_factory=list)
     inputs: Mapping[str, str] = field(default_factory=dict)
     depends_on: list[str] = field(default_factory=list)
@@ -245,7 +253,7 @@ def _plain_types(hint: Any) -> Iterator[type]:
     elif hint is float:
         yield from (int, float)
     else:
-        yield {Mapping: dict, list: list}.get(get_origin(hint), hint)
+        yield {Mapping: dict, list: list, DxbError: dict}.get(get_origin(hint) or hint, hint)
 
 
 def fan_out(*listeners: Listener) -> Listener:

@@ -6,23 +6,21 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path as FilePath
 from typing import Any
 
 from dextera_build.engine import events
-from dextera_build.engine.events import Listener
-from dextera_build.engine.graph import Address, Graph, Leaf, Pack
+from dextera_build.engine.events import Listener, NodeFinished
+from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.history import Entry, History
 from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.reach import leaves_of, walk
-from dextera_build.engine.records import NodeRecord as NodeRecord
-from dextera_build.engine.records import Records, record_of, status_of
 from dextera_build.engine.records import RunResult as RunResult
+from dextera_build.engine.records import record_of, record_of_group
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.sharing import Remotes
 from dextera_build.engine.states import State
 from dextera_build.engine.tasks import Executor
-from dextera_build.engine.units import Node, Opening, Unit, producers
+from dextera_build.engine.units import Node, Opening, Unit
 from dextera_build.engine.uplink import Uplink
 from dextera_build.errors import DxbError
 from dextera_build.store.store import Store
@@ -102,6 +100,7 @@ class _Run:
         hooks.pause = uplink.pause
         policy = replace(policy, peak_gb=self.history.peak_gb)
         self.scheduler = Scheduler(graph, store, executor, policy, hooks, uplink.exchange)
+        self.records: dict[str, NodeFinished] = {}
         self.errors: dict[str, DxbError] = {}
         self.members: Counter[tuple[str, ...]] = Counter()
         """Group, or () for the root -> how many of its calls the targets need."""
@@ -174,58 +173,23 @@ class _Run:
             self.listen(events.NodeRetried(time.time(), node.address, **data))
 
     def _settled(self, node: Node) -> None:
-        record, result = record_of(node), node.result
+        record, result = record_of(node, self.info.project), node.result
         if record.result is not None and result is not None and record.key is not None:
             # How long a fetch took says nothing of how long the node runs.
-            entry = Entry(record.key, result.key_document, self.info.run, result.seconds, time.time(), record.usage)
+            entry = Entry(record.key, result.key_document, self.info.run, result.seconds, record.time, record.usage)
             self.history.note(node.address, entry)
         self.uplink.tell()
-        self._tell(node, record)
+        self._tell(record)
 
     def _broken(self, unit: Unit, error: DxbError) -> None:
         self.errors[unit.address] = error
-        self._tell(unit, NodeRecord("failed", None, None, 0.0, "", error, {}, rule="each"))
+        self.listen(record_of_group(unit, error))
 
-    def _tell(self, unit: Unit, record: NodeRecord) -> None:
-        self.listen(
-            events.NodeFinished(
-                time=time.time(),
-                node=unit.address,
-                rule=record.rule,
-                backend=record.backend,
-                status=record.status,
-                key=record.key,
-                output=record.output,
-                seconds=record.seconds,
-                line=record.line,
-                result=record.result,
-                log=record.log,
-                error=record.error.to_json() if record.error else None,
-                blocked_by=list(record.blocked_by),
-                inputs=dict(record.inputs),
-                depends_on=[node.address for node in producers(unit)],
-                files=self._files(unit) if isinstance(unit, Node) else {},
-                remote=unit.remote if isinstance(unit, Node) and record.status == "fetched" else "",
-                usage=dict(record.usage),
-                tries=record.tries,
-                calls=list(record.calls),
-            )
-        )
-
-    def _files(self, node: Node) -> dict[str, str]:
-        found: dict[str, str] = {}
-        if node.state is State.DONE and not node.leaves:
-            return found
-        for slot, source in node.call.inputs.items():
-            parts = source.parts if isinstance(source, Pack) else {"": source}
-            for label, part in parts.items():
-                if isinstance(part, Leaf):
-                    found[f"{slot}[{label}]" if label else slot] = self._shown(part.path)
-        return found
-
-    def _shown(self, path: FilePath) -> str:
-        root = self.info.project
-        return str(path.relative_to(root)) if root and path.is_relative_to(root) else str(path)
+    def _tell(self, record: NodeFinished) -> None:
+        self.records[record.node] = record
+        if record.error is not None:
+            self.errors[record.node] = record.error
+        self.listen(record)
 
     def _close(self, whole: bool) -> RunResult:
         """End every node that is still open, and say so."""
@@ -237,18 +201,18 @@ class _Run:
                 continue
             if node.state is not State.BLOCKED:
                 scheduler.states.set(node, State.CANCELLED)
-            self._tell(node, record_of(node, blockers.get(node.address, ())))
-        records = Records(scheduler.wiring.nodes, blockers, self.history.usage, self.store)
+            self._tell(record_of(node, self.info.project, blockers.get(node.address, ())))
         ok = whole and all(wish.state is State.DONE for wish in scheduler.wishes)
         asked = tuple(dict.fromkeys(scheduler.wiring.asked()))
+        records = {address: self.records[address] for address in scheduler.wiring.nodes}
         return RunResult(ok, records, asked, self.info.run, scheduler.wiring, self.errors)
 
     def _finish(self, result: RunResult, seconds: float, interrupted: bool) -> None:
         self.history.save()
         self.store.leaves.save()
-        counts: Counter[str] = Counter(result.own.statuses())
-        spared = (node for node in self.scheduler.wiring.nodes.values() if status_of(node) in ("cached", "fetched"))
-        saved = sum(node.made_s - (node.seconds if node.status == "fetched" else 0.0) for node in spared)
+        counts: Counter[str] = Counter(record.status for record in result.nodes.values())
+        spared = [node for node in self.scheduler.wiring.nodes.values() if node.status in ("cached", "fetched")]
+        saved = sum((node.result.seconds if node.result else 0.0) - node.fetched_s for node in spared)
         self.listen(events.RunFinished(time.time(), result.ok, seconds, dict(counts), max(saved, 0.0), interrupted))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path as FilePath
 
 from dextera_build.engine.graph import (
     Address,
@@ -14,6 +15,7 @@ from dextera_build.engine.graph import (
     Item,
     Leaf,
     Output,
+    Pack,
     node_address,
     parts_of,
 )
@@ -69,6 +71,17 @@ def leaves_of(calls: Iterable[Call]) -> Iterator[Leaf]:
     for call in calls:
         for source in call.inputs.values():
             yield from (part for part in parts_of(source) if isinstance(part, Leaf))
+
+
+def files_read(call: Call) -> dict[str, FilePath]:
+    """The slots that read a file or folder, `slot[label]` for those that list several."""
+    found = {}
+    for slot, source in call.inputs.items():
+        parts = source.parts if isinstance(source, Pack) else {"": source}
+        for label, part in parts.items():
+            if isinstance(part, Leaf):
+                found[f"{slot}[{label}]" if label else slot] = part.path
+    return found
 
 
 def variants(groups: Sequence[Group], call: Call) -> list[Call]:

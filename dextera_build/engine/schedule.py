@@ -19,7 +19,7 @@ All walks are loops: chains may be long.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 
 from dextera_build import digest as digests
@@ -32,7 +32,7 @@ from dextera_build.engine.reading import Reading
 from dextera_build.engine.sharing import Remotes, Sharing
 from dextera_build.engine.states import LOST, State, States
 from dextera_build.engine.tasks import Executor
-from dextera_build.engine.units import Gathering, Node, Opening, Unit
+from dextera_build.engine.units import End, Gathering, Node, Opening, Unit
 from dextera_build.engine.values import inputs_of, value
 from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
@@ -77,7 +77,7 @@ class Scheduler:
         self.errors: list[DxbError] = []
         self._writer = Writer()
         self.reading = Reading(store, self._writer)
-        self.sharing = Sharing(exchange, self.states, self.reading, self._succeed, self._queue)
+        self.sharing = Sharing(exchange, self.states, self.reading)
         self.dispatch = Dispatch(
             store=store,
             executor=executor,
@@ -85,12 +85,8 @@ class Scheduler:
             sharing=self.sharing,
             policy=policy,
             reading=self.reading,
+            hooks=self.hooks,
             forced=self._is_forced,
-            started=self.hooks.started,
-            said=self.hooks.said,
-            succeed=self._succeed,
-            broke=self._broke,
-            pause=self.hooks.pause,
         )
         self._owners: dict[str, Node] = {}
         self._made: set[str] = set()
@@ -114,14 +110,26 @@ class Scheduler:
             more = self._settle()
             self._measure()
             if not self.stopping:
-                self.dispatch.start()
-            if not self.dispatch.wait(idle=self.stopping or not (more or self.states.ready)):
+                self._take(self.dispatch.start())
+            idle = self.stopping or not (more or self.states.ready)
+            if idle and not self.dispatch.is_busy:
                 break
+            self._take(self.dispatch.wait(idle))
             if self.stopping and not self.states.running:
                 break
-            self.sharing.settle()
-            self.dispatch.retry_locked()
+            self._take(self.sharing.settle())
+            self._take(self.dispatch.retry_locked())
         self._forbid_circles()
+
+    def _take(self, ends: Iterable[End]) -> None:
+        """Go on from nodes that ended, and queue those that no remote has."""
+        for end in ends:
+            if end.error is not None:
+                self._broke(end.node, end.error)
+            elif end.result is not None:
+                self._succeed(end.node, end.status, end.result, bare=end.bare)
+            else:
+                self._queue(end.node)
 
     def _settle(self) -> bool:
         """Bring units forward, a batch at a time so that workers are not kept waiting; True: there are more.
@@ -183,8 +191,6 @@ class Scheduler:
             self._find(node)
         finally:
             node.document = b""  # it is spelled again when the node has run, since thousands may wait
-            if self.policy.dry:
-                node.rest()
 
     def _find(self, node: Node) -> None:
         """Where the result of a node may come from."""
@@ -192,7 +198,7 @@ class Scheduler:
         assert key is not None
         owner = self._owners.get(key)
         if owner is not None:
-            node.follow(owner)
+            owner.followers.append(node)
             self.states.set(node, State.SHARED)
             return
         node.asked |= self.policy.whole
@@ -288,7 +294,6 @@ class Scheduler:
 
     def _succeed(self, node: Node, status: str, result: ActionResult, *, bare: bool = False) -> None:
         node.result, node.status, node.error, node.bare = result, status, None, bare
-        node.output, node.made_s = result.output, result.seconds
         self._any_bare |= bare
         if status == "ran" and (self.policy.force or self.policy.recall):
             self._made |= {node.owned, node.key or ""}
@@ -310,7 +315,6 @@ class Scheduler:
         self.states.set(unit, State.DONE)
         if isinstance(unit, Node):
             self.hooks.settled(unit)
-            unit.rest()
         for dependent in unit.release():
             if dependent.state is State.WAITS:
                 dependent.pending -= 1

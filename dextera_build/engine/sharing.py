@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol, TypeAlias
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, TypeAlias
 
 from dextera_build.engine.reading import Reading
 from dextera_build.engine.states import State, States
-from dextera_build.engine.units import Node
+from dextera_build.engine.units import End, Node
 from dextera_build.store.entry import ActionResult
 
 if TYPE_CHECKING:
@@ -18,13 +18,6 @@ Remotes: TypeAlias = "Exchange | None"
 """The remotes of a run; None where there are none."""
 
 
-class Succeed(Protocol):
-    """Ends a node with a result."""
-
-    def __call__(self, node: Node, status: str, result: ActionResult, *, bare: bool = False) -> None:
-        """`bare`: bytes of the result may be absent."""
-
-
 class Sharing:
     """The remotes of one run.
 
@@ -32,20 +25,10 @@ class Sharing:
         exchange: Asks and tells remotes.
         states: The states of all units.
         reading: Knows what nodes read by themselves.
-        succeed: Ends a node with a result.
-        queue: Lets a node run that no remote has.
     """
 
-    def __init__(
-        self,
-        exchange: Remotes,
-        states: States,
-        reading: Reading,
-        succeed: Succeed,
-        queue: Callable[[Node], None],
-    ) -> None:
-        self._exchange, self._states, self._succeed, self._queue = exchange, states, succeed, queue
-        self._reading = reading
+    def __init__(self, exchange: Remotes, states: States, reading: Reading) -> None:
+        self._exchange, self._states, self._reading = exchange, states, reading
         self._fetching: dict[str, Node] = {}
         self._missed: set[str] = set()
         self._arrived: list[Arrival] = []
@@ -78,8 +61,8 @@ class Sharing:
         if self._exchange is not None:
             self._arrived += self._exchange.arrived(patience_s)
 
-    def settle(self) -> None:
-        """Go on with the nodes whose answers came: those that no remote has are to run."""
+    def settle(self) -> Iterator[End]:
+        """Go on with the nodes whose answers came; those that no remote has are to run."""
         if not self._fetching:
             return
         self.wait(0.0)
@@ -90,26 +73,25 @@ class Sharing:
                 continue
             if answer.result is None:
                 self._missed.add(answer.key)
-                self._go_without(node)
+                yield self._without(node)
             else:
-                node.remote, node.seconds = answer.remote, answer.seconds
-                self._take(node, answer.result, bare=not answer.is_whole)
+                node.remote, node.fetched_s = answer.remote, answer.seconds
+                yield from self._take(node, answer.result, bare=not answer.is_whole)
 
-    def _take(self, node: Node, result: ActionResult, *, bare: bool) -> None:
+    def _take(self, node: Node, result: ActionResult, *, bare: bool) -> Iterator[End]:
         """A remote has something under the key of a node: its result, or what it reads next."""
         onward = self._reading.onward(node, result)
         if onward is None:
-            self._succeed(node, "fetched", result, bare=bare)
+            yield End(node, "fetched", result, bare)
         elif self._exchange is None or not (self._reading.follow(node, onward) and self._ask(node, self._exchange)):
-            self._go_without(node)
+            yield self._without(node)
 
-    def _go_without(self, node: Node) -> None:
+    def _without(self, node: Node) -> End:
         """No remote leads further; what came from them may."""
         hit = self._reading.find(node) if node.rule.discovers else None
         if hit is not None and (hit.is_whole or not node.asked):
-            self._succeed(node, "cached", hit.result, bare=not hit.is_whole)
-        else:
-            self._queue(node)
+            return End(node, "cached", hit.result, not hit.is_whole)
+        return End(node)
 
     def offer(self, node: Node) -> None:
         """Upload what the node made."""

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dextera_build.engine.graph import Address, Call, Graph, Leaf, Pack
-from dextera_build.engine.policy import Hooks, Policy
-from dextera_build.engine.reach import leaves
+from dextera_build.engine.graph import Address, Graph
+from dextera_build.engine.policy import Policy
+from dextera_build.engine.reach import files_read, leaves
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.units import producers
@@ -51,9 +51,7 @@ def survey(graph: Graph, wanted: Sequence[Address], store: Store, *, whole: bool
         UsageError: A target names nothing.
         RecipeError: A file or folder is missing or cannot be read.
     """
-    results: dict[str, ActionResult] = {}
-    hooks = Hooks(settled=lambda node: results.update({node.address: node.result} if node.result else {}))
-    scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True, whole=whole), hooks)
+    scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True, whole=whole))
     for leaf in leaves(graph, wanted):
         scheduler.wiring.leaf(leaf)
     scheduler.run(list(wanted))
@@ -64,12 +62,12 @@ def survey(graph: Graph, wanted: Sequence[Address], store: Store, *, whole: bool
     held, stale = [], []
     for node in scheduler.wiring.nodes.values():
         lacks_bytes = node.bare and node.asked
-        if node.state is not State.DONE or node.key is None or lacks_bytes:
+        if node.state is not State.DONE or node.key is None or node.result is None or lacks_bytes:
             stale.append(node.address)
             continue
         rule, reads = node.rule, tuple(dict.fromkeys(other.address for other in producers(node)))
-        result, files = results[node.address], _files(node.call)
-        held.append(Held(node.address, rule.path, rule.backend, node.key, result, reads, files))
+        files = files_read(node.call)
+        held.append(Held(node.address, rule.path, rule.backend, node.key, node.result, reads, files))
     complete = all(wish.state is State.DONE for wish in scheduler.wishes)
     if not complete and not stale:
         stale = [wish.address for wish in scheduler.wishes if wish.state is not State.DONE]
@@ -103,14 +101,3 @@ def as_build(found: Survey, recipe: str, profile: str, closure: Closure, shown: 
         for node in sorted(found.nodes, key=lambda node: node.address)
     )
     return Build(recipe, found.targets, profile, nodes)
-
-
-def _files(call: Call) -> dict[str, Path]:
-    """Slots that read a file or folder."""
-    found = {}
-    for slot, source in call.inputs.items():
-        parts = source.parts if isinstance(source, Pack) else {"": source}
-        for label, part in parts.items():
-            if isinstance(part, Leaf):
-                found[f"{slot}[{label}]" if label else slot] = part.path
-    return found

@@ -20,12 +20,6 @@ Usage = dict[str, float]
 
 PERIOD_S = 0.25
 _PAGE = os.sysconf("SC_PAGE_SIZE")
-_SHORT_S = 0.002
-"""Tasks of this length [s] hardly change how large a worker is."""
-_LOOK_S = 0.05
-"""Between short tasks its peak is read once in this time [s]: that takes as long as some tasks do."""
-_FLASH_S = 0.0005
-"""No program can be started and waited for within a task of this length [s]."""
 
 
 class Meter:
@@ -36,61 +30,36 @@ class Meter:
         self._status = _open("/proc/self/status", os.O_RDONLY)
         self._io = _open("/proc/self/io", os.O_RDONLY)
         weakref.finalize(self, _close, self._reset, self._status, self._io)
-        self._began = 0.0
-        self._ended = -_LOOK_S
         self._own = 0.0
-        """Processor time of this process when it was last looked at [s], and the next two likewise."""
+        """Processor time of this process when the task began [s], and the next two likewise."""
         self._children = (0.0, 0)
         self._moved: tuple[int, int] | None = None
-        self._seen: tuple[float, int] = (-_LOOK_S, 0)
-        """When the peak of a short task was read, and what it was."""
 
-    def begin(self, *, at_once: bool = False) -> None:
-        """A task begins.
-
-        Args:
-            at_once: The process has done nothing since the last task but what belongs to tasks, so where that was just
-                now this one begins where that ended: to look twice takes a tenth of a short task's time.
-        """
-        self._began = time.monotonic()
-        # Where a short task would be given what was read last, it need not count from here: so short a time does not
-        # fill much memory, whatever comes after it.
-        if self._reset >= 0 and self._began - self._seen[0] >= _LOOK_S:
+    def begin(self) -> None:
+        """A task begins."""
+        if self._reset >= 0:
             with suppress(OSError):
                 os.pwrite(self._reset, b"5", 0)  # the peak counts from here
-        if not at_once or self._began - self._ended >= _LOOK_S:
-            self._own, self._children, self._moved = time.process_time(), _children(), self._bytes()
+        self._own, self._children, self._moved = time.process_time(), _children(), self._bytes()
 
     def end(self) -> Usage:
         """What the process used since `begin`."""
-        now = self._ended = time.monotonic()
-        lasted_s = now - self._began
-        own, (children, record), moved = self._own, self._children, self._moved
-        self._own, self._moved = time.process_time(), self._bytes()
-        if lasted_s >= _FLASH_S:
-            self._children = _children()
-        more, peak = self._children
-        used: Usage = {"cpu_seconds": round(self._own - own + more - children, 6)}
+        (before, record), (children, peak), moved = self._children, _children(), self._bytes()
+        used: Usage = {"cpu_seconds": round(time.process_time() - self._own + children - before, 6)}
         if self._moved is not None and moved is not None:
-            used["read_bytes"], used["written_bytes"] = self._moved[0] - moved[0], self._moved[1] - moved[1]
+            used["read_bytes"], used["written_bytes"] = moved[0] - self._moved[0], moved[1] - self._moved[1]
         # Of children only the largest of all times is known: it is this task's where that record was broken meanwhile.
-        peak = max(self._peak(now, lasted_s < _SHORT_S), peak if peak > record else 0)
+        peak = max(self._peak(), peak if peak > record else 0)
         if peak:
             used["memory_bytes"] = peak
         return used
 
-    def _peak(self, now: float, short: bool) -> int:
+    def _peak(self) -> int:
         """Most that was resident since the last reset, or ever where that is not allowed [bytes]."""
-        if short and now - self._seen[0] < _LOOK_S:
-            return self._seen[1]
-        found = 0
         for line in _text(self._status).splitlines():
             if line.startswith(b"VmHWM:"):
-                found = int(line.split()[1]) * 1024
-                break
-        # What a long task leaves behind says nothing of the next one.
-        self._seen = (now, found) if short else (-_LOOK_S, 0)
-        return found
+                return int(line.split()[1]) * 1024
+        return 0
 
     def _bytes(self) -> tuple[int, int] | None:
         """(read, written) so far."""

@@ -20,7 +20,7 @@ from dextera_build.engine.graph import (
     node_address,
     parts_of,
 )
-from dextera_build.engine.reach import group_at, leaves_of, no_copy
+from dextera_build.engine.reach import copy_of, group_at, leaves_of, no_copy
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Labels, Node, Opening, Path, Unit
 from dextera_build.errors import DxbError
@@ -73,7 +73,9 @@ class Wiring:
         address = node_address(path, labels) if labels else path[0]
         unit = self.nodes.get(address)
         if unit is None:
-            unit = self.nodes[address] = Node(address=address, path=path, labels=labels, graph=self.graph)
+            unit = self.nodes[address] = Node(
+                address=address, path=path, labels=labels, call=copy_of(self.graph, path, labels)
+            )
             self.fresh.append(unit)
         return unit
 
@@ -138,7 +140,6 @@ class Wiring:
     def _connect(self, unit: Unit) -> None:
         if isinstance(unit, Node):
             call = unit.call
-            unit.rule = call.rule
             self.note_leaves(unit, call)
             if unit.leaves:
                 self.readers.append(unit)

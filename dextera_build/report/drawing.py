@@ -71,7 +71,7 @@ def _legend(status: str, x: int) -> Html:
 
 
 def dot(title: str, nodes: Sequence[Node]) -> str:
-    """The graph in Graphviz' language: `dxb graph RECIPE --dot | dot -Tpdf -o graph.pdf`."""
+    """The graph in Graphviz' language: `dxb show --graph RECIPE --dot | dot -Tpdf -o graph.pdf`."""
     lines = [f"digraph {_quoted(title)} {{", "  rankdir=LR;", '  node [shape=box, style="rounded,filled"];']
     known = {node.address for node in nodes}
     for node in nodes:

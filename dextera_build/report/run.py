@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 from dextera_build.engine.events import Event
@@ -114,7 +115,7 @@ def read(events: Iterable[Event | Mapping[str, Any]], store: Store) -> Run:
     run = Run()
     reader = _Reader(run)
     for event in events:
-        reader.take({"event": event.kind, **asdict(event)} if isinstance(event, Event) else event)
+        reader.take(json.loads(event.to_line()) if isinstance(event, Event) else event)
     reader.end()
     for node in run.nodes:
         printed = sources.text(store, reader.printed.get(node.address)).strip()

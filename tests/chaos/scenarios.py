@@ -190,7 +190,7 @@ def _shaken(space: Space) -> None:
 
 def _pushed(space: Space) -> None:
     _built(space)
-    assert dxb(space.root, "push", "say").code == 0
+    assert dxb(space.root, "cache", "push", "say").code == 0
     (space.root / "cache").rename(space.root / "first")
 
 
@@ -219,7 +219,7 @@ SCENARIOS = {
     "collection": Scenario(("cache", "gc", "--yes", "--max-size", "1B"), _two_versions),
     "old logs": Scenario(("cache", "gc", "--yes", "--max-age", "1d"), _many_runs),
     "repair": Scenario(("cache", "verify", "--repair"), _damaged_blobs),
-    "push": Scenario(("push", "say"), _built),
+    "push": Scenario(("cache", "push", "say"), _built),
     "fetch": Scenario(BUILD, _pushed),
     "bundle": Scenario(("bundle", "create", "say", "-o", "bundled"), _built),
     "import": Scenario(("bundle", "import", "bundled"), _bundled),

@@ -14,8 +14,8 @@ import pytest
 from dextera_build.build.export import Out
 from dextera_build.code.runner import run_task
 from dextera_build.engine.eventlog import EventLog, read
-from dextera_build.engine.events import NodeLog, NodeProgress
-from dextera_build.engine.execute import NodeRecord, RunResult
+from dextera_build.engine.events import NodeFinished, NodeLog, NodeProgress
+from dextera_build.engine.execute import RunResult
 from dextera_build.errors import StoreError
 from dextera_build.project import Project
 from dextera_build.session import Session
@@ -202,7 +202,7 @@ def test_what_the_store_meets_is_explained(space, monkeypatch):
 
 def test_a_disk_that_is_full_when_targets_are_written_is_said(space, monkeypatch):
     monkeypatch.setattr(Out, "_restore", full)
-    record = NodeRecord("ran", "k", "o", 1.0, "", None, {})
+    record = NodeFinished(1.0, "after", "toy.shout", None, "ran", "k", "o", 1.0)
     session = Session(Project(space.root), "say/much", makes=True)
     with pytest.raises(StoreError, match="the store is full") as caught:
         Out(session).place(RunResult(True, {"after": record}, ("after",)))

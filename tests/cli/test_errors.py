@@ -23,7 +23,7 @@ def failed(error: DxbError | None, backend: str | None = "primitives") -> NodeFi
         key=None,
         output=None,
         seconds=3.0,
-        error=error.to_json() if error else None,
+        error=error,
     )
 
 

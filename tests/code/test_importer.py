@@ -13,7 +13,7 @@ import pytest
 
 from dextera_build.code import importing
 from dextera_build.code.loader import Library
-from dextera_build.code.modules import read
+from dextera_build.code.modules import PACKAGE, read
 from dextera_build.errors import MachineError, Place, RecipeError, RuleError
 from dextera_build.testing import RuleRunner
 from tests.e2e.space import Space
@@ -220,3 +220,19 @@ def test_an_import_that_takes_long_is_named(project, monkeypatch, capsys):
     (project / "rules/toy/deep.py").write_text("import time\ntime.sleep(0.2)\nF = 3\n")
     assert said(project) == b"3"
     assert "importing toy.mul takes long" in capsys.readouterr().err
+
+
+def test_a_worker_searches_where_the_build_does_and_not_in_the_current_folder(project):
+    space = Space(project)
+    space.write("dxb.toml", 'cache = "cache"\n')
+    body = "import os, sys\n    assert os.getcwd() not in sys.path\n    import deep_and_own"
+    space.write("rules/toy/mul.py", RULE.format(body=body))
+    space.write("recipes/g.yaml", "inputs: {}\nnodes:\n  a: {rule: toy.mul}\ntargets: {default: [a]}\n")
+    space.write("path/deep_and_own.py", "")
+    space.write("json.py", "raise SystemExit('the wrong one')\n")
+    path = os.pathsep.join([str(PACKAGE.parent), str(project / "path")])
+    words = [sys.executable, "-P", "-m", "dextera_build", "build", "g", "--console", "none"]
+    done = subprocess.run(
+        words, capture_output=True, text=True, cwd=project, env=space.environment(PYTHONPATH=path), check=False
+    )
+    assert not done.returncode, done.stderr

@@ -142,7 +142,7 @@ def test_files_that_come_and_go(robot: Space) -> None:
 
 def test_another_checkout_fetches_it(robot: Space) -> None:
     share = robot.root / "share"
-    assert robot.dxb("push", "robot", "--to", str(share)).code == 0
+    assert robot.dxb("cache", "push", "robot", "--to", str(share)).code == 0
     copy = Space(robot.root / "copy")
     for name in ("rules", "recipes", "robots", "dxb.toml"):
         source = robot.root / name
@@ -150,7 +150,7 @@ def test_another_checkout_fetches_it(robot: Space) -> None:
             shutil.copytree(source, copy.root / name)
         else:
             shutil.copy(source, copy.root / name)
-    answer = copy.dxb("pull", "robot", "--from", str(share))
+    answer = copy.dxb("cache", "pull", "robot", "--from", str(share))
     assert answer.code == 0, answer.err
     assert text(copy) == text(robot)
     assert ran(copy) == set()

@@ -26,7 +26,7 @@ SIGNED = 'cache = "cache"\nrequire_signed = true\n'
         ("build", "say/words", "--cache", "local:rw,./share:r"),
         ("build", "say/words", "--cache", "local:rw,./share:rw"),
         ("plan", "say/words", "--cache", "local:rw,http://127.0.0.1:9:r"),
-        ("pull", "say/words", "--from", "./share"),
+        ("cache", "pull", "say/words", "--from", "./share"),
     ],
 )
 def test_what_nobody_signed_does_not_come_from_a_remote(space: Space, words: tuple[str, ...]) -> None:
@@ -47,7 +47,7 @@ def test_a_remote_that_is_only_written_is_no_door(space: Space) -> None:
     space.write("dxb.toml", SIGNED)
     assert space.build("say/words", "--cache", "local:rw,./share:w").code == 0
     assert list((space.root / "share" / "ac").rglob("*"))
-    assert space.dxb("push", "say/words", "--to", "./share").code == 0
+    assert space.dxb("cache", "push", "say/words", "--to", "./share").code == 0
 
 
 def test_a_server_does_not_take_what_is_not_signed(space: Space) -> None:

@@ -86,12 +86,14 @@ def there_and_back(space: Space) -> None:
     (_, _, path) = dxb(space, "build", "say/big:first").out.strip().partition("\t")
     made = digest.of_file(space.root / path)
     shutil.rmtree(space.root / "cache" / "out")
-    dxb(space, "push", "say/big:first", "--to", "./share")
+    dxb(space, "cache", "push", "say/big:first", "--to", "./share")
     shutil.rmtree(space.root / "share")
     with serving(space, "served") as url:
-        dxb(space, "push", "say/big:first", "--to", url)
+        dxb(space, "cache", "push", "say/big:first", "--to", url)
         shutil.rmtree(space.root / "cache")
-        (_, _, path) = dxb(space, "pull", "say/big:first", "--from", url, store="two").out.strip().partition("\t")
+        (_, _, path) = (
+            dxb(space, "cache", "pull", "say/big:first", "--from", url, store="two").out.strip().partition("\t")
+        )
     assert digest.of_file(space.root / path) == made
 
 

@@ -1,4 +1,4 @@
-"""`dxb ls` with globs, `dxb graph` and `dxb trace` through the real `dxb`."""
+"""`dxb ls` with globs, `dxb show --graph` and `--trace` through the real `dxb`."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_what_does_not_exist_is_named(built: Space, words: tuple[str, ...], code
 
 
 def test_the_graph_as_json_dot_and_svg(built: Space) -> None:
-    found = json.loads(built.dxb("graph", "say/words", "--json", "--status").out)
+    found = json.loads(built.dxb("show", "--graph", "say/words", "--json", "--status").out)
     assert (found["recipe"], found["target"], found["by"]) == ("say/words", "", "node")
     assert {node["status"] for node in found["nodes"]} == {"cached"}
     assert {"id": "start", "rule": "toy.start", "backend": None, "status": "cached", "count": 1} in found["nodes"]
@@ -89,41 +89,41 @@ def test_the_graph_as_json_dot_and_svg(built: Space) -> None:
     assert {("start", "words"), ("words", "word[one].loud"), ("word[two].louder", "all")} <= edges
     ids = {node["id"] for node in found["nodes"]}
     assert all(source in ids and reader in ids for source, reader in edges)
-    assert '"start" -> "words";' in built.dxb("graph", "say/words", "--dot").out
-    written = built.dxb("graph", "say/words", "-o", "graph.svg").out.strip()
+    assert '"start" -> "words";' in built.dxb("show", "--graph", "say/words", "--dot").out
+    written = built.dxb("show", "--graph", "say/words", "-o", "graph.svg").out.strip()
     assert written == "graph.svg"
     assert ET.parse(built.root / written).getroot().tag.endswith("svg")
 
 
 def test_the_graph_of_a_target_and_collapsed(space: Space) -> None:
-    below = json.loads(space.dxb("graph", "say/words:words", "--json").out)
+    below = json.loads(space.dxb("show", "--graph", "say/words:words", "--json").out)
     assert [(node["id"], node["status"]) for node in below["nodes"]] == [("start", None), ("words", None)]
-    rules = json.loads(space.dxb("graph", "say/words", "--json", "--by", "rule").out)
+    rules = json.loads(space.dxb("show", "--graph", "say/words", "--json", "--by", "rule").out)
     boxes = {node["id"]: (node["rule"], node["count"]) for node in rules["nodes"]}
     assert boxes == {
         f"toy.{name}": (f"toy.{name}", 2 if name == "shout" else 1) for name in ("start", "split", "shout", "join")
     }
-    (whole,) = json.loads(space.dxb("graph", "say/words", "--json", "--by", "recipe").out)["nodes"]
+    (whole,) = json.loads(space.dxb("show", "--graph", "say/words", "--json", "--by", "recipe").out)["nodes"]
     assert (whole["rule"], whole["count"]) == (None, 5)
-    answer = space.dxb("graph", "say/words", "--by", "colour")
+    answer = space.dxb("show", "--graph", "say/words", "--by", "colour")
     assert (answer.code, "`--by colour` is not a way to draw a graph" in answer.err) == (2, True)
-    answer = space.dxb("graph", "say/words", "-o", "no/such/folder/graph.svg")
+    answer = space.dxb("show", "--graph", "say/words", "-o", "no/such/folder/graph.svg")
     assert (answer.code, "cannot be written: No such file or directory" in answer.err) == (2, True)
 
 
 def test_copies_that_are_new_stand_beside_those_that_were_built(built: Space) -> None:
     built.edit("recipes/say/words.yaml", "  all:", "  more: {rule: toy.join, texts: $word.loud}\n  all:")
-    edges = json.loads(built.dxb("graph", "say/words", "--json").out)["edges"]
+    edges = json.loads(built.dxb("show", "--graph", "say/words", "--json").out)["edges"]
     assert {edge["from"] for edge in edges if edge["to"] == "more"} == {"word[one].loud", "word[two].loud"}
 
 
 def test_the_trace_of_a_run(built: Space) -> None:
-    events = json.loads(built.dxb("trace").out)["traceEvents"]
+    events = json.loads(built.dxb("show", "--trace").out)["traceEvents"]
     slices = {event["name"]: event["args"] for event in events if event["ph"] == "X"}
     assert set(slices) == {name.partition(":")[2] for name in names(built, "say/words:*")}
     assert slices["start"]["memory_bytes"] > 1e6
     assert slices["start"]["rule"] == "toy.start"
-    assert built.dxb("trace", "0001", "-o", "trace.json").out.strip() == "trace.json"
+    assert built.dxb("show", "--trace", "0001", "-o", "trace.json").out.strip() == "trace.json"
     assert json.loads((built.root / "trace.json").read_text())["otherData"]["run"] == "0001"
-    assert built.dxb("trace", "-o", "no/such/folder/x").code == 2
-    assert built.dxb("trace", "say/nothing").code == 2
+    assert built.dxb("show", "--trace", "-o", "no/such/folder/x").code == 2
+    assert built.dxb("show", "--trace", "say/nothing").code == 2

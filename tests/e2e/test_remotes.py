@@ -54,7 +54,7 @@ def test_a_second_machine_runs_nothing(space: Space, served: str, kind: str) -> 
     assert (space.root / "two/out/say/words/all/all").read_bytes() == b"ONE!!! TWO!!!"
     third = machine(space, "two", "say/words", use=f"{remote}:r")
     assert third.events[-1]["counts"] == {"cached": 7}
-    assert space.dxb("pull", "say/words", "--from", remote, env={"DXB_CACHE": "two"}).code == 0
+    assert space.dxb("cache", "pull", "say/words", "--from", remote, env={"DXB_CACHE": "two"}).code == 0
     assert results(space, "two") == results(space, "one")
 
 
@@ -68,10 +68,10 @@ def test_bytes_come_only_where_somebody_reads_them(space: Space, served: str) ->
     assert later.nodes("ran") == {"all"}
     assert later.nodes("fetched") == {"word[one].loud", "word[two].loud"}
     assert ours < blobs(space, "two")
-    pulled = space.dxb("pull", "say/words:start", "--from", served, env={"DXB_CACHE": "two"})
+    pulled = space.dxb("cache", "pull", "say/words:start", "--from", served, env={"DXB_CACHE": "two"})
     assert "1 node: 1 fetched" in pulled.err
     space.edit("recipes/say/words.yaml", "texts: $word.loud}", "texts: $word.louder}")
-    assert space.dxb("pull", "say/words", "--from", served, env={"DXB_CACHE": "two"}).code == 0
+    assert space.dxb("cache", "pull", "say/words", "--from", served, env={"DXB_CACHE": "two"}).code == 0
     assert all_of_them <= blobs(space, "two")
 
 

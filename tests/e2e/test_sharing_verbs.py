@@ -13,12 +13,12 @@ from tests.store.remotes import servers
 
 def test_push_and_pull(space: Space, served: str) -> None:
     assert space.build("say/words").code == 0
-    pushed = space.dxb("push", "say/words", "--to", served)
+    pushed = space.dxb("cache", "push", "say/words", "--to", served)
     assert pushed.code == 0, pushed.err
     assert {line.partition("\t")[0] for line in pushed.out.splitlines()} == {f"say/words:{node}" for node in EVERY}
     assert f"{served}: 7 results uploaded" in pushed.err
-    assert space.dxb("push", "say/words", "--to", served).code == 0
-    pulled = space.dxb("pull", "say/words", "--from", served, env={"DXB_CACHE": "two"})
+    assert space.dxb("cache", "push", "say/words", "--to", served).code == 0
+    pulled = space.dxb("cache", "pull", "say/words", "--from", served, env={"DXB_CACHE": "two"})
     assert pulled.code == 0, pulled.err
     assert "pulled say/words   7 nodes: 7 fetched" in pulled.err
     assert pulled.out == "all\ttwo/out/say/words/all/all\n"
@@ -29,7 +29,7 @@ def test_push_and_pull(space: Space, served: str) -> None:
 
 def test_a_plan_says_what_a_remote_has(space: Space, served: str) -> None:
     space.build("say/words")
-    space.dxb("push", "say/words", "--to", served)
+    space.dxb("cache", "push", "say/words", "--to", served)
     rows = space.dxb("plan", "say/words", env={"DXB_CACHE": "two", "DXB_REMOTES": f"{served}:r"}).out
     assert "start\tremote\ttoy.start" in rows
     assert "words\tunknown" in rows
@@ -39,20 +39,20 @@ def test_a_plan_says_what_a_remote_has(space: Space, served: str) -> None:
 
 def test_pull_says_what_is_lacking_and_runs_nothing(space: Space, served: str) -> None:
     space.build("say/words:words")
-    space.dxb("push", "say/words:words", "--to", served)
-    pulled = space.dxb("pull", "say/words", "--from", served, env={"DXB_CACHE": "two"})
+    space.dxb("cache", "push", "say/words:words", "--to", served)
+    pulled = space.dxb("cache", "pull", "say/words", "--from", served, env={"DXB_CACHE": "two"})
     assert pulled.code == 1
     assert "error[DXB-S202]: 2 nodes are neither in the store nor in a remote" in pulled.err
     assert "say/words:word[one].loud, say/words:word[two].loud" in pulled.err
     assert "pulled say/words   7 nodes: 2 fetched, 3 wait, 2 lacking" in pulled.err
     assert "`dxb build say/words` makes what is lacking" in pulled.err
     more = ("--set", "word[one].loud.times=4")
-    pulled = space.dxb("pull", "say/words", *more, "--from", served, env={"DXB_CACHE": "two"})
+    pulled = space.dxb("cache", "pull", "say/words", *more, "--from", served, env={"DXB_CACHE": "two"})
     assert "`dxb build say/words --set 'word[one].loud.times=4'` makes what is lacking" in pulled.err
 
 
 def test_push_says_what_is_not_built(space: Space, served: str) -> None:
-    answer = space.dxb("push", "say/words", "--to", served)
+    answer = space.dxb("cache", "push", "say/words", "--to", served)
     assert answer.code == 1
     assert "error[DXB-S201]:" in answer.err
     assert "hint: dxb build say/words" in answer.err
@@ -61,7 +61,7 @@ def test_push_says_what_is_not_built(space: Space, served: str) -> None:
 def test_push_to_where_nothing_may_be_written(space: Space) -> None:
     space.build("say/words")
     with serving(space, "served", "--read-only") as url:
-        answer = space.dxb("push", "say/words", "--to", url)
+        answer = space.dxb("cache", "push", "say/words", "--to", url)
     assert answer.code == 1
     assert answer.out == ""
     assert "7 results were not uploaded" in answer.err
@@ -69,11 +69,11 @@ def test_push_to_where_nothing_may_be_written(space: Space) -> None:
 
 
 def test_push_needs_a_remote(space: Space) -> None:
-    answer = space.dxb("push", "say/words")
+    answer = space.dxb("cache", "push", "say/words")
     assert answer.code == 2
     assert "error[DXB-U136]: no remote may be written" in answer.err
     assert "`--to NAME`" in answer.err
-    assert "error[DXB-U133]: no remote is called `lab`" in space.dxb("pull", "say/words", "--from", "lab").err
+    assert "error[DXB-U133]: no remote is called `lab`" in space.dxb("cache", "pull", "say/words", "--from", "lab").err
 
 
 def test_the_store_to_read_runs_nothing(space: Space) -> None:
@@ -103,7 +103,7 @@ def test_the_configuration_shows_remotes_without_secrets(space: Space) -> None:
 
 def test_a_variable_that_is_not_set(space: Space) -> None:
     space.write("dxb.toml", '[remotes]\nlab = "https://ci:${NOT_SET_HERE}@host/x"\n')
-    answer = space.dxb("pull", "say/words")
+    answer = space.dxb("cache", "pull", "say/words")
     assert answer.code == 2
     assert "error[DXB-U135]: remote `lab` needs the variable `NOT_SET_HERE`, which is not set" in answer.err
     built = space.dxb("build", "say/words", "--console", "plain")
@@ -137,10 +137,10 @@ def test_nginx_that_lets_only_some_write(space: Space, tmp_path: Path) -> None:
         refused = machine(space, "one", "say/words", use=f"{url}:rw")
         assert given_up(refused)[0]["reason"] == "PUT was answered 401: it wants a name and a password"
         named = url.replace("http://", "http://ci:geheim@")
-        assert space.dxb("push", "say/words", "--to", named, env={"DXB_CACHE": "one"}).code == 0
+        assert space.dxb("cache", "push", "say/words", "--to", named, env={"DXB_CACHE": "one"}).code == 0
         netrc = space.write("netrc", "machine 127.0.0.1 login ci password geheim\n")
         netrc.chmod(0o600)
-        by_file = space.dxb("push", "say/words", "--to", url, env={"DXB_CACHE": "one", "NETRC": str(netrc)})
+        by_file = space.dxb("cache", "push", "say/words", "--to", url, env={"DXB_CACHE": "one", "NETRC": str(netrc)})
         assert by_file.code == 0
         assert "geheim" not in by_file.err + by_file.out
         assert machine(space, "two", "say/words", use=f"{url}:r").nodes("fetched") == EVERY

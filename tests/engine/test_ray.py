@@ -1,20 +1,18 @@
-"""The Ray executor without Ray: shapes, places, and a cluster whose workers are objects of this process."""
+"""The Ray executor without Ray: shapes, and a cluster whose one node is this process."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from dextera_build.engine.capacity import Capacity, Gpu, Needs
 from dextera_build.engine.executors import ray_cluster, ray_worker, shapes, staging
-from dextera_build.engine.executors.placement import Idle, Places, Shape
 from dextera_build.engine.executors.ray import RayExecutor
-from dextera_build.engine.executors.ray_cluster import Hand, Heard
-from dextera_build.engine.executors.ray_worker import RayWorker, Setup
+from dextera_build.engine.executors.ray_worker import Setup, Word
+from dextera_build.engine.executors.shapes import Shape
 from dextera_build.engine.tasks import Task
 from dextera_build.errors import MachineError
 from dextera_build.store.cas import MissingBlob
@@ -32,7 +30,7 @@ NODES = {
 
 
 def shape(**amounts: float) -> Shape:
-    return Shape(tuple(sorted(amounts.items())))
+    return tuple(sorted(amounts.items()))
 
 
 def test_the_capacity_is_that_of_all_nodes() -> None:
@@ -55,14 +53,14 @@ def test_the_capacity_is_that_of_all_nodes() -> None:
     ],
 )
 def test_needs_become_what_ray_reserves(needs: Needs, expected: dict[str, float]) -> None:
-    assert dict(shapes.shape(needs, NODES.values(), 80.0).amounts) == expected
+    assert dict(shapes.shape(needs, NODES.values(), 80.0)) == expected
 
 
 def test_a_part_of_a_gpu_of_unknown_size_is_the_whole_gpu() -> None:
-    assert dict(shapes.shape(Needs(gpu_gb=20.0), NODES.values()).amounts)["GPU"] == 1.0
+    assert dict(shapes.shape(Needs(gpu_gb=20.0), NODES.values()))["GPU"] == 1.0
 
 
-def test_options_of_an_actor() -> None:
+def test_options_of_a_task() -> None:
     reserved = shape(CPU=2.0, GPU=0.5, memory=3.0 * GIB, **{"licence:solver": 1.0})
     resources = {"licence:solver": 1.0}
     assert shapes.options(reserved) == {"num_cpus": 2.0, "num_gpus": 0.5, "memory": 3 * GIB, "resources": resources}
@@ -84,105 +82,67 @@ def test_a_cluster_without_a_machine_is_said() -> None:
     assert caught.value.code == "DXB-E354"
 
 
-def test_a_place_near_the_inputs_is_chosen_before_an_empty_one() -> None:
-    places = Places(NODES)
-    assert places.choose(shape(CPU=1.0), {}) == "big"
-    assert places.choose(shape(CPU=1.0), {"small": 1}) == "small"
-    places.take("small", shape(CPU=2.0))
-    assert places.choose(shape(CPU=1.0), {"small": 1}) == "big"
-    places.give_back("small", shape(CPU=2.0))
-    assert places.choose(shape(CPU=1.0), {"small": 1}) == "small"
+class _Keeper:
+    """What the fake cluster hands out for an actor."""
 
-
-def test_thirds_of_a_gpu_fill_it_and_no_more() -> None:
-    places, third = Places({"n": {"GPU": 1.0}}), shape(GPU=1 / 3)
-    for _ in range(3):
-        node = places.choose(third, {})
-        assert node == "n"
-        places.take(node, third)
-    assert places.choose(third, {}) is None
-
-
-def test_room_is_made_where_fewest_must_go() -> None:
-    places = Places({"a": {"CPU": 2.0}, "b": {"CPU": 2.0}})
-    one, two = shape(CPU=1.0), shape(CPU=2.0)
-    idle = [Idle("a1", "a", one), Idle("a2", "a", one), Idle("b1", "b", two)]
-    for each in idle:
-        places.take(each.node, each.shape)
-    assert places.choose(two, {}) is None
-    assert places.make_room(two, idle) == ("b", ["b1"])
-    assert places.make_room(two, idle[:2]) == ("a", ["a1", "a2"])
-    assert places.make_room(two, idle[:1]) is None
-    assert places.make_room(one, idle) == ("a", ["a1"])
-
-
-def test_nodes_come_and_go_and_what_is_reserved_stays() -> None:
-    places, one = Places({"a": {"CPU": 2.0}}), shape(CPU=1.0)
-    places.take("a", one)
-    places.update({"a": {"CPU": 1.0}, "b": {"CPU": 1.0}})
-    assert places.choose(one, {}) == "b"
-    places.update({"b": {"CPU": 1.0}})
-    places.give_back("a", one)
-    assert list(places.nodes) == ["b"]
-    places.update({"a": {"CPU": 1.0}})
-    assert places.choose(one, {}) == "a"
-
-
-class _Answering:
-    """A hand whose worker is an object of this process, with the node's store where its environment says."""
-
-    def __init__(self, worker: RayWorker, trouble: list[Exception]) -> None:
-        self._worker, self._trouble = worker, trouble
-        # One thread for all calls, as in an actor: the process that runs them ends with the thread that started it.
-        self._thread = ThreadPoolExecutor(1)
-        self.killed = False
-
-    def run(self, task: Task, fresh: bool, heard: Heard) -> None:
-        if self._trouble:
-            heard(self._trouble.pop())
-        else:
-            self._thread.submit(lambda: heard(self._worker.run(task, fresh)))
-
-    def more(self, heard: Heard) -> None:
-        self._thread.submit(lambda: heard(self._worker.more()))
-
-    def stop(self) -> None:
-        self._worker.stop()
-
-    def kill(self) -> None:
-        self.killed = True
-        self._thread.shutdown(wait=False)
+    def __init__(self) -> None:
+        self.dismissed = False
 
 
 class _Here:
-    """A cluster of one node, in this process."""
-
-    address = "127.0.0.1"
+    """A cluster of one node, in this process; calls run one after another, a word at a time."""
 
     def __init__(self) -> None:
         self.trouble: list[Exception] = []
-        self.hired: list[tuple[Shape, _Answering]] = []
+        self.full = False
+        """Whether no task finds a place as long as a keeper is idle."""
+        self.there: dict[str, dict[str, float]] = {"here": {"CPU": 2.0, "memory": 8.0 * GIB}}
+        self.keepers: list[_Keeper] = []
+        self.places: list[object] = []
 
     def nodes(self) -> Mapping[str, Mapping[str, float]]:
-        return {"here": {"CPU": 2.0, "memory": 8.0 * GIB}}
+        return dict(self.there)
 
-    def hire(self, setup: Setup, shape: Shape, node: str) -> Hand:
-        hand = _Answering(RayWorker(setup), self.trouble)
-        self.hired.append((shape, hand))
-        return hand
+    def keeper(self, shape: Shape) -> _Keeper:
+        self.keepers.append(_Keeper())
+        return self.keepers[-1]
+
+    def dismiss(self, keeper: _Keeper) -> None:
+        keeper.dismissed = True
+
+    def begin(self, setup: Setup, task: Task, fresh: bool, place: object) -> Iterator[Word]:
+        self.places.append(place)
+        return ray_worker.carry_out(setup, task, fresh)
+
+    def hear(self, calls: Iterable[Iterator[Word]], timeout_s: float) -> Iterator[tuple[Any, Word | Exception]]:
+        for number, each in enumerate(list(calls)):
+            waits = self.full and any(not keeper.dismissed for keeper in self.keepers) and number == 0
+            if not (waits and isinstance(self.places[-1], tuple)) and self.there:
+                yield each, self.trouble.pop() if self.trouble else next(each)
+
+    def cancel(self, call: Any) -> None: ...
 
     def close(self) -> None: ...
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> _Here:
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[_Here]:
     monkeypatch.setenv(ray_worker.STORE, str(tmp_path / "node"))
-    return _Here()
+    monkeypatch.setattr("dextera_build.engine.executors.ray._LOOK_S", 0.1)
+    yield _Here()
+    for place in ray_worker._here:
+        place._pool.stop()
+    ray_worker._here.clear()
 
 
 @pytest.fixture
-def pool(here: _Here, store: Store) -> Iterator[RayExecutor]:
-    with RayExecutor(here, store, Setup(RUNNER, "")) as executor:
+def shared(tmp_path: Path) -> Spec:
+    return Spec("shared", str(tmp_path / "shared"), "rw")
+
+
+@pytest.fixture
+def pool(here: _Here, store: Store, shared: Spec) -> Iterator[RayExecutor]:
+    with RayExecutor(here, store, Setup(RUNNER, shared), models={("tiny.model", None): "toy"}) as executor:
         yield executor
 
 
@@ -222,7 +182,6 @@ def test_a_lost_worker_costs_a_try_and_no_result(pool: RayExecutor, here: _Here,
     assert result.ok
     said = [event.text for event in record.events if event.kind == "node_log"]
     assert said[:2] == ["its worker was lost (the node went away), it begins anew"] * 2
-    assert [hand.killed for _, hand in here.hired[:2]] == [True, True]
 
 
 def test_a_call_that_always_loses_its_worker_fails(pool: RayExecutor, here: _Here, store: Store) -> None:
@@ -244,14 +203,29 @@ def test_a_process_that_is_killed_each_time_fails_in_the_end(pool: RayExecutor, 
     assert said == ["its process was killed, it begins anew"] * 2
 
 
-def test_a_worker_that_needs_more_takes_the_room_of_one_that_waits(
-    pool: RayExecutor, here: _Here, store: Store
-) -> None:
-    wide = facts(path="tiny.wide", cpus=2)
-    plan = graph(call("a"), call("b", rule=wide, x=out("a")))
+MODEL = facts(path="tiny.model")
+
+
+def test_calls_of_a_model_share_a_worker_that_is_kept(pool: RayExecutor, here: _Here, store: Store) -> None:
+    plan = graph(call("a", rule=MODEL), call("b", rule=MODEL, x=out("a")), call("c", x=out("b")))
     assert build_graph(plan, plan.targets["default"], store=store, executor=pool, listen=Record()).ok
-    assert [dict(shape.amounts)["CPU"] for shape, _ in here.hired] == [1.0, 2.0]
-    assert here.hired[0][1].killed
+    assert here.places[:2] == here.keepers * 2
+    assert here.places[2:] == [shape(CPU=1.0, memory=GIB)]
+
+
+def test_a_kept_worker_makes_room_for_a_call_that_waits(pool: RayExecutor, here: _Here, store: Store) -> None:
+    here.full = True
+    plan = graph(call("a", rule=MODEL), call("b", x=out("a")))
+    assert build_graph(plan, plan.targets["default"], store=store, executor=pool, listen=Record()).ok
+    assert [keeper.dismissed for keeper in here.keepers] == [True]
+
+
+def test_a_call_does_not_wait_for_machines_that_are_gone(pool: RayExecutor, here: _Here, store: Store) -> None:
+    here.there.clear()
+    result = build_graph(PLAN, PLAN.targets["default"], store=store, executor=pool, listen=Record())
+    error = result.nodes["a"].error
+    assert error is not None
+    assert (error.code, error.message) == ("DXB-E354", "no machine of the cluster is left")
 
 
 def test_bytes_that_the_node_damaged_are_fetched_again(pool: RayExecutor, store: Store, tmp_path: Path) -> None:
@@ -266,8 +240,8 @@ def test_bytes_that_the_node_damaged_are_fetched_again(pool: RayExecutor, store:
     assert result.ok
 
 
-def test_a_node_with_other_code_is_refused(here: _Here, store: Store) -> None:
-    setup = Setup(RUNNER, "", stand={"dextera-build": "abc"}, compare="tests.engine.test_ray:other_code")
+def test_a_node_with_other_code_is_refused(here: _Here, store: Store, shared: Spec) -> None:
+    setup = Setup(RUNNER, shared, stand={"dextera-build": "abc"}, compare="tests.engine.test_ray:other_code")
     with RayExecutor(here, store, setup) as pool:
         result = build_graph(PLAN, PLAN.targets["default"], store=store, executor=pool, listen=Record())
     error = result.nodes["a"].error
@@ -277,31 +251,30 @@ def test_a_node_with_other_code_is_refused(here: _Here, store: Store) -> None:
     assert error.facts["`dextera-build`"] == "driver abc, node xyz"
 
 
-def other_code(stand: Mapping[str, str], project: str) -> dict[str, tuple[str, str]]:
+def other_code(stand: Mapping[str, str]) -> dict[str, tuple[str, str]]:
     return {name: (version, "xyz") for name, version in stand.items()}
 
 
-def test_only_who_has_the_password_is_served(pool: RayExecutor, store: Store) -> None:
-    httpx = pytest.importorskip("httpx")
-    digest = store.blobs.put(b"secret")
-    url = re.sub("//.*@", "//", pool._setup.driver) + f"/cas/{digest}"
-    assert httpx.get(url).status_code == 401
-    assert httpx.get(url, auth=("dxb", "guess")).status_code == 401
-    assert httpx.get(pool._setup.driver + f"/cas/{digest}").content == b"secret"
+def test_a_rule_that_reads_the_project_by_itself_stays_on_one_machine(here: _Here, store: Store, shared: Spec) -> None:
+    with RayExecutor(here, store, Setup(RUNNER, shared), discovering={"tiny.rule"}) as pool:
+        plan = graph(call("a", rule=facts(path="tiny.rule")))
+        result = build_graph(plan, plan.targets["default"], store=store, executor=pool, listen=Record())
+    error = result.nodes["a"].error
+    assert error is not None
+    assert error.code == "DXB-E370"
 
 
-def test_a_driver_that_cannot_be_reached_is_said(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_shared_remote_that_does_not_answer_is_said(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(staging, "_RESTS_S", (0.0,))
-    away = staging.Staging(store, open_remote(Spec("driver", "http://127.0.0.1:1", "rw")))
-    with pytest.raises(MachineError, match="a worker cannot reach the store of the driver: no connection") as caught:
-        away.pull(["0" * 64])
-    assert (caught.value.code, caught.value.facts) == ("DXB-E355", {"driver": "http://127.0.0.1:1"})
+    away = staging.Staging(store, open_remote(Spec("shared", "http://127.0.0.1:1", "rw")))
+    with pytest.raises(MachineError, match="the remote that the cluster shares does not work: no connection") as caught:
+        away.bring(["0" * 64])
+    assert (caught.value.code, caught.value.facts) == ("DXB-E355", {"remote": "http://127.0.0.1:1"})
 
 
-def test_what_the_driver_lacks_is_named(pool: RayExecutor, tmp_path: Path) -> None:
-    lacking = staging.Staging(Store(tmp_path / "other"), open_remote(Spec("driver", pool._setup.driver, "rw")))
+def test_what_the_shared_remote_lacks_is_named(store: Store, shared: Spec) -> None:
     with pytest.raises(MissingBlob) as caught:
-        lacking.pull(["1" * 64])
+        staging.Staging(store, open_remote(shared)).bring(["1" * 64])
     assert caught.value.digest == "1" * 64
 
 

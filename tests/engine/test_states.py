@@ -6,12 +6,12 @@ import pytest
 
 from dextera_build.engine.states import State, States
 from dextera_build.engine.units import Node
-from tests.engine.tiny import call, graph
+from tests.engine.tiny import call
 
 
 @pytest.fixture
 def node() -> Node:
-    return Node(address="a", path=("a",), labels=(), graph=graph(call("a")))
+    return Node(address="a", path=("a",), labels=(), call=call("a"))
 
 
 def test_queues_follow_from_states(node: Node) -> None:

@@ -17,6 +17,7 @@ from dextera_build.engine.events import (
     RunFinished,
     RunStarted,
 )
+from dextera_build.errors import RuleError
 from tests.report.drawings import LABELS, masks, scene
 
 START = 1_760_000_000.0
@@ -330,14 +331,12 @@ def finish(
     """The events of one node."""
     error = None
     if status == "failed":
-        error = {
-            "family": "B",
-            "message": "214 open edges, 0 allowed",
-            "code": "DXB-B201",
-            "where": None,
-            "facts": {"triangles": "3,182", "voxel_m": "0.002"},
-            "hint": "raise `voxel_m` to 0.004",
-        }
+        error = RuleError(
+            "214 open edges, 0 allowed",
+            code="DXB-B201",
+            facts={"triangles": "3,182", "voxel_m": "0.002"},
+            hint="raise `voxel_m` to 0.004",
+        )
     took = spec.seconds if status in ("ran", "fetched", "failed") else 0.0
     done = NodeFinished(
         time=began + took,

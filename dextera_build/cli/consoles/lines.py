@@ -52,7 +52,7 @@ class Columns:
         time = duration(event.seconds) if event.status in ("ran", "fetched", "failed") else event.status
         said = _first(event.line)
         if event.status == "failed" and event.error:
-            said = _first(str(event.error.get("message", "")))
+            said = _first(event.error.message)
         if event.status == "waits":
             said = f"for {some(event.blocked_by, 3)}"
         if event.status == "fetched":

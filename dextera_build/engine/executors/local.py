@@ -7,7 +7,7 @@ import selectors
 import time
 from collections.abc import Mapping
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from dextera_build.engine.capacity import Capacity, available_gb
 from dextera_build.engine.executors.process import Process
@@ -136,20 +136,18 @@ class LocalExecutor:
             reports += self._bury(process)
         return reports
 
-    def _end(self, process: Process, task: Task, line: Mapping[str, object]) -> Ended:
+    def _end(self, process: Process, task: Task, line: Mapping[str, Any]) -> Ended:
         process.task = None
         self._busy.remove(process)
         self._idle.append(process)
-        error, reply, raised, used = (line.get(name) for name in ("error", "reply", "raised", "usage"))
-        return Ended(
-            ticket=task.ticket,
-            seconds=float(str(line["seconds"])),
-            log=str(line.get("log", "")).encode("latin-1"),
-            reply=reply if isinstance(reply, dict) else None,
-            error=from_json(error) if isinstance(error, dict) else None,
-            raised=tuple(raised) if isinstance(raised, list) else (),
-            usage=with_peak(used if isinstance(used, dict) else {}, process.peak),
-        )
+        told = {
+            **line,
+            "ticket": task.ticket,
+            "log": line.get("log", "").encode("latin-1"),
+            "error": from_json(line["error"]) if "error" in line else None,
+            "usage": with_peak(line["usage"], process.peak),
+        }
+        return Ended(**told)
 
     def _bury(self, process: Process) -> list[Report]:
         """A worker is dead: the task that it had has failed."""

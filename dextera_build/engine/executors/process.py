@@ -56,7 +56,7 @@ class Process:
         with theirs:
             try:
                 self._child = subprocess.Popen(
-                    [sys.executable, "-m", worker.__name__, runner, str(theirs.fileno()), str(os.getpid())],
+                    [sys.executable, "-P", "-m", worker.__name__, runner, str(theirs.fileno()), str(os.getpid())],
                     stdin=subprocess.DEVNULL,
                     stdout=self._log,
                     stderr=self._log,
@@ -73,7 +73,7 @@ class Process:
             except OSError:
                 self._socket.close()
                 raise
-        self._send(json.dumps([entry for entry in sys.path if entry]).encode())
+        self._send(json.dumps([entry or os.getcwd() for entry in sys.path]).encode())
 
     @property
     def pid(self) -> int:

@@ -1,64 +1,21 @@
-"""Ray itself, and nothing of it elsewhere: a connection, the nodes, actors and their answers."""
+"""Ray itself, and nothing of it elsewhere: a connection, the nodes, calls and their answers."""
 
 from __future__ import annotations
 
 import os
 import signal
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from pathlib import Path
+from typing import Any
 
-from dextera_build.engine.executors.placement import Shape
-from dextera_build.engine.executors.ray_worker import RayWorker, Setup, Word
-from dextera_build.engine.executors.shapes import options
+from dextera_build.engine.executors.ray_worker import Keeper, Setup, Word, carry_out
+from dextera_build.engine.executors.shapes import Shape, options
 from dextera_build.engine.tasks import Task
 from dextera_build.errors import MachineError, UsageError
 
 _CONNECT_S = 5.0
-
-Heard: TypeAlias = Callable[[list[Word] | Exception], None]
-"""Takes what a worker says, or why it says nothing any more; called in any thread."""
-
-
-class Hand(Protocol):
-    """A worker on the cluster, as the executor sees it."""
-
-    def run(self, task: Task, fresh: bool, heard: Heard) -> None:
-        """Begin a call."""
-        ...
-
-    def more(self, heard: Heard) -> None:
-        """Hear more of a call that has not ended."""
-        ...
-
-    def stop(self) -> None:
-        """Ask it to end what runs."""
-        ...
-
-    def kill(self) -> None:
-        """End it, and what it reserves is free."""
-        ...
-
-
-class Cluster(Protocol):
-    """What workers are hired from."""
-
-    address: str
-    """Of this machine, as nodes reach it."""
-
-    def nodes(self) -> Mapping[str, Mapping[str, float]]:
-        """Living node -> resource -> how much it has."""
-        ...
-
-    def hire(self, setup: Setup, shape: Shape, node: str) -> Hand:
-        """A new worker, on `node` if there is room."""
-        ...
-
-    def close(self) -> None:
-        """Let the cluster go."""
-        ...
 
 
 class RayCluster:
@@ -66,95 +23,88 @@ class RayCluster:
 
     Args:
         address: `HOST:PORT` of its head; "" is the one that runs here, or that `RAY_ADDRESS` names.
+        code: Folder with the project's code, which becomes the working directory of all calls.
 
     Raises:
         MachineError: Ray is not installed, or no cluster answers.
         UsageError: The address has no port, or is that of a Ray client server.
     """
 
-    def __init__(self, address: str = "") -> None:
-        if "://" in address:
-            raise UsageError(
-                f"`{address}` is not the address of a Ray cluster",
-                code="DXB-U178",
-                facts={"form": "HOST:PORT of the head, from a machine that is part of the cluster"},
-                hint=f"ray start --address={address.partition('://')[2]} --num-cpus=0",
-            )
-        if address and ":" not in address:
-            raise UsageError(
-                f"`{address}` is not the address of a Ray cluster",
-                code="DXB-U178",
-                facts={"form": "HOST:PORT of the head"},
-                hint=f"--executor ray:{address}:6379",
-            )
-        ray = _imported()
+    def __init__(self, address: str, code: Path) -> None:
+        _refuse_form(address)
+        self._ray = ray = _imported()
         known = address or os.environ.get("RAY_ADDRESS") or _last()
         if ":" in known:
             _reach(known)
         # Ray puts its own in place of ours, which lets a build end in order.
         ours = signal.getsignal(signal.SIGTERM)
         try:
-            ray.init(address=address or "auto", log_to_driver=False, configure_logging=False, logging_level="ERROR")
+            ray.init(
+                address=address or "auto",
+                runtime_env={"working_dir": str(code)},
+                log_to_driver=False,
+                configure_logging=False,
+                logging_level="ERROR",
+            )
         except Exception as error:  # Ray's, gRPC's and the system's own
             raise _no_cluster(address, error) from None
         finally:
             with suppress(ValueError):  # not the main thread
                 signal.signal(signal.SIGTERM, ours)
-        self._ray = ray
-        self._actor = ray.remote(concurrency_groups={"stop": 1})(_with_groups(ray))
-        self.address = str(ray.util.get_node_ip_address())
+        # A call is repeated by the build, which says so in the log of the node.
+        self._call = ray.remote(num_returns="streaming", max_retries=0)(carry_out)
+        self._keeper = ray.remote(max_restarts=0)(Keeper)
 
     def nodes(self) -> Mapping[str, Mapping[str, float]]:
-        """Living node -> resource -> how much it has."""
+        """Living node -> resource -> how much it has in all."""
         return {node["NodeID"]: node["Resources"] for node in self._ray.nodes() if node["Alive"]}
 
-    def hire(self, setup: Setup, shape: Shape, node: str) -> Hand:
-        """A new worker, on `node` if there is room."""
-        from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+    def keeper(self, shape: Shape) -> Any:
+        """A worker that stays, with what it reserves, until it is dismissed: an actor."""
+        return self._keeper.options(**options(shape)).remote()
 
-        place = NodeAffinitySchedulingStrategy(node_id=node, soft=True)
-        actor = self._actor.options(**options(shape), max_restarts=0, scheduling_strategy=place)
-        return _RayHand(self._ray, actor.remote(setup))
+    def dismiss(self, keeper: Any) -> None:
+        """End a keeper and what it runs."""
+        with suppress(Exception):  # it is dead
+            self._ray.kill(keeper, no_restart=True)
+
+    def begin(self, setup: Setup, task: Task, fresh: bool, place: Any) -> Any:
+        """Queue a call, with `place` as its shape or for the keeper `place`."""
+        if isinstance(place, tuple):
+            return self._call.options(**options(place)).remote(setup, task, fresh)
+        return place.run.options(num_returns="streaming").remote(setup, task, fresh)
+
+    def hear(self, calls: Iterable[Any], timeout_s: float) -> Iterator[tuple[Any, Word | Exception]]:
+        """What calls say, once there is something; an exception is a call's last word."""
+        calls = list(calls)
+        some, _ = self._ray.wait(calls, num_returns=1, timeout=timeout_s, fetch_local=False)
+        ready, _ = self._ray.wait(calls, num_returns=len(calls), timeout=0, fetch_local=False) if some else ([], [])
+        for call in ready:
+            try:
+                yield call, self._ray.get(next(call))
+            except Exception as error:  # Ray's own, for all that can happen to a call
+                yield call, error
+
+    def cancel(self, call: Any) -> None:
+        """Ask a task to end."""
+        with suppress(Exception):  # it has ended
+            self._ray.cancel(call)
 
     def close(self) -> None:
-        """Disconnect; Ray ends the workers that are left."""
+        """Disconnect; Ray ends what is left."""
         self._ray.shutdown()
 
 
-@dataclass(frozen=True)
-class _RayHand:
-    ray: Any
-    actor: Any
-
-    def run(self, task: Task, fresh: bool, heard: Heard) -> None:
-        _listen(self.actor.run.remote(task, fresh), heard)
-
-    def more(self, heard: Heard) -> None:
-        _listen(self.actor.more.remote(), heard)
-
-    def stop(self) -> None:
-        self.actor.stop.remote()
-
-    def kill(self) -> None:
-        with suppress(Exception):  # it is dead
-            self.ray.kill(self.actor, no_restart=True)
-
-
-def _listen(reference: Any, heard: Heard) -> None:
-    def done(future: Any) -> None:
-        error = future.exception()
-        heard(future.result() if error is None else error)
-
-    reference.future().add_done_callback(done)
-
-
-def _with_groups(ray: Any) -> type:
-    """`RayWorker` with `stop` beside what runs."""
-
-    class Worker(RayWorker):
-        stop = ray.method(concurrency_group="stop")(RayWorker.stop)
-
-    return Worker
+def _refuse_form(address: str) -> None:
+    if "://" in address:
+        hint = f"ray start --address={address.partition('://')[2]} --num-cpus=0"
+        form = "HOST:PORT of the head, from a machine that is part of the cluster"
+    elif address and ":" not in address:
+        hint, form = f"--executor ray:{address}:6379", "HOST:PORT of the head"
+    else:
+        return
+    message = f"`{address}` is not the address of a Ray cluster"
+    raise UsageError(message, code="DXB-U178", facts={"form": form}, hint=hint)
 
 
 def _imported() -> Any:

@@ -1,20 +1,16 @@
-"""The worker on a node of a Ray cluster: has a store there, fetches what a call reads, and gives back what it made.
+"""One call on a node of a Ray cluster: download its inputs, run it, upload what it made.
 
-An actor of this class is one place for one call at a time. The call itself runs in a process of the local pool, so what
-it prints, what it uses and how it dies is told as it is on one machine. Nothing here imports Ray but `devices`.
+The call runs in a process of the local pool, so its output, its usage and its death are reported as on one machine.
+Nothing here imports Ray.
 """
 
 from __future__ import annotations
 
 import importlib
-import json
 import os
-import shutil
-import signal
 import sys
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -24,7 +20,6 @@ from dextera_build.engine.executors.local import LocalExecutor
 from dextera_build.engine.executors.staging import Staging
 from dextera_build.engine.tasks import Ended, Report, Said, Task
 from dextera_build.errors import DxbError, MachineError, from_json
-from dextera_build.store import files
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.remotes.connect import open_remote
 from dextera_build.store.remotes.spec import Spec
@@ -32,170 +27,120 @@ from dextera_build.store.store import Store
 
 STORE = "DXB_NODE_STORE"
 """Variable that names the folder of a node's store; nodes on one machine may share it, or have one each."""
-_GRACE_S = 1.0
-_PATIENCE_S = 30.0
-"""How long the driver's store may take to answer [s]."""
-_OLD_CODE_S = 7 * 86400.0
+_TICK_S = 0.5
+"""How often a call that says nothing is looked at, so that Ray can interrupt it [s]."""
 
 Word: TypeAlias = dict[str, Any]
-"""A report as plain data; exceptions with fields of their own do not survive pickling."""
+"""A report as plain data: exceptions with fields of their own do not survive pickling."""
+BEGAN: Word = {"began": True}
+"""Sent as soon as Ray has found a place for the call."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What all workers of one build are told."""
+    """What the workers of one build are told."""
 
     runner: str
     """`module:function` that carries out a task."""
-    driver: str
-    """URL of the driver's store, with its password."""
+    shared: Spec
+    """The remote for blobs."""
     environment: Mapping[str, str] = field(default_factory=dict)
-    code: str = ""
-    """Digest of a table of the project's source files; "" where the project's folder is the same on every node."""
     stand: Mapping[str, str] = field(default_factory=dict)
     """What must be the same on a node as at the driver: name -> version or digest."""
     compare: str = ""
     """`module:function` from `stand` to what differs here; "" where nothing is to be compared."""
 
 
-class RayWorker:
-    """One place for calls.
+class Place:
+    """A node's store, and a pool of one process that is kept between calls.
 
     Args:
         setup: What the build says.
     """
 
     def __init__(self, setup: Setup) -> None:
-        self._setup = setup
+        if setup.compare:
+            _refuse_difference(_named(setup.compare)(setup.stand))
         self._store = Store(folder())
-        # Until this process ends, so that no collection takes what was just fetched.
+        # Until this process ends, so that no collection takes what was just downloaded.
         self._announced = self._store.running.announced()
         self._announced.__enter__()
-        spec = Spec("driver", setup.driver, "rw", _PATIENCE_S)
-        # The password is made for one build, and the network is the cluster's own.
-        self._staging = Staging(self._store, open_remote(spec, trusted_network=True))
-        self._devices = devices()
-        self._pool: LocalExecutor | None = None
-        self._project = ""
-        self._task: Task | None = None
-        self._again = False
+        self._staging = Staging(self._store, open_remote(setup.shared))
+        self._pool = LocalExecutor(setup.runner, environment=setup.environment, capacity=Capacity(memory_gb=1.0))
 
-    def run(self, task: Task, fresh: bool) -> list[Word]:
-        """Begin a call, and return the first that there is to say of it; if it has not ended, `more` says more.
+    def run(self, task: Task, fresh: bool) -> Iterator[Report]:
+        """Run a call; the last report is its end.
 
         Args:
-            task: With the driver's store and project, which the node's stand in for.
+            task: With the driver's store and project, which this node's stand in for.
             fresh: Nothing that an earlier try kept here may be used.
         """
-        began = time.monotonic()
+        self._staging.bring(task.inputs.values())
+        if fresh and task.key:
+            self._store.keep.drop(task.key)
+        # Ray has made the folder with the project's code the current one.
+        task = replace(task, store=str(self._store.root), project=os.getcwd(), devices=_devices())
+        self._pool.submit(task)
+        again = True
+        end: Ended | None = None
         try:
-            pool = self._ready(task)
-            self._staging.pull(task.inputs.values())
-            if fresh and task.key:
-                self._store.keep.drop(task.key)
-        except DxbError as error:
-            return [spell(Ended(task.ticket, time.monotonic() - began, b"", error=error))]
-        self._task = replace(task, store=str(self._store.root), project=self._project, devices=self._devices)
-        self._again = True
-        pool.submit(self._task)
-        return self.more()
+            while end is None:
+                for report in self._pool.poll(_TICK_S):
+                    if isinstance(report, Said):
+                        yield report
+                    elif again and report.error is not None and report.error.code == MissingBlob.CODE:
+                        again = False  # this node's store had lost or damaged something
+                        self._staging.bring(task.inputs.values())
+                        self._pool.submit(task)
+                    else:
+                        end = report
+        finally:
+            if end is None:
+                self._pool.stop()
+        yield self._delivered(task, end)
 
-    def more(self) -> list[Word]:
-        """Wait until there is something to say."""
-        assert self._pool is not None
-        said: list[Report] = []
-        while not said:
-            said = [mine for report in self._pool.poll(None) if (mine := self._finish(report)) is not None]
-        return [spell(report) for report in said]
-
-    def stop(self) -> None:
-        """End the call that runs; called beside `run` and `more`."""
-        pids = self._pool.pids() if self._pool is not None else []
-        for number, rest_s in ((signal.SIGTERM, _GRACE_S), (signal.SIGKILL, 0.0)):
-            for pid in pids:
-                with suppress(ProcessLookupError, PermissionError):
-                    os.killpg(pid, number)
-            time.sleep(rest_s)
-
-    def _ready(self, task: Task) -> LocalExecutor:
-        """The pool of one process, once the node has the project's code and the same packages."""
-        if self._pool is None:
-            self._project = self._code() or task.project
-            if self._setup.compare:
-                _refuse_difference(_named(self._setup.compare)(self._setup.stand, self._project))
-            self._pool = LocalExecutor(
-                self._setup.runner, environment=self._setup.environment, capacity=Capacity(memory_gb=1.0)
-            )
-        return self._pool
-
-    def _code(self) -> str:
-        """The folder with the project's code."""
-        digest = self._setup.code
-        if not digest:
-            return ""
-        home = self._store.local / "code"
-        place = home / digest
-        if not place.is_dir():
-            self._staging.bring([digest])
-            table: dict[str, str] = json.loads(self._store.blobs.get(digest))
-            self._staging.bring(table.values())
-            _sweep(home)
-            aside = home / f"{files.TEMPORARY}-{os.getpid()}-{time.monotonic_ns()}"
-            for name, blob in table.items():
-                target = aside / name
-                target.parent.mkdir(parents=True, exist_ok=True)
-                self._store.reader.place(blob, target)
-            with suppress(OSError):  # another worker of this node was faster
-                aside.rename(place)
-        os.utime(place)
-        # As the project's folder is on the driver's path when its own packages are found there.
-        sys.path.append(str(place))
-        return str(place)
-
-    def _finish(self, report: Report) -> Report | None:
-        if isinstance(report, Said):
-            return report
-        if isinstance(report.error, MissingBlob) or (report.error and report.error.code == MissingBlob.CODE):
-            return self._fetch_again(report)
-        if report.reply is None:
-            return report
+    def _delivered(self, task: Task, end: Ended) -> Ended:
+        if end.reply is None:
+            return end
         try:
-            self._staging.push(report.reply)
+            self._staging.send_made(end.reply)
         except DxbError as error:
-            return replace(report, reply=None, error=error)
-        # What was stored a moment ago was stored here, and the driver may have had it before.
-        report = replace(report, reply={name: told for name, told in report.reply.items() if name != "sizes"})
-        if self._task is not None and self._task.key:
-            self._store.keep.drop(self._task.key)
-        return report
+            return replace(end, reply=None, error=error)
+        if task.key:
+            self._store.keep.drop(task.key)
+        # Sizes are of what this store took in, and the driver may have had it before.
+        return replace(end, reply={name: told for name, told in end.reply.items() if name != "sizes"})
 
-    def _fetch_again(self, report: Ended) -> Report | None:
-        """The node's store had lost or damaged something: fetch it and run once more."""
-        assert self._task is not None
-        assert self._pool is not None
-        if not self._again:
-            return report
-        self._again = False
-        try:
-            self._staging.pull(self._task.inputs.values())
-        except DxbError as error:
-            return replace(report, error=error)
-        self._pool.submit(self._task)
-        return None
+
+_here: list[Place] = []
+"""The place of this process; Ray uses a process for one build alone."""
+
+
+def carry_out(setup: Setup, task: Task, fresh: bool) -> Iterator[Word]:
+    """Run a call in the place of this process, and say what becomes of it."""
+    yield BEGAN
+    began = time.monotonic()
+    try:
+        if not _here:
+            _here.append(Place(setup))
+        for report in _here[0].run(task, fresh):  # Ray sends into what is delegated to, and a `map` takes nothing
+            yield spell(report)
+    except DxbError as error:
+        yield spell(Ended(task.ticket, time.monotonic() - began, b"", error=error))
+
+
+class Keeper:
+    """A worker that Ray keeps for calls of one model, so that its weights stay loaded."""
+
+    def run(self, setup: Setup, task: Task, fresh: bool) -> Iterator[Word]:
+        """See `carry_out`."""
+        yield from carry_out(setup, task, fresh)
 
 
 def folder() -> Path:
     """Where this node's store is."""
     home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
     return Path(os.environ.get(STORE) or home / "dxb" / "node")
-
-
-def devices() -> tuple[str, ...]:
-    """The GPUs that Ray gave to this actor."""
-    if "ray" not in sys.modules:
-        return ()
-    ray = sys.modules["ray"]
-    return tuple(str(device) for device in ray.get_gpu_ids())
 
 
 def spell(report: Report) -> Word:
@@ -213,6 +158,11 @@ def read(word: Word, ticket: int) -> Report:
         return Said(ticket, kind, data)
     error = from_json(word["error"]) if word["error"] is not None else None
     return Ended(**{**word, "ticket": ticket, "error": error})
+
+
+def _devices() -> tuple[str, ...]:
+    """The GPUs that Ray gave to this worker."""
+    return tuple(map(str, sys.modules["ray"].get_gpu_ids())) if "ray" in sys.modules else ()
 
 
 def _refuse_difference(found: Mapping[str, tuple[str, str]]) -> None:
@@ -233,12 +183,3 @@ def _named(text: str) -> Callable[..., Mapping[str, tuple[str, str]]]:
     module, _, name = text.partition(":")
     found: Callable[..., Mapping[str, tuple[str, str]]] = getattr(importlib.import_module(module), name)
     return found
-
-
-def _sweep(home: Path) -> None:
-    """Remove code that no build asked for lately, and what kills left."""
-    home.mkdir(parents=True, exist_ok=True)
-    for old in home.iterdir():
-        with suppress(OSError):
-            if old.stat().st_mtime < time.time() - _OLD_CODE_S:
-                shutil.rmtree(old, ignore_errors=True)

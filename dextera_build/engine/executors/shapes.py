@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
+from typing import TypeAlias
 
 from dextera_build.engine.capacity import MEASURED, Capacity, Gpu, Needs
-from dextera_build.engine.executors.placement import Shape
 from dextera_build.errors import MachineError
+
+Shape: TypeAlias = tuple[tuple[str, float], ...]
+"""What a call reserves, by Ray's names: `CPU`, `GPU`, `memory` [bytes], or a resource that nodes declare."""
 
 _GIB = 2**30
 _FINEST = 100
@@ -39,7 +42,7 @@ def capacity(nodes: Mapping[str, Mapping[str, float]], said: Mapping[str, float]
 
 
 def shape(needs: Needs, nodes: Iterable[Mapping[str, float]], gpu_memory_gb: float = 0.0) -> Shape:
-    """What a worker for `needs` reserves. More cores or memory than a node has become all that it has.
+    """What a call with `needs` reserves. More cores or memory than a node has become all that it has.
 
     Args:
         needs: What the rule declares.
@@ -67,19 +70,24 @@ def shape(needs: Needs, nodes: Iterable[Mapping[str, float]], gpu_memory_gb: flo
     wish = {"CPU": float(max(needs.cpus, 1)), "memory": float(math.ceil(needs.memory_gb * _GIB))}
     best: dict[str, float] | None = None
     for node in nodes:
-        if not Shape(tuple(fixed.items())).fits(node):
+        if not fits(fixed.items(), node):
             continue
         given = {name: min(amount, node.get(name, 0.0)) for name, amount in wish.items()}
         if best is None or (given["CPU"], given["memory"]) > (best["CPU"], best["memory"]):
             best = given
     if best is None:
         raise _nowhere(fixed, nodes)
-    return Shape(tuple(sorted({name: amount for name, amount in (best | fixed).items() if amount}.items())))
+    return tuple(sorted({name: amount for name, amount in (best | fixed).items() if amount}.items()))
+
+
+def fits(shape: Iterable[tuple[str, float]], node: Mapping[str, float]) -> bool:
+    """Whether a node has so much in all."""
+    return all(node.get(name, 0.0) >= amount for name, amount in shape)
 
 
 def options(reserved: Shape) -> dict[str, object]:
-    """`shape` as the options of a Ray actor."""
-    amounts = dict(reserved.amounts)
+    """`shape` as the options of a Ray task or actor."""
+    amounts = dict(reserved)
     cpus, gpus, memory = (amounts.pop(name, 0.0) for name in ("CPU", "GPU", "memory"))
     return {"num_cpus": cpus, "num_gpus": gpus, "memory": int(memory) or None, "resources": amounts or None}
 

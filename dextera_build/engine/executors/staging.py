@@ -1,16 +1,13 @@
-"""Between the store of a cluster's node and the store of the driver: what a call reads comes, what it made goes.
-
-Both are asked for by digest over HTTP, and what comes is compared with its digest before it shows.
-"""
+"""Artifacts between a store and the remote that all machines of a cluster share; only digests travel otherwise."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from io import BytesIO
 from typing import Any, BinaryIO, TypeVar
 
 from dextera_build.errors import MachineError, StoreError
-from dextera_build.store import header
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.remotes.remote import Digest, Remote, RemoteFault
@@ -18,44 +15,72 @@ from dextera_build.store.store import Store
 
 T = TypeVar("T")
 
-_SMALL = 1 << 16
-"""Blobs up to this size [bytes] are sent without asking whether they are there."""
 _RESTS_S = (0.2, 1.0, 3.0)
-_MOST_KNOWN = 1 << 17
+"""Pauses between tries of a remote that does not answer [s]."""
 
 
 class Staging:
-    """Keeps one node's store supplied.
+    """One machine's way to the shared remote.
 
     Args:
-        store: The node's.
-        driver: The driver's store, as a remote.
+        store: The machine's.
+        shared: The remote.
     """
 
-    def __init__(self, store: Store, driver: Remote) -> None:
+    def __init__(self, store: Store, shared: Remote) -> None:
         self._store = store
-        self._driver = driver
+        self._shared = shared
         self._there: set[str] = set()
-        """Blobs that the driver is known to hold."""
+        """Artifacts that the remote is known to hold, with everything below them."""
 
-    def pull(self, artifacts: Iterable[str]) -> None:
-        """Have artifacts, with all that they refer to, in the node's store.
+    def send(self, artifacts: Iterable[str], blobs: Iterable[str] = ()) -> None:
+        """Upload artifacts with everything that they refer to, and single blobs.
 
         Raises:
-            MissingBlob: The driver lacks one.
-            MachineError: The driver cannot be reached.
-            StoreError: The node's disk is full.
+            MissingBlob: The store lacks one.
+            MachineError: The remote cannot be reached, or refuses.
         """
-        level, seen = list(dict.fromkeys(artifacts)), set[str]()
+        fresh = [artifact for artifact in dict.fromkeys(artifacts) if artifact not in self._there]
+        below = (digest for artifact in fresh for digest in (*self._store.actions.references.below(artifact), artifact))
+        wanted = [Digest(digest, self._size(digest)) for digest in dict.fromkeys((*blobs, *below))]
+        if wanted and (lacking := self._patiently(lambda: self._shared.missing(wanted))):
+            self._patiently(lambda: self._shared.send(sorted(lacking), self._open))
+        self._there.update(fresh)
+
+    def bring(self, artifacts: Iterable[str], blobs: Iterable[str] = ()) -> None:
+        """Download artifacts with everything that they refer to, and single blobs.
+
+        Raises:
+            MissingBlob: The remote lacks one.
+            MachineError: The remote cannot be reached.
+            StoreError: The disk is full.
+        """
+        self._fetch(blobs)
+        level = wanted = list(dict.fromkeys(artifacts))
+        seen = set[str]()
         while level:
             seen.update(level)
-            self.bring(level)
-            direct = [header.closure(self._store.blobs.get(artifact)) for artifact in level]
-            self.bring(blob for _, blobs in direct for blob in blobs)
+            self._fetch(level)
+            direct = [self._store.actions.references.directly(artifact) for artifact in level]
+            self._fetch(blob for _, found in direct for blob in found)
             level = [ref for ref in dict.fromkeys(ref for refs, _ in direct for ref in refs) if ref not in seen]
+        self._there.update(wanted)
 
-    def bring(self, digests: Iterable[str]) -> None:
-        """Have blobs in the node's store; raises as `pull`."""
+    def send_made(self, reply: Mapping[str, Any]) -> None:
+        """Upload what a call made; raises as `send`."""
+        self.send([reply["output"], *self._answers(reply)], _blobs(reply))
+
+    def bring_made(self, reply: Mapping[str, Any]) -> None:
+        """Download what a call made; raises as `bring`."""
+        self._fetch(_blobs(reply))
+        self.bring([reply["output"], *self._answers(reply)])
+
+    def _answers(self, reply: Mapping[str, Any]) -> Iterator[str]:
+        """The artifacts that hold the answers of recorded calls."""
+        for call in reply.get("calls") or ():
+            yield ActionResult.from_document(self._store.blobs.get(call["result"])).output
+
+    def _fetch(self, digests: Iterable[str]) -> None:
         lacking = [digest for digest in dict.fromkeys(digests) if not self._holds(digest)]
         troubles: list[StoreError] = []
 
@@ -67,54 +92,12 @@ class Staging:
                 troubles.append(error)
 
         if lacking:
-            self._patiently(lambda: self._driver.fetch([Digest(digest, 0) for digest in lacking], take))
+            self._patiently(lambda: self._shared.fetch([Digest(digest, 0) for digest in lacking], take))
         if troubles:
             raise troubles[0]
         for digest in lacking:
             if not self._store.blobs.has(digest):
-                raise MissingBlob(digest, "the driver does not hold it")
-        self._know(lacking)
-
-    def push(self, reply: Mapping[str, Any]) -> None:
-        """Give the driver all that a call made.
-
-        Args:
-            reply: What the runner returned.
-
-        Raises:
-            MissingBlob: The node's store lost something meanwhile.
-            MachineError: The driver cannot be reached, or has no room.
-        """
-        wanted = [
-            Digest(digest, self._size(digest))
-            for digest in dict.fromkeys(self._made(reply))
-            if digest not in self._there
-        ]
-        large = [digest for digest in wanted if digest.size > _SMALL]
-        held = set(large) - self._patiently(lambda: self._driver.missing(large)) if large else set()
-        lacking = [digest for digest in wanted if digest not in held]
-        if lacking:
-            self._patiently(lambda: self._driver.send(lacking, self._open))
-        self._know(digest.hash for digest in wanted)
-
-    def _made(self, reply: Mapping[str, Any]) -> Iterator[str]:
-        yield from self._whole(reply["output"])
-        yield from (blob for _, blob in reply.get("previews") or ())
-        for call in reply.get("calls") or ():
-            yield from (call["call"], call["result"])
-            yield from self._whole(ActionResult.from_document(self._store.blobs.get(call["result"])).output)
-
-    def _whole(self, artifact: str) -> Iterator[str]:
-        """An artifact and all that it refers to; what the driver holds is not looked into."""
-        stack, seen = [artifact], set[str]()
-        while stack:
-            here = stack.pop()
-            if here in seen or here in self._there:
-                continue
-            seen.add(here)
-            refs, blobs = header.closure(self._store.blobs.get(here))
-            yield from (*blobs, here)
-            stack += refs
+                raise MissingBlob(digest, f"the remote `{self._shared.address}` does not hold it")
 
     def _holds(self, digest: str) -> bool:
         size = self._store.blobs.size(digest)
@@ -127,15 +110,8 @@ class Staging:
         return size
 
     def _open(self, digest: Digest) -> BinaryIO:
-        try:
-            return open(self._store.blobs.path(digest.hash), "rb")
-        except OSError:
-            raise MissingBlob(digest.hash) from None
-
-    def _know(self, digests: Iterable[str]) -> None:
-        if len(self._there) > _MOST_KNOWN:
-            self._there.clear()
-        self._there.update(digests)
+        blobs = self._store.blobs
+        return blobs.open(digest.hash) if blobs.verify(digest.hash) else BytesIO(blobs.get(digest.hash))
 
     def _patiently(self, ask: Callable[[], T]) -> T:
         for rest_s in (*_RESTS_S, None):
@@ -144,10 +120,16 @@ class Staging:
             except RemoteFault as fault:
                 if rest_s is None or fault.refused:
                     raise MachineError(
-                        f"a worker cannot reach the store of the driver: {fault.reason}",
+                        f"the remote that the cluster shares does not work: {fault.reason}",
                         code="DXB-E355",
-                        facts={"driver": fault.address},
-                        hint="every node of the cluster must reach the machine where `dxb build` runs, on any port",
+                        facts={"remote": fault.address},
+                        hint="every machine of the cluster must be able to read and write it under this address",
                     ) from None
                 time.sleep(rest_s)
         raise AssertionError
+
+
+def _blobs(reply: Mapping[str, Any]) -> list[str]:
+    calls = reply.get("calls") or ()
+    previews = [blob for _, blob in reply.get("previews") or ()]
+    return [*previews, *(digest for call in calls for digest in (call["call"], call["result"]))]

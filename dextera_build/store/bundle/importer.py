@@ -180,7 +180,7 @@ def _hash(digest: str, chunks: Iterator[bytes], descriptor: int | None) -> None:
             "the bundle is damaged: a blob has other bytes than its name says",
             code="DXB-S302",
             facts={"digest": digest},
-            hint="get the bundle again from where it came",
+            hint="download or copy the bundle again",
         )
 
 

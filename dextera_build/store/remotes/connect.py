@@ -14,20 +14,15 @@ from dextera_build.store.remotes.remote import Remote
 from dextera_build.store.remotes.spec import Spec, refuse_clear
 
 
-def open_remote(spec: Spec, *, trusted_network: bool = False) -> Remote:
+def open_remote(spec: Spec) -> Remote:
     """The remote of an address; nothing is asked yet.
-
-    Args:
-        spec: The remote.
-        trusted_network: Whether a password may go to it over plain HTTP.
 
     Raises:
         MachineError: A package is missing.
         UsageError: The address holds a variable that is not set, is malformed, or would send a password in the clear.
     """
     address = _filled(spec.address, spec.name)
-    if not trusted_network:
-        refuse_clear(address)
+    refuse_clear(address)
     scheme = address.partition("://")[0] if "://" in address else "file"
     try:
         return _OPENERS[scheme](address, spec)

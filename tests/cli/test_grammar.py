@@ -1,0 +1,44 @@
+"""The command line: its overview, old names, and what is said of words that it does not know."""
+
+from __future__ import annotations
+
+import pytest
+
+from dextera_build.cli import grammar
+from dextera_build.cli.main import main
+from dextera_build.cli.verbs import GROUPS, MOVED, VERBS
+from dextera_build.errors import UsageError
+
+
+@pytest.mark.parametrize("words", [[], ["--help"]])
+def test_the_overview_has_every_verb_in_its_group(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        main(words)
+    said = capsys.readouterr().out
+    places = [said.index(f"\n{group}:") for group in GROUPS]
+    assert places == sorted(places)
+    assert all(f"\n  {verb} " in said for verb in VERBS)
+
+
+@pytest.mark.parametrize(("old", "new"), MOVED.items())
+def test_old_names_answer_with_the_new_one(old: str, new: str) -> None:
+    with pytest.raises(UsageError, match=f"^`dxb {old}` is now `dxb {new}`$"):
+        grammar.parse([old, "twin/laptop_scene"])
+    for verb in new.split()[:1]:
+        assert verb in VERBS
+
+
+@pytest.mark.parametrize(
+    ("words", "message", "hint"),
+    [
+        (["buidl"], "there is no verb `buidl`", "did you mean `dxb build`?"),
+        (["build", "x", "--forec=y"], "`dxb build` has no flag `--forec`", "did you mean `--force`?"),
+        (["cache", "gc", "--max-sze", "1"], "`dxb cache` has no flag `--max-sze`", "did you mean `--max-size`?"),
+        (["plan", "x", "--qqqqq"], "`dxb plan` has no flag `--qqqqq`", "`dxb plan --help` shows what it takes"),
+        (["plan", "x", "y"], "`y` is one argument too many", "`dxb plan --help`"),
+    ],
+)
+def test_unknown_words_have_a_suggestion(words: list[str], message: str, hint: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        grammar.parse(words)
+    assert (caught.value.message, caught.value.hint) == (message, hint)
