@@ -129,6 +129,8 @@ class Project:
     @property
     def own_profile(self) -> str:
         """The profile of the files, whatever the environment and the command line say."""
+        if self.config["profile"].origin not in _OVER:
+            return self.profile
         named = [values["profile"] for origin, values in self._layers() if "profile" in values and origin not in _OVER]
         return str(named[-1] if named else _DEFAULTS["profile"])
 
