@@ -179,15 +179,26 @@ class Project(settings_of.Project):
         sentence, causes = explain(session, named.target)
         return Why(node, sentence, tuple(causes))
 
-    def get(self, node: str) -> Artifact:
+    def get(
+        self,
+        node: str,
+        *,
+        inputs: Mapping[str, str | os.PathLike[str]] | None = None,
+        settings: Mapping[str, object] | None = None,
+        backends: Mapping[str, str] | None = None,
+        profile: str | None = None,
+    ) -> Artifact:
         """What `twin/laptop_scene:scene` returned when it was built last; nothing runs.
+
+        Without further arguments that is the request that was built last; the arguments are those of `build`.
 
         Raises:
             UsageError: It was never built here.
             RuleError: It was, but the store no longer holds it.
         """
         named = wish(node)
-        return Session(self, named.recipe, last=True).artifact(named.target)
+        here = self._with(profile, None)
+        return Session(here, named.recipe, _added(inputs, settings, backends), last=True).artifact(named.target)
 
     def _with(self, profile: str | None, jobs: int | None) -> Project:
         if profile is None and jobs is None:

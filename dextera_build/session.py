@@ -68,7 +68,8 @@ class Session:
         recipe: The recipe's address.
         added: What the request adds to it.
         makes: Something is to be built, so that the store is made where it is not there.
-        last: Where the request adds nothing, the past is that of the request that was built last.
+        last: Where neither the request adds anything nor a profile is named, the past is that of the request that was
+            built last.
     """
 
     def __init__(
@@ -92,7 +93,8 @@ class Session:
         project, added = self.project, self.added
         profile = project.profile if project.profile != project.own_profile else ""
         if not (profile or added):
-            return self._built_last() if self._last else ""
+            named = project.config["profile"].origin == "command line"
+            return self._built_last() if self._last and not named else ""
         inputs = {name: path if ":" in path else os.path.abspath(path) for name, path in added.inputs.items()}
         # Of two values for one option the later one counts, so these stay in their order.
         settings = sorted(added.settings, key=lambda text: text.partition("=")[0])

@@ -8,7 +8,7 @@ import re
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,8 +37,9 @@ class _Copy:
     """A node's files as dxb wrote them."""
 
     output: str
-    main: str
-    files: Signatures
+    rule: str
+    main: str = ""
+    files: Signatures = field(default_factory=dict)
 
     def is_intact(self, folder: str) -> bool:
         """Whether every file is as it was written; files that somebody added do not count."""
@@ -111,7 +112,7 @@ class Out:
         self._scratch = f"{self.base}/{files.TEMPORARY}-{files.unique()}"
         sharing.make_folder(self._scratch)
         try:
-            made = {node: self._write(node, output, result.nodes[node].rule) for node, output in stale.items()}
+            made = {node: self._write(node, _Copy(stale[node], result.nodes[node].rule)) for node in stale}
             failpoints.reach("export.written")
             # The table says that files are whole, so it comes when they are on the disk.
             if self._session.project.durable:
@@ -120,31 +121,32 @@ class Out:
             if old:
                 self._save(table)
             for node in (*stale, *gone):
-                self._swap(node, old.get(node), result.nodes[node].rule)
+                self._swap(node, old.get(node))
             table |= made
             failpoints.reach("export.stamp")
             self._save(table)
         finally:
             shutil.rmtree(self._scratch, ignore_errors=True)
 
-    def _write(self, node: str, output: str, rule: str) -> _Copy:
+    def _write(self, node: str, copy: _Copy) -> _Copy:
         folder = f"{self._scratch}/{_name(node)}"
         os.mkdir(folder)
-        main = self._restore(folder, node, rule, output)
+        main = self._restore(folder, node, copy)
         sharing.share_tree(folder)
-        return _Copy(output, main, {name: signature.of(os.stat(f"{folder}/{name}")) for name in _files(folder)})
+        written = {name: signature.of(os.stat(f"{folder}/{name}")) for name in _files(folder)}
+        return replace(copy, main=main, files=written)
 
-    def _restore(self, folder: str, node: str, rule: str, output: str) -> str:
+    def _restore(self, folder: str, node: str, copy: _Copy) -> str:
         """Write the files of an output into a folder; the name of the main one."""
         with header.reading(f"`{node}`"):
-            main = _restore_file(self._session, folder, stem_of(node), output)
+            main = _restore_file(self._session, folder, stem_of(node), copy.output)
             if main is None:
-                kind, where = self._session.project.library.find(rule).rule.returns, Path(folder)
-                written = kind.restore(output, self._session.store.reader, where, stem_of(node))
+                kind, where = self._session.project.library.find(copy.rule).rule.returns, Path(folder)
+                written = kind.restore(copy.output, self._session.store.reader, where, stem_of(node))
                 main = written[0].relative_to(where).as_posix() if written else "."
         return main
 
-    def _swap(self, node: str, old: _Copy | None, rule: str) -> None:
+    def _swap(self, node: str, old: _Copy | None) -> None:
         """Move the new folder of a node into its place; what somebody changed in the old one is kept."""
         folder, new, aside = self._folder(node), f"{self._scratch}/{_name(node)}", f"{self._scratch}/~{_name(node)}"
         with suppress(FileNotFoundError):
@@ -152,11 +154,11 @@ class Out:
         failpoints.reach("export.cleared")
         if os.path.isdir(new):
             os.rename(new, folder)
-        if old is not None and os.path.isdir(aside) and self._is_changed(aside, node, old, rule):
+        if old is not None and os.path.isdir(aside) and self._is_changed(aside, node, old):
             self._placed.kept[node] = _free(folder)
             os.rename(aside, self._placed.kept[node])
 
-    def _is_changed(self, folder: str, node: str, old: _Copy, rule: str) -> bool:
+    def _is_changed(self, folder: str, node: str, old: _Copy) -> bool:
         """Whether a folder holds what dxb did not write; another time stamp of the same bytes is no change."""
         names = {*_files(folder)}
         if not names <= old.files.keys():
@@ -169,7 +171,7 @@ class Out:
         scratch = f"{self._scratch}/={_name(node)}"
         with suppress(DxbError, OSError):
             os.mkdir(scratch)
-            self._restore(scratch, node, rule, old.output)
+            self._restore(scratch, node, old)
             return not all(filecmp.cmp(f"{scratch}/{name}", f"{folder}/{name}", shallow=False) for name in touched)
         return True
 
@@ -193,13 +195,13 @@ class Out:
             said = json.loads(files.read(f"{self.base}/{TABLE}"))
             if said["form"] == _FORM and said["check"] == digests.of_value(said["nodes"]):
                 return {
-                    node: _Copy(output, main, {name: _signature(known) for name, known in written.items()})
-                    for node, (output, main, written) in said["nodes"].items()
+                    node: _Copy(output, rule, main, {name: _signature(known) for name, known in written.items()})
+                    for node, (output, rule, main, written) in said["nodes"].items()
                 }
         return {}
 
     def _save(self, table: Mapping[str, _Copy]) -> None:
-        nodes = {node: [copy.output, copy.main, copy.files] for node, copy in table.items()}
+        nodes = {node: [copy.output, copy.rule, copy.main, copy.files] for node, copy in table.items()}
         text = json.dumps({"form": _FORM, "check": digests.of_value(nodes), "nodes": nodes})
         files.write(f"{self.base}/{TABLE}", text.encode(), 0o644)
 

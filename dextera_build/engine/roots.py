@@ -9,8 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dextera_build import digest as digests
-from dextera_build.engine import snapshot
+from dextera_build.engine import history, snapshot
 from dextera_build.store import files
 from dextera_build.store.store import Store
 
@@ -43,10 +42,11 @@ def find(store: Store) -> Roots:
         keys={workspace: set() for workspace, is_there in workspaces.items() if is_there},
         vanished=[workspace for workspace, is_there in workspaces.items() if not is_there],
     )
-    for workspace, keys, runs in _histories(store.local / "history"):
+    for workspace, entries in history.projects(store.state):
         if workspace not in found.vanished:
-            found.keys.setdefault(workspace or NOBODY, set()).update(keys)
-            found.runs |= runs
+            for entry in entries:
+                found.keys.setdefault(workspace or NOBODY, set()).add(entry.key)
+                found.runs.add(entry.run)
     for paths, workspace, keys, written in _snapshots(store.local / "snapshots"):
         if workspace in found.vanished or written < time.time() - _SNAPSHOT_S:
             found.snapshots += paths
@@ -58,14 +58,6 @@ def find(store: Store) -> Roots:
             # Whatever form the file has: its digests are written out.
             held.update(match.decode() for match in _KEY.findall(files.read(f"{workspace}/{LOCKFILE}")))
     return found
-
-
-def _histories(folder: Path) -> Iterator[tuple[str, set[str], set[str]]]:
-    for path in _files(folder):
-        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
-            stored = digests.plain(files.read(str(path)))
-            rows = [row for row in stored["nodes"].values() if isinstance(row, list)]
-            yield str(stored.get("project", "")), {str(row[0]) for row in rows}, {str(row[2]) for row in rows}
 
 
 def _snapshots(folder: Path) -> Iterator[tuple[list[Path], str, set[str], float]]:

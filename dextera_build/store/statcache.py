@@ -17,10 +17,11 @@ from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import RecipeError, StoreError
-from dextera_build.store import failpoints, files, header, signature
+from dextera_build.store import failpoints, header, signature
 from dextera_build.store.cas import Blobs, is_digest
+from dextera_build.store.state import State
 
-_FORM = 1
+_KIND = "leaf"
 _TRIES = 3
 _FEW = 32
 """Fewer files than this are read one after another: threads would cost more than they save."""
@@ -31,18 +32,19 @@ class StatCache:
 
     Args:
         blobs: Where contents go.
-        table: The file that remembers signatures between runs; written by `save`. None: they are forgotten.
+        state: Remembers signatures between runs; written by `save`.
 
     Attributes:
         watch: When set, every file and folder that is looked at is noted there.
     """
 
-    def __init__(self, blobs: Blobs, table: Path | None) -> None:
+    def __init__(self, blobs: Blobs, state: State) -> None:
         self.watch: signature.Watch | None = None
         self._blobs = blobs
-        self._table = table
+        self._state = state
         self._known: dict[str, list[int | str]] | None = None
-        self._dirty = False
+        self._fresh: set[str] = set()
+        """Paths whose rows are not written down."""
 
     def digest_leaf(self, path: Path) -> str:
         """Digest of the `File` or `Folder` artifact with this content, all of which is in the store then.
@@ -66,13 +68,12 @@ class StatCache:
         return sorted(path for path, row in self._load().items() if row[5] == blob)
 
     def save(self) -> None:
-        """Write the table, all or nothing; a store that cannot be written keeps the old one."""
-        if self._dirty and self._known is not None and self._table is not None:
-            data = json.dumps({"form": _FORM, "files": self._known}).encode()
+        """Write down what was read, all or nothing; a store that cannot be written keeps what it has."""
+        if self._fresh:
+            known = self._load()
             failpoints.reach("leaves.save")
-            with suppress(StoreError):
-                files.write(str(self._table), data, 0o644, str(self._table.parent))
-                self._dirty = False
+            self._state.put(_KIND, {path: json.dumps(known[path]).encode() for path in self._fresh})
+            self._fresh.clear()
 
     def _files(self, inside: list[tuple[str, os.stat_result]]) -> dict[str, tuple[str, int]]:
         """Digest and size of many files; those that must be read are, in parallel: hashing lets other threads run."""
@@ -123,7 +124,7 @@ class StatCache:
             state = _stat(path)
             if digest and signature.of(state) == before:
                 self._load()[path] = [*before, now, digest]
-                self._dirty = True
+                self._fresh.add(path)
                 return digest, size
         raise RecipeError(
             f"`{path}` keeps changing while it is read",
@@ -156,12 +157,11 @@ class StatCache:
     def _load(self) -> dict[str, list[int | str]]:
         if self._known is None:
             self._known = {}
-            if self._table is None:
-                return self._known
-            with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-                stored = digests.plain(files.read(str(self._table)))
-                if stored["form"] == _FORM:
-                    self._known = {name: row for name, row in stored["files"].items() if len(row) == 6}
+            for path, data in self._state.all(_KIND).items():
+                with suppress(ValueError):
+                    row = digests.plain(data)
+                    if isinstance(row, list) and len(row) == 6:
+                        self._known[path] = row
         return self._known
 
 

@@ -17,6 +17,7 @@ from dextera_build.store.keep import Keep
 from dextera_build.store.locks import Locks
 from dextera_build.store.running import Running
 from dextera_build.store.statcache import StatCache
+from dextera_build.store.state import State
 from dextera_build.store.streams import Reader, Recent, Writer
 from dextera_build.store.workspaces import Workspaces
 
@@ -32,9 +33,9 @@ class Store:
         cas/ab/cdef...   blobs, read-only, by SHA-256
         ac/ab/cdef...    results by key, JSON
         runs/0001/       event logs
-        local/           what belongs to this machine: signatures of project files, history, snapshots, locks,
-                         names of nodes for completion, builds that run now, projects that ever built here,
-                         damaged blobs that were set aside, what calls that did not end keep for their next try
+        local/           what belongs to this machine: signatures of project files, history and snapshots
+                         (`state.db`), locks, builds that run now, projects that ever built here, damaged blobs that
+                         were set aside, what calls that did not end keep for their next try
 
     Args:
         root: The folder; made when it is not there.
@@ -55,7 +56,8 @@ class Store:
         self.recent = Recent(self.blobs)
         self.actions = Actions(self.root / "ac", self.blobs, self.recent)
         self.blobs.inside = self.actions.document
-        self.leaves = StatCache(self.blobs, self.local / "leaves.json" if takes else None)
+        self.state = State(str(self.local / "state.db"), takes=takes)
+        self.leaves = StatCache(self.blobs, self.state)
         self.locks = Locks(self.local / "locks")
         self.keep = Keep(self.local / "keep")
         self.divergent = Divergent(self.local / "divergent")

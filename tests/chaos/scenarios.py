@@ -249,7 +249,7 @@ def exported(space: Space) -> dict[str, bytes]:
 
 def _unsigned(table: bytes) -> bytes:
     nodes = json.loads(table)["nodes"]
-    return repr(sorted((node, copy[0], copy[1], sorted(copy[2])) for node, copy in nodes.items())).encode()
+    return repr(sorted((node, *copy[:3], sorted(copy[3])) for node, copy in nodes.items())).encode()
 
 
 def unfinished(space: Space) -> list[str]:

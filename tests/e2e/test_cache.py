@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from dextera_build.engine import snapshot
+from dextera_build.store.state import State
 from tests.e2e.space import Space
 
 
@@ -30,7 +31,10 @@ def grow_old(space: Space) -> None:
 @pytest.fixture
 def built(space: Space) -> Space:
     """Two variants, of which the first is nobody's any more."""
-    assert space.dxb("build", "say/words", "--set", "start.text=old").code == 0
+    recipe = (space.root / "recipes/say/words.yaml").read_text()
+    space.write("recipes/say/words.yaml", recipe.replace("one two", "old"))
+    assert space.dxb("build", "say/words").code == 0
+    space.write("recipes/say/words.yaml", recipe)
     assert space.dxb("build", "say/words").code == 0
     for written in (space.root / "cache" / "local" / "snapshots").iterdir():
         written.unlink()
@@ -81,8 +85,11 @@ def test_what_a_lock_file_names_stays(built: Space) -> None:
 @pytest.mark.parametrize("name", ["\ud800", "a\nb", "\x1b[2J"])
 def test_a_damaged_name_of_a_project_stays_in_its_line(built: Space, name: str) -> None:
     shutil.rmtree(built.root / "cache" / "local" / "snapshots")
-    for path in (built.root / "cache" / "local" / "history").iterdir():
-        path.write_text(json.dumps(json.loads(path.read_text()) | {"project": name}))
+    state = State(str(built.root / "cache" / "local" / "state.db"))
+    for kind in state.kinds():
+        if kind.startswith("history"):
+            parts = kind.split("\0")
+            state.put("\0".join((parts[0], name, *parts[2:])), state.all(kind))
     said = built.dxb("cache", "gc")
     assert said.code == 0, said.err
     rows = [line.split("\t") for line in said.out.split("\n")[:-1]]
@@ -102,8 +109,11 @@ def test_a_workspace_that_vanished_holds_nothing_and_that_is_said(built: Space, 
     (tmp_path / "registered").mkdir()
     for name in (store / "local" / "workspaces").iterdir():
         name.write_text(str(moved))
-    for name in (store / "local" / "history").iterdir():
-        name.write_text(name.read_text().replace(json.dumps(str(built.root)), json.dumps(str(moved))))
+    state = State(str(store / "local" / "state.db"))
+    for kind in state.kinds():
+        rows = state.all(kind)
+        state.put(kind.replace(str(built.root), str(moved)), rows)
+        state.put(kind, {}, without=rows if str(built.root) in kind else ())
     for name in (store / "local" / "snapshots").iterdir():
         if not name.suffix:
             head = snapshot.read_head(name)

@@ -187,7 +187,7 @@ def test_a_digest_that_nothing_made_is_said(seen):
     keys = {name: node["key"] for name, node in by_name(lineage(seen, "say/seen:said")).items() if "key" in node}
     shutil.rmtree(seen.root / "cache" / "runs")
     (seen.root / "cache" / "ac" / keys["photo"][:2] / keys["photo"][2:]).unlink()
-    (seen.root / "cache" / "local" / "leaves.json").unlink()
+    (seen.root / "cache" / "local" / "state.db").unlink()
     found = lineage(seen, "say/seen:words")
     (unknown,) = [node for node in found["nodes"] if node["kind"] == "unknown"]
     assert unknown["missing"] == (

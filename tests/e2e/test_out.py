@@ -131,7 +131,7 @@ def test_get_show_and_report_answer_for_the_request_that_was_built_last(counts: 
     assert counts.dxb("build", "g:a0").code == 0
     assert got() == b"3"
     assert counts.dxb("build", "g:a0", *five).code == 0
-    assert (got(), got(*five)) == (b"8", b"8")
+    assert (got(), got(*five), got("--profile", "cpu")) == (b"8", b"8", b"3")
     assert "option add\t5" in shown()
     assert "add=5" in reported()
     for _ in range(2):  # cached, by the snapshot, and later by the note of the command line
@@ -219,7 +219,11 @@ def test_copies_of_an_earlier_capture_do_not_stay(space: Space) -> None:
 def test_python_places_like_the_command_line(counts: Space) -> None:
     program = (
         "from dextera_build import Project\n"
-        "print(Project.find().build('g', 'a0', settings={'a0.add': 5}).paths['a0'])\n"
+        "project = Project.find()\n"
+        "print(project.build('g', 'a0', settings={'a0.add': 5}).paths['a0'])\n"
+        "project.build('g', 'a0')\n"
+        "assert project.get('g:a0').data == b'3'\n"
+        "assert project.get('g:a0', settings={'a0.add': 5}).data == b'8'\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=counts.root, env=counts.environment(), capture_output=True, text=True

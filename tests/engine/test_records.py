@@ -13,7 +13,6 @@ import pytest
 
 from dextera_build import digest
 from dextera_build.engine import eventlog
-from dextera_build.engine import history as history_
 from dextera_build.engine.dryrun import Planned, plan
 from dextera_build.engine.eventlog import EventLog
 from dextera_build.engine.events import Event, NodeFinished, RunStarted, fan_out
@@ -110,37 +109,13 @@ def test_history_names_the_run_that_gave_the_key(store: Store) -> None:
     assert history.all()["n"].run == "0003"
 
 
-@pytest.mark.parametrize("room", ["room", "no room", "rows too long"])
-def test_rows_of_a_history_that_were_laid_aside_count(
-    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: str
-) -> None:
-    monkeypatch.setattr(history_, "_MOST_HELD", 3)
-    if room == "no room":
-        monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "nowhere"))
-    if room == "rows too long":
-        monkeypatch.setattr(history_, "_LONGEST", 127)
-    used = {"memory_bytes": 2.0**30}
-    entries = {f"n{i}": Entry(digest.of_bytes(b"%d" % i), f"d{i}" * 2 * i, "0001", i, i, used) for i in range(20)}
-    history = History(store, "a")
-    for number in (*range(20), 3, 18, 4):
-        history.note(f"n{number}", Entry("k", "d", "0000", 0.0, 0.0))
-        history.note(f"n{number}", entries[f"n{number}"])
-    laid = sum(isinstance(row, int) for row in history._load()._rows.values())
-    assert laid == 0 if room == "no room" else 0 < laid < 10 if room == "rows too long" else laid > 16
-    assert history.all() == entries
-    assert history.peak_gb("n3") == 1.0
-    history.save()
-    assert History(store, "a").all() == entries
-
-
-@pytest.mark.parametrize("junk", [b"", b"{", b'{"form": 1, "nodes": {"a": [1]}}', b'{"form": 2, "nodes": {}}'])
-def test_a_broken_history_is_forgotten(store: Store, junk: bytes) -> None:
-    history = History(store, "a")
-    history.note("n", Entry("k1", "d1", "0001", 1.0, 1.0))
-    history.save()
-    (path,) = (store.local / "history").glob("*.json")
-    path.write_bytes(junk)
-    assert History(store, "a").all() == {}
+def test_builds_at_once_lose_nothing_of_one_another(store: Store) -> None:
+    one, other = History(store, "a"), History(store, "a")
+    assert (one.all(), other.all()) == ({}, {})
+    for history, name in ((one, "n"), (other, "m")):
+        history.note(name, Entry("k1", "d1", "0001", 1.0, 1.0))
+        history.save()
+    assert History(store, "a").all().keys() == {"n", "m"}
 
 
 def started(recipe: str, run: str = "") -> RunStarted:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import time
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import pytest
 from dextera_build.engine import roots, snapshot
 from dextera_build.engine.collection import collect
 from dextera_build.engine.execute import RunInfo, build
-from dextera_build.engine.history import History
+from dextera_build.engine.history import Entry, History
 from dextera_build.store.presence import Presence
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
@@ -45,25 +44,24 @@ def test_a_project_is_registered_once(store: Store, tmp_path: Path) -> None:
     assert file.stat().st_mtime_ns == before
 
 
-def test_a_history_that_names_no_project_is_held(store: Store) -> None:
+def test_a_history_of_no_project_is_held(store: Store) -> None:
     plan = graph(call("a"))
     build(plan, [("a",)], store=store, executor=inline(), listen=Record())
-    (file,) = (store.local / "history").iterdir()
-    stored = json.loads(file.read_text())
-    del stored["project"]
-    file.write_text(json.dumps(stored))
     (key,) = (entry.key for entry in History(store, "tiny/graph").all().values())
     assert roots.find(store).keys == {roots.NOBODY: {key}}
 
 
 @pytest.mark.parametrize("name", ["a\0b", "\ud800", "x" * 5000])
 def test_a_history_whose_project_can_be_no_folder_holds_its_results(store: Store, tmp_path: Path, name: str) -> None:
-    keys = run(store, tmp_path)
-    (file,) = (store.local / "history").iterdir()
-    file.write_text(json.dumps(json.loads(file.read_text()) | {"project": name}))
-    assert roots.find(store).keys == {str(tmp_path): set(), name: keys}
-    collect(store, size=0, dry=False)
-    assert set(store.actions.keys()) == keys
+    (key,) = {entry.key for entry in _noted(store, name).all().values()}
+    assert {key} in roots.find(store).keys.values()
+
+
+def _noted(store: Store, project: str) -> History:
+    history = History(store, "a", project)
+    history.note("n", Entry(KEY, KEY, "0001", 1.0, 1.0))
+    history.save()
+    return history
 
 
 @pytest.mark.parametrize(
@@ -79,7 +77,7 @@ def snapshot_of(store: Store, project: Path) -> tuple[Path, dict[str, object], s
     """A real snapshot that alone remembers what it rests on."""
     store.actions.presence = Presence(str(store.root))
     keys = run(store, project)
-    shutil.rmtree(store.local / "history")
+    (store.local / "state.db").unlink()
     path, request = store.local / "snapshots" / "one", {"root": str(project)}
     assert snapshot.save(path, request, Watch(), ["line"], (str(store.root), store.actions.presence))
     (path.parent / "one.plan").write_bytes(b"\xff" * 80)
@@ -111,7 +109,7 @@ def test_a_snapshot_that_is_used_holds_on_for_another_month(store: Store, tmp_pa
 
 def test_torn_files_hold_nothing_and_stop_nothing(store: Store, tmp_path: Path) -> None:
     run(store, tmp_path)
-    for name in ("history/torn.json", "snapshots/torn", "workspaces/torn"):
+    for name in ("snapshots/torn", "workspaces/torn"):
         (store.local / name).parent.mkdir(exist_ok=True)
         (store.local / name).write_bytes(b'{"nodes": \xff')
     assert set(roots.find(store).keys) == {str(tmp_path)}

@@ -31,7 +31,6 @@ MODULES = {
 }
 """Whoever imports one of these may run what it reads; `pandas` has `read_pickle`, and nothing here needs it."""
 OWN = {
-    "dextera_build/engine/history.py": "imports marshal",
     "dextera_build/plain.py": "calls exec",
 }
 """What they read back or run the same process made: packed entries, and names of fields as classes here spell them."""

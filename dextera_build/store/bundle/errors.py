@@ -36,7 +36,7 @@ def damaged(what: str, digest: str, why: str) -> BundleRefused:
         f"the bundle is damaged: {what} {why}",
         code="DXB-S302",
         facts={"digest": digest},
-        hint="get the bundle again from where it came",
+        hint="download or copy the bundle again",
     )
 
 
@@ -46,7 +46,7 @@ def lacking(what: str, digest: str) -> BundleRefused:
         f"the bundle lacks {what}",
         code="DXB-S303",
         facts={"digest": digest},
-        hint="get the bundle again from where it came",
+        hint="download or copy the bundle again",
     )
 
 

@@ -93,7 +93,7 @@ def _signers(envelope: Envelope, keys: Sequence[PublicKey]) -> list[str]:
                     f"the bundle says that `{key.name}` signed it, but the signature is wrong",
                     code="DXB-S310",
                     facts={"key": key.id},
-                    hint="get the bundle again from where it came",
+                    hint="download or copy the bundle again",
                 )
     return names
 
@@ -105,6 +105,6 @@ def _statement(bundle: Opened, payload: bytes) -> dict[str, Any]:
             "the provenance is that of another bundle",
             code="DXB-S311",
             facts={"about": f"sha256:{subject}", "bundle": f"sha256:{bundle.digest}"},
-            hint="get the bundle again from where it came",
+            hint="download or copy the bundle again",
         )
     return statement
