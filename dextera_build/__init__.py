@@ -18,3 +18,7 @@ def __getattr__(name: str) -> object:
 
         return getattr(import_module("dextera_build.api"), name)
     raise AttributeError(f"module `dextera_build` has no attribute `{name}`")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__} - {"TYPE_CHECKING"})

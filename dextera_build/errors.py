@@ -56,6 +56,12 @@ class DxbError(Exception):
         self.facts = {name: redact(str(value)) for name, value in (facts or {}).items()}
         self.hint = redact(hint) if hint else hint
 
+    def __str__(self) -> str:
+        """The message, then the place, the facts and the hint on lines of their own, as a notebook shows them."""
+        rows = [("at", str(self.where))] if self.where else []
+        rows += [*self.facts.items(), *([("hint", self.hint)] if self.hint else [])]
+        return "\n".join([self.message, *(f"  {name}: {value}" for name, value in rows)])
+
     def to_json(self) -> dict[str, object]:
         """Plain data that crosses a process border; `from_json` turns it back."""
         where = [self.where.file, self.where.line, self.where.column] if self.where else None

@@ -65,12 +65,12 @@ class Project:
         declared: False where no project was found and the current folder stands in.
     """
 
-    def __init__(self, root: Path, flags: Mapping[str, Any] | None = None, *, declared: bool = True) -> None:
-        self.root = root
+    def __init__(self, root: str | Path, flags: Mapping[str, Any] | None = None, *, declared: bool = True) -> None:
+        self.root = Path(root)
         self.declared = declared
         self._recipes: dict[tuple[Path, int, int, int], Recipe] = {}
         self._looked_at: set[str] = set()
-        self.remotes = Choice(root)
+        self.remotes = Choice(self.root)
         """The remotes; known when `config` is."""
         self._flags = {name: value for name, value in (flags or {}).items() if value is not None}
 

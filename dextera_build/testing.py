@@ -28,20 +28,21 @@ class RuleRunner:
 
     def __init__(
         self,
-        scratch: Path,
-        project: Path | None = None,
-        keep: Path | None = None,
+        scratch: str | Path,
+        project: str | Path | None = None,
+        keep: str | Path | None = None,
         calls: Callable[..., bytes] | None = None,
-        files: Path | None = None,
+        files: str | Path | None = None,
     ) -> None:
-        self._scratch = scratch
-        self._keep = keep or scratch / "keep"
+        self._scratch = Path(scratch)
+        self._keep = Path(keep or self._scratch / "keep")
+        project = Path(project) if project is not None else None
         self._calls = calls
         self._library = Library(project)
         self._blobs: dict[str, bytes] = {}
         self.outcome = Outcome()
         """What the last rule said: its line, previews and metrics."""
-        self._files = files or project or scratch
+        self._files = Path(files or project or scratch)
         self.reads: list[list[str]] = []
         """What the last rule read by itself: (`file`, `there` or `names`, what was asked, what was told), in order."""
 

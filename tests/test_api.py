@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import dextera_build
 from dextera_build import Project, lockfile
 from dextera_build.errors import RuleError, StaleError, UsageError
 from tests.e2e.conftest import space  # noqa: F401 - a fixture
@@ -147,3 +148,12 @@ def test_an_unknown_name_of_the_package_is_an_attribute_error():
 
     with pytest.raises(AttributeError, match="no attribute `Projekt`"):
         dextera_build.Projekt  # noqa: B018
+
+
+def test_every_public_name_is_listed_and_paths_may_be_texts(space, tmp_path):  # noqa: F811
+    assert {"Project", "Result", "__version__"} <= set(dir(dextera_build))
+    assert all(hasattr(dextera_build, name) for name in dir(dextera_build))
+    assert Project(str(space.root)).root == space.root
+    built = Project.find(str(space.root)).build("say/words")
+    (file,) = built.artifact("all").export(str(tmp_path), "words.txt")
+    assert file.read_bytes() == built.artifact("all").data

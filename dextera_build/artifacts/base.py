@@ -16,27 +16,20 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Mapping
-from functools import cache
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import (
-    TYPE_CHECKING,
-    Any,
-    BinaryIO,
-    ClassVar,
-    Generic,
-    Self,
-    TypeVar,
-)
+from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, Generic, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, model_validator
 
 from dextera_build import digest
+from dextera_build.artifacts import describe
 from dextera_build.artifacts.arrays import Array as Array
-from dextera_build.artifacts.arrays import array_bytes, array_in, array_of, check_array, is_array, save_arrays
+from dextera_build.artifacts.arrays import array_bytes, array_of, check_array, is_array, save_arrays
 from dextera_build.artifacts.content import SMALL, Content, Get, OnDisk, Put, Stored
 from dextera_build.artifacts.hints import arguments, first
 from dextera_build.artifacts.labels import check_labels, check_paths, path_fault
+from dextera_build.artifacts.schema import array_specs, declared
 from dextera_build.errors import ArtifactError, StoreError
 
 
@@ -77,6 +70,22 @@ class Artifact(BaseModel):
                 check_array(f"{self.name()}.{name}", name, value, spec, axes)
         return self
 
+    def facts(self) -> Iterator[str]:
+        """What one wants to know of this value first: counts, sizes, extents, units."""
+        return describe.facts({name: getattr(self, name) for name in type(self).model_fields}, array_specs(type(self)))
+
+    def picture(self) -> bytes | None:
+        """PNG bytes of this value or of the first of its parts that has a picture, for notebooks."""
+        parts = (getattr(self, name) for name in type(self).model_fields)
+        pictures = (part.picture() for part in parts if isinstance(part, Artifact))
+        return next((found for found in pictures if found is not None), None)
+
+    def __repr__(self) -> str:
+        return describe.line(self.name(), self.facts())
+
+    def _repr_html_(self) -> str:
+        return describe.page(repr(self), self.picture())
+
     def encode(self, put: Put) -> str:
         """Store this value through `put(bytes) -> digest` and return the digest of its header."""
         fields = {name: _encode(getattr(self, name), put) for name in type(self).model_fields}
@@ -95,10 +104,10 @@ class Artifact(BaseModel):
     def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
         if header["artifact"] != cls.name():
             raise ArtifactError(f"a {cls.name()} is needed here, but a {header['artifact']} came", code="DXB-A102")
-        declared = _hints(cls)
+        kinds = declared(cls)
         made = cls.__new__(cls)
         # What a subclass checks of values that people make does not apply to files of a project, which exist already.
-        Artifact.__init__(made, **{n: _decode(raw, declared.get(n), get) for n, raw in header["fields"].items()})
+        Artifact.__init__(made, **{n: _decode(raw, kinds.get(n), get) for n, raw in header["fields"].items()})
         return made
 
     @classmethod
@@ -109,11 +118,12 @@ class Artifact(BaseModel):
         """
         return cls.decode(key, get).export(folder, stem)
 
-    def export(self, folder: Path, stem: str) -> list[Path]:
+    def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write this value to `folder` in the formats that people open, and return the files, the main one first.
 
         The default writes every field that is an artifact into its own files, and the rest as JSON and NPZ.
         """
+        folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         arrays: dict[str, Any] = {}
         plain: dict[str, Any] = {}
@@ -153,6 +163,11 @@ class Collection(Artifact, Generic[T]):
         super().__init__(**fields)
         check_labels(self.name(), self.items)
 
+    def facts(self) -> Iterator[str]:
+        """How many items of which type, with their labels."""
+        kinds = sorted({item.name() for item in self.items.values()})
+        yield from describe.facts({" or ".join(kinds) or "items": self.items}, {})
+
 
 _FILE = re.compile(
     rb'\{"artifact":"File","fields":\{"data":\{"\$bytes":\["([0-9a-f]{64})",(0|[1-9][0-9]{0,17})\]\}\}\}'
@@ -172,9 +187,9 @@ class File(Artifact):
     _content: Content | None = PrivateAttr(None)
 
     @classmethod
-    def of(cls, path: Path) -> Self:
+    def of(cls, path: str | Path) -> Self:
         """The content of a file that nobody changes any more, which is not read before it is stored."""
-        return cls._behind(OnDisk(path))
+        return cls._behind(OnDisk(Path(path)))
 
     @classmethod
     def _behind(cls, content: Content) -> Self:
@@ -194,15 +209,19 @@ class File(Artifact):
         """Whether the bytes are equal."""
         return isinstance(other, File) and self.data == other.data
 
+    def facts(self) -> Iterator[str]:
+        """Its size; content that lies elsewhere is not read for that."""
+        yield describe.size(len(self.data) if self._content is None else self._content.path().stat().st_size)
+
     def __hash__(self) -> int:
         """Hash of the bytes."""
         return hash(self.data)
 
-    def path(self, scratch: Path) -> Path:
+    def path(self, scratch: str | Path) -> Path:
         """A file with this content, not to be written to; where there is none yet it is written into `scratch`."""
         if self._content is not None:
             return self._content.path()
-        path = scratch / digest.of_bytes(self.data)[:16]
+        path = Path(scratch) / digest.of_bytes(self.data)[:16]
         path.write_bytes(self.data)
         return path
 
@@ -210,8 +229,9 @@ class File(Artifact):
         """The content as a stream."""
         return io.BytesIO(self.data) if self._content is None else self._content.path().open("rb")
 
-    def place(self, target: Path) -> None:
+    def place(self, target: str | Path) -> None:
         """Write the content to `target`, sharing blocks where the file system can."""
+        target = Path(target)
         target.parent.mkdir(parents=True, exist_ok=True)
         if self._content is None:
             target.write_bytes(self.data)
@@ -253,8 +273,9 @@ class File(Artifact):
         note(made, "__pydantic_private__", {"_content": None})
         return made
 
-    def export(self, folder: Path, stem: str) -> list[Path]:
+    def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write `folder/stem`."""
+        folder = Path(folder)
         self.place(folder / stem)
         return [folder / stem]
 
@@ -269,8 +290,14 @@ class Folder(Artifact):
         super().__init__(**fields)
         check_paths(self.name(), self.files)
 
-    def export(self, folder: Path, stem: str) -> list[Path]:
+    def facts(self) -> Iterator[str]:
+        """How many files, and their size."""
+        yield from describe.facts({"files": self.files}, {})
+        yield describe.size(sum(map(len, self.files.values())))
+
+    def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write the tree below `folder`; the first path is the file that stands highest and first by name."""
+        folder = Path(folder)
         written = []
         for name in sorted(self.files, key=_depth):
             path = _inside(folder, name)
@@ -305,23 +332,6 @@ def _inside(folder: Path, name: str) -> Path:
     if wrong:
         raise StoreError(f"`{name}` cannot be written below `{folder}`: {wrong}", code="DXB-S404")
     return folder / name
-
-
-@cache
-def _hints(kind: type[BaseModel]) -> dict[str, Any]:
-    """Field -> its declared type."""
-    return {name: info.annotation for name, info in kind.model_fields.items()}
-
-
-@cache
-def array_specs(kind: type[BaseModel]) -> dict[str, Array]:
-    """Field -> declared array form, for the array fields of `kind`."""
-    return {
-        name: spec
-        for name, info in kind.model_fields.items()
-        for spec in (array_in(info.annotation, info.metadata),)
-        if spec is not None
-    }
 
 
 def _encode(value: Any, put: Put) -> Any:
@@ -362,8 +372,8 @@ def _decode(raw: Any, hint: Any, get: Get) -> Any:
         inner = arguments(hint)
         return {name: _decode(item, inner[1] if len(inner) == 2 else None, get) for name, item in body.items()}
     kind = first(hint, Value)
-    fields = _hints(kind)
-    return kind(**{name: _decode(item, fields.get(name), get) for name, item in body.items()})
+    kinds = declared(kind)
+    return kind(**{name: _decode(item, kinds.get(name), get) for name, item in body.items()})
 
 
 def _artifact_in(hint: Any) -> type[Artifact]:

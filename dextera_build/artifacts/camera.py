@@ -87,8 +87,9 @@ class Capture(Artifact):
     camera: Camera
     """Intrinsics of both."""
 
-    def export(self, folder: Path, stem: str) -> list[Path]:
+    def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write the files that `capture.folder` reads: `rgb.png`, `depth.png` in millimetres, `capture.json`."""
+        folder = Path(folder)
         facts = self.camera.model_dump() | {"depth_scale_m": 0.001}
         written = [*self.rgb.export(folder, "rgb"), *self.depth.export(folder, "depth"), folder / "capture.json"]
         written[-1].write_text(json.dumps(facts, indent=1) + "\n")

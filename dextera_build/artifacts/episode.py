@@ -1,4 +1,4 @@
-"""Episodes: what a robot did in a task, at control rate, replayable from its start (mission rows E8-E10)."""
+"""Episodes: what a robot did in a task, at control rate, replayable from its start."""
 
 from __future__ import annotations
 
@@ -160,8 +160,9 @@ class Film(Artifact):
         changes = np.frombuffer(data, np.uint8)
         return np.cumsum(changes.reshape(-1, self.height, self.width, 3), axis=0, dtype=np.uint8)
 
-    def export(self, folder: Path, stem: str) -> list[Path]:
+    def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write `stem/<index>.png`, an animated PNG per episode."""
+        folder = Path(folder)
         from PIL import Image
 
         (folder / stem).mkdir(parents=True, exist_ok=True)

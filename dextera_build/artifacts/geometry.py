@@ -11,6 +11,7 @@ from pydantic import model_validator
 from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.image import Image, png
 from dextera_build.errors import ArtifactError
+from dextera_build.geometry.thumbnail import thumbnail
 
 
 class Mesh(Artifact):
@@ -51,8 +52,22 @@ class Mesh(Artifact):
         backward = np.sort(edges[:, 1] * count + edges[:, 0])
         return bool((forward[1:] != forward[:-1]).all() and (forward == backward).all())
 
-    def export(self, folder: Path, stem: str) -> list[Path]:
+    def picture(self) -> bytes:
+        """The mesh from its front left and above."""
+        return png(thumbnail([(self.vertices[self.faces], self.paint)]))
+
+    def paint(self, face: np.ndarray, weight: np.ndarray) -> np.ndarray:
+        """SRGB (N, 3), 0..1, of points on faces (N,) at barycentric weights (N, 3)."""
+        if self.uv is None or self.texture is None:
+            return np.tile(np.array(self.colour), (len(face), 1))
+        rows, columns = self.texture.pixels.shape[:2]
+        u, v = (self.uv[face] * weight[..., None]).sum(axis=1).T
+        row, column = ((1 - v) * rows).astype(int).clip(0, rows - 1), (u * columns).astype(int).clip(0, columns - 1)
+        return np.asarray(self.texture.pixels[row, column] / 255.0)
+
+    def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write `stem.obj` with `stem.mtl` and `stem.png`."""
+        folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         written = [folder / f"{stem}.obj"]
         written[0].write_text(obj_text(self, f"{stem}.mtl"))

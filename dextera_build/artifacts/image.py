@@ -17,8 +17,13 @@ class Image(Artifact):
     pixels: Annotated[np.ndarray, Array("H W 3", "uint8")]
     """Red, green, blue (never BGR), 0..255."""
 
-    def export(self, folder: Path, stem: str) -> list[Path]:
+    def picture(self) -> bytes:
+        """The picture itself, of large ones every second pixel, every third, and so on."""
+        return png(smaller(self.pixels))
+
+    def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write `stem.png`."""
+        folder = Path(folder)
         return _write(folder / f"{stem}.png", png(self.pixels))
 
 
@@ -28,8 +33,16 @@ class DepthImage(Artifact):
     depth: Annotated[np.ndarray, Array("H W", "float32", unit="m", frame="camera")]
     """Depth z; 0 where nothing was measured."""
 
-    def export(self, folder: Path, stem: str) -> list[Path]:
+    def picture(self) -> bytes:
+        """Grey: near is bright, black where nothing was measured."""
+        there = self.depth > 0
+        near, far = (self.depth[there].min(), self.depth[there].max()) if there.any() else (0.0, 1.0)
+        grey = 255 - 195 * (self.depth - near) / max(far - near, 1e-6)
+        return png(smaller(np.where(there, grey, 0).astype(np.uint8)))
+
+    def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write `stem.png`: 16 bit, one count is a millimetre, 0 is invalid."""
+        folder = Path(folder)
         counts = np.clip(np.round(self.depth * 1000.0), 0, 65535).astype(np.uint16)
         return _write(folder / f"{stem}.png", png(counts))
 
@@ -39,6 +52,17 @@ class LabelImage(Artifact):
 
     labels: Annotated[np.ndarray, Array("H W", "int32")]
     """0 is background; 1.. are instances."""
+
+    def picture(self) -> bytes:
+        """One colour for each instance, black for the background."""
+        hues = np.array([(0, 0, 0), (230, 85, 60), (60, 140, 220), (90, 180, 90), (235, 170, 50), (150, 105, 200)])
+        return png(smaller(hues[np.where(self.labels > 0, (self.labels - 1) % 5 + 1, 0)].astype(np.uint8)))
+
+
+def smaller(pixels: np.ndarray, longest: int = 640) -> np.ndarray:
+    """Every n-th pixel, so that no side is longer than `longest`."""
+    step = -(-max(pixels.shape[:2]) // longest) or 1
+    return pixels[::step, ::step]
 
 
 def png(pixels: np.ndarray) -> bytes:

@@ -9,11 +9,13 @@ import numpy as np
 from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.image import DepthImage, Image, LabelImage
+from dextera_build.artifacts.image import DepthImage, Image, LabelImage, png
+from dextera_build.geometry import kinematics, transforms
+from dextera_build.geometry.thumbnail import thumbnail
 
 
 class Element(Value):
-    """One thing that parsing found in the photograph (mission row B1)."""
+    """One thing that parsing found in the photograph."""
 
     name: str
     """Unique, lower case, words joined by `_`: the label of everything that is made of it."""
@@ -32,7 +34,7 @@ class Element(Value):
 
 
 class Elements(Artifact):
-    """What parsing found (mission rows B1, B2)."""
+    """What parsing found."""
 
     elements: tuple[Element, ...]
     """Every element, interactive and static."""
@@ -81,7 +83,7 @@ class ObjectView(Artifact):
 
 
 class Segmentation(Artifact):
-    """Every object's view and the label map that they were cut from (mission rows B3-B5)."""
+    """Every object's view and the label map that they were cut from."""
 
     items: dict[str, ObjectView]
     """Element name -> view; what `each` opens."""
@@ -94,7 +96,7 @@ class Segmentation(Artifact):
 
 
 class Shape(Artifact):
-    """A closed, textured mesh of one object and how well it explains what was seen (mission rows B7, B9)."""
+    """A closed, textured mesh of one object and how well it explains what was seen."""
 
     mesh: Mesh
     """Object frame: origin at the middle of the base, z up as it stands, closed."""
@@ -153,7 +155,7 @@ class Link(Artifact):
 
 
 class Body(Artifact):
-    """An object's links and joints (mission rows B9, B10). A rigid object has one link, `base`, and no joint."""
+    """An object's links and joints. A rigid object has one link, `base`, and no joint."""
 
     links: dict[str, Link]
     """Name -> link; `base` is the root."""
@@ -165,6 +167,13 @@ class Body(Artifact):
     """See `Shape.hollow`."""
     source: Literal["rgb", "rgbd"] = "rgbd"
     """See `Shape.source`."""
+
+    def picture(self) -> bytes:
+        """All links as they stood in the photograph."""
+        poses = kinematics.link_poses(self)
+        meshes = ((poses[name], link.mesh) for name, link in self.links.items())
+        parts = [(transforms.apply(pose, mesh.vertices)[mesh.faces], mesh.paint) for pose, mesh in meshes]
+        return png(thumbnail(parts))
 
 
 class Inertial(Value):
@@ -185,7 +194,7 @@ class Inertial(Value):
 
 
 class Physics(Artifact):
-    """Mass, inertia and contact properties of every link (mission rows B8, D3)."""
+    """Mass, inertia and contact properties of every link."""
 
     links: dict[str, Inertial]
     """Link -> mass properties."""
@@ -213,14 +222,14 @@ class Pieces(Artifact):
 
 
 class Collision(Artifact):
-    """Collision geometry of a body (mission row B11)."""
+    """Collision geometry of a body."""
 
     links: dict[str, Pieces]
     """Link -> pieces, object frame at joints 0."""
 
 
 class Placement(Artifact):
-    """Where and how large a body is (mission rows C13, C14)."""
+    """Where and how large a body is."""
 
     world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
     """T_world_object of the scaled body (root link)."""

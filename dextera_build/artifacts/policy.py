@@ -1,4 +1,4 @@
-"""Trained policies: weights and the contract that says what they may be run on (mission row E21)."""
+"""Trained policies: weights and the contract that says what they may be run on."""
 
 from __future__ import annotations
 

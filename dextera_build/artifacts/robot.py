@@ -67,7 +67,7 @@ class Grip(Value):
 
 
 class RobotModel(Artifact):
-    """A robot as data (mission rows A2, F1, F2)."""
+    """A robot as data."""
 
     model: Folder
     """`robot.xml` (MJCF) and the files that it names, relative; root body `base`, fixed to the world, z up."""

@@ -27,7 +27,7 @@ class SupportBox(Value):
 
 
 class Background(Artifact):
-    """The static scene with the objects taken out (mission rows B12, B17)."""
+    """The static scene with the objects taken out."""
 
     image: Image
     """The photograph with the objects filled in."""
@@ -51,7 +51,7 @@ class Scene(Artifact):
     bodies: tuple[str, ...]
     """Names of the movable objects; each is the name of its MJCF root body."""
 
-    def export(self, folder: Path, stem: str) -> list[Path]:
+    def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write `scene.xml` and its files."""
         return self.model.export(folder, stem)
 

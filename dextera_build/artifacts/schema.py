@@ -1,13 +1,31 @@
-"""The structure of artifact types, which enters the keys of the nodes that take or return them."""
+"""The structure of artifact types: their declared fields, and the digest of it that enters keys."""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel
 
 from dextera_build import digest
-from dextera_build.artifacts.arrays import Array
+from dextera_build.artifacts.arrays import Array, array_in
+
+
+@cache
+def declared(kind: type[BaseModel]) -> dict[str, Any]:
+    """Field -> its declared type."""
+    return {name: info.annotation for name, info in kind.model_fields.items()}
+
+
+@cache
+def array_specs(kind: type[BaseModel]) -> dict[str, Array]:
+    """Field -> declared array form, for the array fields of `kind`."""
+    return {
+        name: spec
+        for name, info in kind.model_fields.items()
+        for spec in (array_in(info.annotation, info.metadata),)
+        if spec is not None
+    }
 
 
 def schema_digest(annotation: Any) -> str:

@@ -6,6 +6,7 @@ import csv
 import io
 from pathlib import Path
 
+from dextera_build.artifacts import describe
 from dextera_build.artifacts.base import Artifact, Value
 
 
@@ -43,8 +44,14 @@ class Table(Artifact):
             return "-"
         return f"{value:.{column.digits}f}" if isinstance(value, float) else str(value)
 
-    def export(self, folder: Path, stem: str) -> list[Path]:
+    def _repr_html_(self) -> str:
+        headings = [f"{column.name} [{column.unit}]" if column.unit else column.name for column in self.columns]
+        rows = [[self.text(cell, column) for cell, column in zip(row, self.columns, strict=True)] for row in self.rows]
+        return describe.page(repr(self), None, describe.table(headings, rows))
+
+    def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write `stem.csv`."""
+        folder = Path(folder)
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow([f"{c.name} [{c.unit}]" if c.unit else c.name for c in self.columns])

@@ -1,4 +1,4 @@
-"""Task bundles: an embodiment, a scene and a primitive, ready to run (mission rows D4, D11)."""
+"""Task bundles: an embodiment, a scene and a primitive, ready to run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ hardware. `perturbed`: the twin with geometry and physics disturbed, where no re
 
 
 class Reset(Value):
-    """How an episode begins: half ranges around the photograph's configuration (mission rows D12-D14)."""
+    """How an episode begins: half ranges around the photograph's configuration."""
 
     position_m: float = 0.0
     """The task's object moves within this square half width on the support [m]."""
@@ -38,7 +38,7 @@ class Reset(Value):
 
 
 class TaskSpec(Value):
-    """What is to be done; the same in every world (mission row D26)."""
+    """What is to be done; the same in every world."""
 
     name: str
     """`CloseLaptop`."""
@@ -106,8 +106,9 @@ class TaskBundle(Artifact):
     kind: WorldKind = "twin"
     """What this world is."""
 
-    def export(self, folder: Path, stem: str) -> list[Path]:
+    def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write every part in its own format, and all of it as `stem.bundle`, which `gymnasium.make` takes."""
+        folder = Path(folder)
         written = super().export(folder, stem)
         written.append(folder / f"{stem}.bundle")
         written[-1].write_bytes(pack(self))

@@ -1,4 +1,4 @@
-"""Trials: how one policy, or the replay of demonstrations, did in one task of one world (mission rows G9, G10)."""
+"""Trials: how one policy, or the replay of demonstrations, did in one task of one world."""
 
 from __future__ import annotations
 

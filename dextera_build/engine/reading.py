@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from dextera_build import digest as digests
 from dextera_build.engine.key import Writer
 from dextera_build.engine.units import Node
 from dextera_build.errors import RuleError
@@ -14,8 +15,8 @@ from dextera_build.store.actions import Found
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
+from dextera_build.store.traces import lists
 from dextera_build.store.traces import steps as traces
-from dextera_build.store.traces import tree
 from dextera_build.store.traces.look import Look
 from dextera_build.store.traces.steps import Step, Steps
 
@@ -40,7 +41,7 @@ class Reading:
         """What the store knows of a node; the key of one that reads by itself follows from what it would read."""
         if not node.rule.discovers:
             return self._store.actions.find(node.key or "")
-        found = tree.find(self._store, self._static(node), self._answers(node))
+        found = lists.find(self._store, self._static(node), self._answers(node))
         self._take(node, found.steps, found.document)
         return found.held
 
@@ -60,20 +61,16 @@ class Reading:
         return self._writer.document(node.call, node.inputs)
 
     def begin(self, node: Node) -> None:
-        """Let a node have the key that it has before it read anything."""
-        if node.rule.discovers:
-            self._take(node, (), traces.spelled(self._static(node), ()))
+        """Let a node have its static key: remotes know what that leads to."""
+        self._take(node, None, traces.spelled(self._static(node), None))
 
-    def onward(self, node: Node, result: ActionResult) -> Steps | None:
-        """What a node would read next, where what a remote gave under its key says that; None for its result."""
-        return tree.going_on(self._store, result) if node.rule.discovers else None
-
-    def follow(self, node: Node, onward: Steps) -> bool:
-        """Let a node have the key that it has when it has read on; False where that cannot be told."""
-        asked = tree.follow(node.reads, onward, self._answers(node))
-        if asked is not None:
-            self._take(node, asked, traces.spelled(self._static(node), asked))
-        return asked is not None
+    def follow(self, node: Node) -> bool:
+        """Let a node have the key that a trace leads to, whether the store has its result or not; False: none fits."""
+        static = self._static(node)
+        steps = lists.fitting(self._store, static, self._answers(node))
+        if steps is not None:
+            self._take(node, steps, traces.spelled(static, steps))
+        return steps is not None
 
     def ran(self, node: Node, reply: Mapping[str, Any]) -> None:
         """Give a node that ran the key that follows from what it read.
@@ -102,7 +99,7 @@ class Reading:
             parts = traces.parts_of(self._store.blobs.get(last)) if last else None
         except (MissingBlob, ValueError):
             parts = None
-        if parts is None:
+        if parts is None or parts[1] is None:
             node.key = None
             return
         now = self._look(node).answer_or_unknown
@@ -116,7 +113,7 @@ class Reading:
 
     def forget(self, node: Node) -> None:
         """Ask anew what a node reads."""
-        for kind, name, _ in node.reads:
+        for kind, name, _ in node.reads or ():
             self._told.pop((node.rule.discovers, kind, name), None)
 
     def _changed(self, node: Node, step: Step) -> bool:
@@ -125,7 +122,7 @@ class Reading:
             return True
         return self._look(node).answer_or_unknown(kind, name) != answer
 
-    def _answers(self, node: Node) -> tree.Answer:
+    def _answers(self, node: Node) -> lists.Answer:
         look = self._look(node)
 
         def answer(kind: str, name: str) -> str:
@@ -146,6 +143,6 @@ class Reading:
         document: dict[str, Any] = json.loads(self._writer.document(node.call, node.inputs))
         return document
 
-    def _take(self, node: Node, steps: Steps, document: bytes) -> None:
+    def _take(self, node: Node, steps: Steps | None, document: bytes) -> None:
         node.reads, node.document = steps, document
-        node.key = tree.key_of(document)
+        node.key = digests.of_bytes(document)

@@ -225,7 +225,7 @@ class Scheduler:
     def _note_bare(self, node: Node, result: ActionResult) -> None:
         """That bytes are absent is as it should be from now on."""
         with suppress(StoreError):  # a store that may only be read serves what it holds
-            self.store.actions.put_bare(node.key or "", result, document=node.document)
+            self.store.actions.put(node.key or "", result, document=node.document, may_lack=True)
 
     def _ask_above(self, node: Node) -> None:
         """Note in a dry run which results would have to have their bytes, so that `node` can run."""

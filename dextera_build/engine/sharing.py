@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, TypeAlias
 from dextera_build.engine.reading import Reading
 from dextera_build.engine.states import State, States
 from dextera_build.engine.units import End, Node
-from dextera_build.store.entry import ActionResult
 
 if TYPE_CHECKING:
     # A build without remotes need not wait for these.
@@ -40,7 +39,7 @@ class Sharing:
         if not node.rule.discovers:
             return self._ask(node, self._exchange)
         here = (node.key, node.document, node.reads)
-        self._reading.begin(node)  # a remote knows ways of its own to what it holds
+        self._reading.begin(node)
         if self._ask(node, self._exchange):
             return True
         node.key, node.document, node.reads = here
@@ -76,15 +75,14 @@ class Sharing:
                 yield self._without(node)
             else:
                 node.remote, node.fetched_s = answer.remote, answer.seconds
-                yield from self._take(node, answer.result, bare=not answer.is_whole)
+                if not node.rule.discovers or node.reads is not None:
+                    yield End(node, "fetched", answer.result, not answer.is_whole)
+                elif not self._goes_on(node):
+                    yield self._without(node)
 
-    def _take(self, node: Node, result: ActionResult, *, bare: bool) -> Iterator[End]:
-        """A remote has something under the key of a node: its result, or what it reads next."""
-        onward = self._reading.onward(node, result)
-        if onward is None:
-            yield End(node, "fetched", result, bare)
-        elif self._exchange is None or not (self._reading.follow(node, onward) and self._ask(node, self._exchange)):
-            yield self._without(node)
+    def _goes_on(self, node: Node) -> bool:
+        """A remote has traces of a node that reads by itself: whether one of them fits, and its result is asked for."""
+        return self._exchange is not None and self._reading.follow(node) and self._ask(node, self._exchange)
 
     def _without(self, node: Node) -> End:
         """No remote leads further; what came from them may."""

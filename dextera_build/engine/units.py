@@ -80,8 +80,8 @@ class Node(Unit):
     """Slot -> digest."""
     leaves: list[tuple[Leaf, str]] = field(default_factory=list)
     """Files and folders that it reads directly, with the digests that entered its key."""
-    reads: Steps = ()
-    """What it reads by itself, as far as is known."""
+    reads: Steps | None = None
+    """What it reads by itself, None where that is not known."""
     key: str | None = None
     document: bytes = b""
     """The key document, while it is looked up, and when it has run."""

@@ -1,4 +1,4 @@
-"""Which samples a batch holds: shuffled, and balanced over two domains (mission row E18).
+"""Which samples a batch holds: shuffled, and balanced over two domains.
 
 Joining 300 simulated and 30 recorded trajectories and shuffling would show ten of one for one of the other. Here every
 batch holds exactly as many of each.

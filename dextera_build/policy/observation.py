@@ -1,7 +1,7 @@
 """What policies may see, and what only a simulator knows: two types, so that one cannot pass for the other.
 
 Table I of the paper. `Deployable` holds what sensors and a tracker of objects give on hardware too; `Privileged` is
-read off the simulator's state and goes to teachers and critics alone (mission rows D16-D25). Poses and forces are
+read off the simulator's state and goes to teachers and critics alone. Poses and forces are
 expressed in the robot's base frame, which hardware knows without a world.
 """
 

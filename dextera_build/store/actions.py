@@ -89,8 +89,10 @@ class Actions:
         beside: Iterable[str] = (),
         sizes: Mapping[str, int] = _NONE,
         document: bytes = b"",
-    ) -> str:
-        """Store the result of `key` after all that it needs, and return its digest.
+        *,
+        may_lack: bool = False,
+    ) -> bool:
+        """Store the result of `key` after all that it needs; returns False where that is bare.
 
         Args:
             key: Digest of the key document.
@@ -98,19 +100,26 @@ class Actions:
             beside: Further blobs that stay as long as the result does.
             sizes: Blobs that were stored a moment ago -> size [bytes]; the others are looked for.
             document: The key document, which the entry shall hold unless it is long; b"": the store holds it already.
+            may_lack: Store it as bare where bytes are absent but the headers of its output are there.
 
         Raises:
             MissingBlob: The result refers to something that is not in the store.
             StoreError: The disk is full, or the store cannot be written.
             ValueError: A number is not finite.
         """
-        self._keep_calls(result)
-        entry = self.made(result, beside, sizes, document)
-        failpoints.reach("result.blobs")
-        files.write(self._file(key), entry.spell(), workshop=self._workshop)
-        failpoints.reach("result.published")
+        try:
+            self._keep_calls(result)
+            entry = self.made(result, beside, sizes, document)
+        except MissingBlob:
+            if not may_lack:
+                raise
+            entry = self._bare(key, result, beside, document)
+        if not entry.is_bare or entry != self.entry(key):
+            failpoints.reach("result.blobs")
+            files.write(self._file(key), entry.spell(), workshop=self._workshop)
+            failpoints.reach("result.published")
         self.rely(key, entry.files)
-        return result.digest
+        return not entry.is_bare
 
     def rely(self, key: str, needs: Iterable[File]) -> None:
         """Note that a build stands on the result of `key`, which it has just found or made."""
@@ -132,29 +141,6 @@ class Actions:
         named, document = self._asked(result.key_document, document, sizes)
         needs = [*self._needs(result, sizes), *named, *self._sized(entries.BESIDE, beside)]
         return Entry(result, tuple(needs), document)
-
-    def put_bare(self, key: str, result: ActionResult, beside: Iterable[str] = (), document: bytes = b"") -> None:
-        """Store the result of `key` although bytes that it names are absent; an entry that says so already stays.
-
-        See `put` for the arguments.
-
-        Raises:
-            MissingBlob: A header of its output or the key document is not in the store.
-            StoreError: The disk is full, or the store cannot be written.
-        """
-        headers = self.references.headers(result.output)
-        if headers is None:
-            raise MissingBlob(result.output)
-        named, document = self._asked(result.key_document, document)
-        needs = [*self._sized(entries.OUTPUT, headers[:1]), *self._sized(entries.CLOSURE, headers[1:])]
-        needs += [*named, *self._sized(entries.BESIDE, beside)]
-        # A collection takes what no entry names: bytes that happen to be there stay.
-        known = self.entry(key)
-        held = known.files if known is not None else ()
-        needs += [file for file in held if file.role != entries.KEY and file not in needs and self._is_there(file)]
-        entry = Entry(result, tuple(needs), document, is_bare=True)
-        if entry != known:
-            files.write(self._file(key), entry.spell(), workshop=self._workshop)
 
     def verify(self, key: str) -> bool:
         """Whether `key` has a result all of whose blobs are whole; every blob is read, damaged ones are set aside."""
@@ -246,6 +232,24 @@ class Actions:
                 if called.key_document != key or not called.is_record:
                     raise ValueError("a call does not have the digest that is its key")
                 self.put(key, called)
+
+    def _bare(self, key: str, result: ActionResult, beside: Iterable[str], document: bytes) -> Entry:
+        """The entry of a result bytes of which are absent.
+
+        Raises:
+            MissingBlob: A header of its output or the key document is not in the store.
+        """
+        headers = self.references.headers(result.output)
+        if headers is None:
+            raise MissingBlob(result.output)
+        named, document = self._asked(result.key_document, document)
+        needs = [*self._sized(entries.OUTPUT, headers[:1]), *self._sized(entries.CLOSURE, headers[1:])]
+        needs += [*named, *self._sized(entries.BESIDE, beside)]
+        # A collection takes what no entry names: bytes that happen to be there stay.
+        known = self.entry(key)
+        held = known.files if known is not None else ()
+        needs += [file for file in held if file.role != entries.KEY and file not in needs and self._is_there(file)]
+        return Entry(result, tuple(needs), document, is_bare=True)
 
     def _asked(self, digest: str, document: bytes, sizes: Mapping[str, int] = _NONE) -> tuple[Iterable[File], bytes]:
         """The key document as a blob, where it is long or the store has no other, or as what the entry holds."""

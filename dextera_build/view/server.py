@@ -68,12 +68,13 @@ def stop(server: Any) -> None:
         server.stop()
 
 
-def static_export(server: Any, folder: Path) -> Path:
+def static_export(server: Any, folder: str | Path) -> Path:
     """Write what the server shows to `folder/scene.viser` and return that file.
 
     viser calls this export experimental, so it is used in this one function. `viser-build-client` makes the web
     page that plays it.
     """
+    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "scene.viser"
     path.write_bytes(server.get_scene_serializer().serialize())

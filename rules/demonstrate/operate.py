@@ -1,4 +1,4 @@
-"""demonstrate.operate: an operator shows a task some times (mission rows E1, E2, E9)."""
+"""demonstrate.operate: an operator shows a task some times."""
 
 from __future__ import annotations
 

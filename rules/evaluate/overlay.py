@@ -26,7 +26,7 @@ class OverlayOptions(Options):
 def overlay(ctx: Context, capture: Capture, scene: Scene, *, options: OverlayOptions) -> Image:
     """Return four pictures from the photograph's camera: photograph, twin, blend, and the twin's outlines on the photo.
 
-    The twin stands as in keyframe `home`; around its objects the cleaned photograph shows (mission row D2).
+    The twin stands as in keyframe `home`; around its objects the cleaned photograph shows.
     """
     camera = scene.camera
     size = capture.rgb.pixels.shape[:2]

@@ -1,4 +1,4 @@
-"""evaluate.replay: send what succeeds in the twin to another world (paper, Table IV; mission row G9)."""
+"""evaluate.replay: send what succeeds in the twin to another world (paper, Table IV)."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ def _order(cell: Cell) -> tuple[Pair, bool, str, bool, str]:
 
 
 def _agree(ctx: Context, cells: list[Cell]) -> None:
-    """The same robot under the same name, and one meaning of success (mission row D26)."""
+    """The same robot under the same name, and one meaning of success."""
     first = cells[0]
     for cell in cells[1:]:
         ctx.check(

@@ -1,4 +1,4 @@
-"""evaluate.transfer: how well success in the twin predicts success in the other world (mission row G12)."""
+"""evaluate.transfer: how well success in the twin predicts success in the other world."""
 
 from __future__ import annotations
 

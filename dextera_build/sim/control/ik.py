@@ -1,4 +1,4 @@
-"""Inverse kinematics of a robot's hand frame, on the robot alone: nothing here knows of objects (mission row E2)."""
+"""Inverse kinematics of a robot's hand frame, on the robot alone: nothing here knows of objects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What moves a robot by hand poses: the interface of a teleoperation device, a script and a recording (row E1).
+"""What moves a robot by hand poses: the interface of a teleoperation device, a script and a recording.
 
 Once per control step an operator sees a `State` and answers with a `Command`: where the palm and the fingers shall be.
 A `PoseControl` makes joint targets of it, so that every operator drives every robot that has an arm and a hand.

@@ -1,4 +1,4 @@
-"""Let an operator act in an environment, with action noise and filters, and record it (mission rows E7, E8)."""
+"""Let an operator act in an environment, with action noise and filters, and record it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Filters:
-    """What an episode must not do (mission row E8)."""
+    """What an episode must not do."""
 
     lag_m: float = 0.02
     """Farthest that joint targets may stay behind the commanded palm, for limits of joints and speeds [m]."""

@@ -134,7 +134,7 @@ class Synthesis:
             if not segment.frame:
                 pending.append(segment)
                 continue
-            # Once the hand is at the object, where that stands follows from the hand (trap 16): the frame stays.
+            # Once the hand is at the object, where that stands follows from the hand: the frame stays.
             if pending or segment.frame != held:
                 self._frames = self._frames_of(segment)
             held = segment.frame

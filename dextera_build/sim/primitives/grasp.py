@@ -1,4 +1,4 @@
-"""What holds an object, read off a simulator's contacts (trap 11).
+"""What holds an object, read off a simulator's contacts.
 
 On hardware an estimate of the same form takes its place.
 """

@@ -1,4 +1,4 @@
-"""Staged rewards of the task primitives: pure functions of how far an episode has come (mission row D11).
+"""Staged rewards of the task primitives: pure functions of how far an episode has come.
 
 A stage function gives the value of one moment. A learner is paid the change of that value from step to step, so what
 an episode earns is fixed by where it ends: there is nothing to gain by hovering before the goal, by going back and

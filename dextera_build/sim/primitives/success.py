@@ -1,7 +1,7 @@
-"""Success of the task primitives: pure functions of what can be measured in any world (mission rows D5, D10, D26).
+"""Success of the task primitives: pure functions of what can be measured in any world.
 
 Nothing here knows a simulator. A condition is judged once per control period; success means that it held without a
-break for `hold_s` (trap 13), that it did not hold at the reset, and that the clock starts anew after any break.
+break for `hold_s`, that it did not hold at the reset, and that the clock starts anew after any break.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def holds(task: TaskSpec, start: TaskState, now: TaskState) -> bool:
 def lifted(task: TaskSpec, start: TaskState, now: TaskState) -> bool:
     """Lift: the object's origin rose by `height_m` and a valid grasp, and nothing else, holds it.
 
-    A valid grasp is two or more fingers that press against one another, no other support, and no slip (trap 11). A
+    A valid grasp is two or more fingers that press against one another, no other support, and no slip. A
     throw fails for want of fingers, pinning against the table for want of height and for the support.
     """
     rise = float(now.world_from_object[2, 3] - start.world_from_object[2, 3])

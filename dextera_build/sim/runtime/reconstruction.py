@@ -1,4 +1,4 @@
-"""Bring what a tracker saw at a reset into the twin (paper, cross-domain replay; mission row G9)."""
+"""Bring what a tracker saw at a reset into the twin (paper, cross-domain replay)."""
 
 from __future__ import annotations
 

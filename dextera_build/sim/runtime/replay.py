@@ -1,4 +1,4 @@
-"""Cross-domain replay: what succeeds in the twin is sent open loop to another world (mission row G9)."""
+"""Cross-domain replay: what succeeds in the twin is sent open loop to another world."""
 
 from __future__ import annotations
 

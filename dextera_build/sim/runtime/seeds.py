@@ -1,4 +1,4 @@
-"""Seeds of episodes: by content, not by the order in which random numbers were drawn (trap 26)."""
+"""Seeds of episodes: by content, not by the order in which random numbers were drawn."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where episodes begin: randomised poses, joints, dynamics and robot configurations (mission rows D12-D14).
+"""Where episodes begin: randomised poses, joints, dynamics and robot configurations.
 
 Dynamics are drawn inside the intervals that the twin itself claims for its estimates, not within a fixed percentage. A
 start is complete and is kept with its episode, so any episode can be run again.

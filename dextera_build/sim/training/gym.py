@@ -1,4 +1,4 @@
-"""Task bundles as Gymnasium environments (mission rows D4, E22).
+"""Task bundles as Gymnasium environments.
 
     gymnasium.make("dxb/CloseLaptop-KL-v0", bundle=bundle)
 
@@ -34,7 +34,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     """One task. Actions are absolute joint targets [rad] in the order of `RobotModel.joints`, at the task's rate.
 
     An episode is *terminated* by success, or by an action or a state that is not finite; it is *truncated* by the
-    task's time limit, after which its value may be bootstrapped (trap 27). `info` has `is_success` and `success`,
+    task's time limit, after which its value may be bootstrapped. `info` has `is_success` and `success`,
     `reason` (why it ended without success) and `executed` (the targets that were sent).
 
     Args:

@@ -1,7 +1,7 @@
 """Keeps a remote that fails from costing more than a few time-outs.
 
-What fails is tried once more. After a few faults in a row, or a refusal, the remote is left alone for the rest of the
-build, and that is said once. Reading and writing are two matters: a server that takes no results may still give some.
+What fails is tried once more; if that fails, too, or is refused, the remote is left alone for the rest of the build,
+and that is said once. Reading and writing are two matters: a server that takes no results may still give some.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from typing import BinaryIO, Literal, TypeVar
 
 from dextera_build.errors import DxbError, StoreError
+from dextera_build.store.backoff import backoff
 from dextera_build.store.remotes.remote import Digest, Remote, RemoteFault
 
 T = TypeVar("T")
 Doing = Literal["read", "write"]
 
-_FAULTS = 3
+_DAMAGED = 3  # blobs with other bytes, after which nothing is read any more
 _PAUSE_S = 0.2
 _SLOWEST = 16 << 10  # bytes a second; what is slower counts as standing still
 _UNDER_WAY = 4 << 20  # bytes that parallel transfers may hold before the first piece of any is handed on
@@ -57,7 +58,6 @@ class Guarded:
         self.given_up: list[GivenUp] = []
         self.reasons: dict[Doing, str] = {}
         self._may: dict[Doing, bool] = {"read": "r" in mode, "write": "w" in mode}
-        self._faults: dict[Doing, int] = {"read": 0, "write": 0}
         self._damaged = 0
         self._opener, self._remote = opener, None
         self._guard, self._opening = threading.Lock(), threading.Lock()
@@ -123,7 +123,7 @@ class Guarded:
         """Bytes came that were not those asked for; a few times, and nothing is read any more."""
         with self._guard:
             self._damaged += 1
-            if self._damaged >= _FAULTS:
+            if self._damaged >= _DAMAGED:
                 self._give_up("read", fault.reason)
 
     def watch(self) -> None:
@@ -149,16 +149,14 @@ class Guarded:
             if not self._may[doing]:
                 raise RemoteFault(self.address, self.reasons.get(doing, "it is not used"))
             try:
-                done = self._watched(work, patience)
+                return self._watched(work, patience)
             except RemoteFault as fault:
-                # Where another call failed, too, the second try of each would only double the wait.
-                if last or fault.refused or self._faults[doing]:
-                    self._count(doing, fault)
+                if last or fault.refused:
+                    # A server that says no to one may say yes to the other; one that is away is away for both.
+                    with self._guard:
+                        self._give_up(doing if fault.refused else "both", fault.reason)
                     raise
-                time.sleep(_PAUSE_S)
-            else:
-                self._faults[doing] = 0
-                return done
+                time.sleep(backoff(1, _PAUSE_S))
         raise AssertionError("a second try returns or raises")
 
     def _watched(self, work: Callable[[Remote, int], T], patience_s: float) -> T:
@@ -190,13 +188,6 @@ class Guarded:
                     more = f" ({because})" if because else ""
                     raise RemoteFault(self.address, f"{error.message}{more}", refused=True) from None
             return self._remote
-
-    def _count(self, doing: Doing, fault: RemoteFault) -> None:
-        with self._guard:
-            self._faults[doing] += 1
-            if self._may[doing] and (fault.refused or self._faults[doing] >= _FAULTS):
-                # A server that says no to one may say yes to the other; one that is away is away for both.
-                self._give_up(doing if fault.refused else "both", fault.reason)
 
     def _give_up(self, doing: Literal["read", "write", "both"], reason: str) -> None:
         each: tuple[Doing, ...] = ("read", "write") if doing == "both" else (doing,)

@@ -1,4 +1,4 @@
-"""Overlap of boxes and masks, and the suppression of duplicates (mission row B4)."""
+"""Overlap of boxes and masks, and the suppression of duplicates."""
 
 from __future__ import annotations
 

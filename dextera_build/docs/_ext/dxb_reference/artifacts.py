@@ -8,8 +8,9 @@ import pkgutil
 from types import ModuleType
 
 from dextera_build import artifacts
-from dextera_build.artifacts.base import Artifact, Value, array_specs
+from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.meanings import meanings
+from dextera_build.artifacts.schema import array_specs
 
 from .markdown import code, join, table
 from .rules import type_name

@@ -1,0 +1,64 @@
+"""Small pictures of meshes from points on their surface: quick, and without a renderer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from dextera_build.geometry.cameras import look_at
+
+_SAMPLES = 300_000
+_SIZE = (240, 320)
+"""Rows and columns [px]."""
+_PAPER = 255
+
+
+Paint = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Faces (N,) and barycentric weights (N, 3) of points -> their sRGB (N, 3), 0..1."""
+
+
+def thumbnail(parts: Sequence[tuple[np.ndarray, Paint]]) -> np.ndarray:
+    """Meshes from their front left and above, (240, 320, 3) uint8 on white.
+
+    Args:
+        parts: Corners (F, 3, 3) of the faces of each mesh, z up, and how its points are coloured.
+    """
+    picture = np.full((*_SIZE, 3), _PAPER, np.uint8)
+    whole = np.concatenate([np.zeros((0, 3)), *(corners.reshape(-1, 3) for corners, _ in parts)])
+    areas = [_cross(corners) for corners, _ in parts]
+    total = sum(float(np.linalg.norm(cross, axis=1).sum()) for cross in areas)
+    if not total > 0:
+        return picture
+    middle = (whole.min(axis=0) + whole.max(axis=0)) / 2
+    pose = look_at(middle + np.array([-0.6, -0.8, 0.55]), middle)
+    reach = float(np.linalg.norm((whole - middle) @ pose[:3, :2], axis=1).max())
+    seen = [
+        _points(corners, cross, paint, pose, total)
+        for (corners, paint), cross in zip(parts, areas, strict=True)
+        if len(corners)
+    ]
+    places, colours = (np.concatenate(found) for found in zip(*seen, strict=True))
+    places = (places - middle @ pose[:3, :3]) * (0.48 * min(_SIZE) / reach)
+    order = np.argsort(-places[:, 2], kind="stable")  # the nearest point is written last
+    column, row = (np.round(places[order, axis] + _SIZE[1 - axis] / 2).astype(int) for axis in (0, 1))
+    picture[row, column] = np.round(255 * colours[order].clip(0, 1)).astype(np.uint8)
+    return picture
+
+
+def _cross(corners: np.ndarray) -> np.ndarray:
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).astype(np.float64)
+
+
+def _points(
+    corners: np.ndarray, cross: np.ndarray, paint: Paint, pose: np.ndarray, total: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points of one mesh along the axes of the camera, and their shaded colours."""
+    area = np.linalg.norm(cross, axis=1)
+    count = max(int(_SAMPLES * area.sum() / total), 1)
+    face = np.searchsorted(np.cumsum(area), (np.arange(count) + 0.5) / count * area.sum()).clip(0, len(area) - 1)
+    # The same points in every call, so that the picture of a value never changes.
+    weight = np.random.default_rng(0).dirichlet(np.ones(3), count)
+    points = (corners[face] * weight[..., None]).sum(axis=1) @ pose[:3, :3]
+    facing = np.abs(cross[face] @ pose[:3, 2]) / np.maximum(area[face], 1e-18)
+    return points, paint(face, weight) * (0.5 + 0.5 * facing[:, None])
