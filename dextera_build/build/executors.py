@@ -32,15 +32,18 @@ def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False
     if kind == "ray" and not idle:
         yield from _ray(session, address, list(rules))
     else:
+        from dextera_build.code.modules import shared
         from dextera_build.engine.executors.local import LocalExecutor
 
         project = session.project
         wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
         capacity = project.capacity(gpus=wants_gpu)
-        with LocalExecutor(RUNNER, environment=_environment(project), capacity=capacity) as workers:
-            if not idle:
-                workers.warm()  # a build whose snapshot is not fresh mostly runs something
-            yield workers
+        with shared() as more:
+            environment = {**_environment(project), **more}
+            with LocalExecutor(RUNNER, environment=environment, capacity=capacity) as workers:
+                if not idle:
+                    workers.warm()  # a build whose snapshot is not fresh mostly runs something
+                yield workers
 
 
 def _environment(project: Project) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """Imports first-party modules from the source that was digested; byte code of them is neither read nor written.
 
 In the process that plans, a module is compiled from the bytes that `modules.read` keeps for the digest. A worker is
-told with each task which sources it was digested from, and refuses others.
+told with each task which sources the key stands for, and runs these; where it cannot have them, it refuses.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from types import CodeType, ModuleType
 
 from dextera_build.code import syntax
 from dextera_build.code.code_digest import RULES
-from dextera_build.code.modules import DXB, digest_of, find_top, forget_changed, is_first_party, read
+from dextera_build.code.modules import DXB, digest_of, earlier, find_top, forget_changed, is_first_party, read
 from dextera_build.errors import DxbError, Place, RuleError
 
 _DIGESTED = tuple(f"{DXB}.{name}" for name in ("artifacts", "geometry", "learning", "policy", "sim"))
@@ -70,7 +70,9 @@ class Importer:
             name = _module(source, root)
             self._wanted[name] = said or (_PACKAGE if source.endswith(_PACKAGE) else "")
             if self._loaded.get(name, said[:32]) != said[:32]:
-                self.check(name, sys.modules[name].__file__ or "")
+                file = sys.modules[name].__file__ or ""
+                if not _says(read(file), file, said):
+                    raise self._refuse(file)
         self._told = (root, sources)
 
     def verify(self) -> None:
@@ -82,17 +84,19 @@ class Importer:
         if self._edited is not None:
             raise self._edited
 
-    def check(self, name: str, file: str) -> bytes:
-        """The source of a module, if it is what was digested.
+    def source(self, name: str, file: str) -> bytes:
+        """The source of a module as it was digested, whoever has edited the file since.
 
         Raises:
-            RuleError: It is not.
+            RuleError: It was edited, and what was digested is not known here.
         """
-        data = read(file)
-        wanted, found = self._wanted.get(name), digest_of(data)
-        if wanted is not None and wanted.partition(" ")[0] != found and not _says(data, file, wanted):
-            raise self._refuse(file)
-        self._loaded[name] = found
+        data, wanted = read(file), self._wanted.get(name)
+        if wanted is not None and wanted[:32] != digest_of(data) and not _says(data, file, wanted):
+            known = earlier(wanted[:32])
+            if known is None:
+                raise self._refuse(file)
+            data = known
+        self._loaded[name] = digest_of(data)
         return data
 
     def forget_changed(self) -> None:
@@ -131,7 +135,7 @@ class _Loader(SourceFileLoader):
 
     def get_code(self, fullname: str) -> CodeType:
         """The module's code; without the detour by byte code that the class above takes."""
-        code: CodeType = self.source_to_code(self._importer.check(fullname, self.path), self.path)
+        code: CodeType = self.source_to_code(self._importer.source(fullname, self.path), self.path)
         return code
 
 

@@ -6,10 +6,12 @@ project wherever the module search path finds them, and dxb itself.
 
 from __future__ import annotations
 
+import marshal
 import os
 import pkgutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import ModuleSpec
@@ -23,6 +25,7 @@ DXB = "dextera_build"
 _LIBRARY = os.path.dirname(os.path.realpath(os.__file__))
 _INSTALLED = {"site-packages", "dist-packages"}
 _READ: dict[str, bytes] = {}
+_SHARED = "DEXTERA_SOURCES"
 
 
 def read(file: str | os.PathLike[str]) -> bytes:
@@ -60,6 +63,36 @@ def _now(name: str) -> bytes | None:
             return opened.read()
     except OSError:
         return None
+
+
+@contextmanager
+def shared() -> Iterator[dict[str, str]]:
+    """Variables by which workers on this machine find what this process read, as long as the block lasts."""
+    if not hasattr(os, "memfd_create"):
+        yield {}  # a worker that finds a file edited refuses it
+        return
+    with os.fdopen(os.memfd_create("sources"), "wb") as opened:
+        opened.write(marshal.dumps({digest_of(data): data for data in _READ.values()}))
+        opened.flush()
+        yield {_SHARED: f"/proc/{os.getpid()}/fd/{opened.fileno()}"}
+
+
+def earlier(wanted: str) -> bytes | None:
+    """The source with this digest as the build read it that this process works for; None where that is not known."""
+    data = _earlier(os.environ.get(_SHARED, "")).get(wanted)
+    return data if data is not None and digest_of(data) == wanted else None
+
+
+@cache
+def _earlier(place: str) -> dict[str, bytes]:
+    if not os.path.isfile(place):  # the build is gone, and its descriptor may be a pipe's
+        return {}
+    try:
+        with open(place, "rb") as opened:
+            found: dict[str, bytes] = marshal.load(opened)
+    except (OSError, ValueError, EOFError, TypeError):
+        return {}
+    return found
 
 
 def digest_of(data: bytes) -> str:

@@ -19,7 +19,7 @@ from dextera_build.store.bundle.layout import Layout
 from dextera_build.store.bundle.oci import Descriptor, Manifest
 from dextera_build.store.cas import is_digest
 from dextera_build.store.store import Store
-from dextera_build.store.traces.tree import publish
+from dextera_build.store.traces.lists import publish
 
 MOST_DOCUMENT = 64 << 20
 """Bytes of a key document, a header or a `result.json`."""
@@ -117,7 +117,7 @@ def _publish(contents: Contents, found: closure.Closure, store: Store) -> Taken:
         done.add(node.key)
         here = store.actions.find(node.key)
         if here is None or (node.is_whole and not here.is_whole):
-            publish(store, node.key, found.results[node.key], bare=not node.is_whole)
+            publish(store, node.key, found.results[node.key], may_lack=not node.is_whole)
             new, bare = new + 1, bare + (not node.is_whole)
         elif here.result.output == node.output:
             known += 1
