@@ -1,4 +1,4 @@
-"""Nodes that read by themselves: which result their answers of today lead to, here and on remotes."""
+"""Nodes with discovered inputs: which result today's answers lead to, here and on remotes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Question: TypeAlias = tuple[str, str, str]
 
 
 class Reading:
-    """What the nodes of one run read by themselves; each question is asked once a run.
+    """The discovered inputs of one run; each question is asked once.
 
     Args:
         store: Holds results.
@@ -38,7 +38,7 @@ class Reading:
         self._told: dict[Question, str] = {}
 
     def find(self, node: Node) -> Found | None:
-        """What the store knows of a node; the key of one that reads by itself follows from what it would read."""
+        """Look a node up in the store; with discovered inputs its key depends on what it would read."""
         if not node.rule.discovers:
             return self._store.actions.find(node.key or "")
         found = lists.find(self._store, self._static(node), self._answers(node))
@@ -55,17 +55,17 @@ class Reading:
         return found.result if found is not None and found.is_whole else None
 
     def document(self, node: Node) -> bytes:
-        """The key document of a node, with what it has read as far as is known."""
+        """The key document of a node, with its trace if that is known."""
         if node.rule.discovers:
             return traces.spelled(self._static(node), node.reads)
         return self._writer.document(node.call, node.inputs)
 
     def begin(self, node: Node) -> None:
-        """Let a node have its static key: remotes know what that leads to."""
+        """Give a node its static key, under which remotes list traces."""
         self._take(node, None, traces.spelled(self._static(node), None))
 
     def follow(self, node: Node) -> bool:
-        """Let a node have the key that a trace leads to, whether the store has its result or not; False: none fits."""
+        """Give a node the key of the trace that fits, whether the store has its result or not; False: none fits."""
         static = self._static(node)
         steps = lists.fitting(self._store, static, self._answers(node))
         if steps is not None:
@@ -73,7 +73,7 @@ class Reading:
         return steps is not None
 
     def ran(self, node: Node, reply: Mapping[str, Any]) -> None:
-        """Give a node that ran the key that follows from what it read.
+        """Give a node that ran the key with its trace.
 
         Raises:
             RuleError: Something that it read is another thing by now, or was before it ran.
@@ -92,7 +92,7 @@ class Reading:
         self._take(node, steps, traces.spelled(self._static(node), steps))
 
     def suppose(self, node: Node, last: str) -> None:
-        """Give a stale node the key that it has if it reads what it read when it had the key `last`, or none."""
+        """Predict a stale node's key by assuming it reads the same files as under `last`; None if unknown."""
         if not node.rule.discovers:
             return
         try:
@@ -107,12 +107,12 @@ class Reading:
         self._take(node, steps, traces.spelled(self._static(node), steps))
 
     def watch(self, node: Node, steps: object) -> None:
-        """Look at what a node read that has no result, so that whoever watches knows of it."""
+        """Look at the files that a failed node read, so that the snapshot watches them."""
         for kind, name, _ in steps if isinstance(steps, list) else ():
             self._look(node).answer_or_unknown(str(kind), str(name))
 
     def forget(self, node: Node) -> None:
-        """Ask anew what a node reads."""
+        """Forget the answers that a node got."""
         for kind, name, _ in node.reads or ():
             self._told.pop((node.rule.discovers, kind, name), None)
 

@@ -18,7 +18,8 @@ NOBODY = "builds outside a project"
 
 _KEY = re.compile(rb"(?<![0-9a-f])[0-9a-f]{64}(?![0-9a-f])")
 _SNAPSHOT_S = 30 * 86400.0
-"""A snapshot that was not used for so long [s] holds on to nothing; history still does."""
+"""A snapshot that was not used for so long [s] holds on to nothing, and neither does the past of a request with other
+flags than the recipe's own; the past of that still does."""
 
 
 @dataclass
@@ -42,9 +43,11 @@ def find(store: Store) -> Roots:
         keys={workspace: set() for workspace, is_there in workspaces.items() if is_there},
         vanished=[workspace for workspace, is_there in workspaces.items() if not is_there],
     )
-    for workspace, entries in history.projects(store.state):
+    for workspace, variant, entries in history.projects(store.state):
         if workspace not in found.vanished:
             for entry in entries:
+                if variant and entry.time < time.time() - _SNAPSHOT_S:
+                    continue
                 found.keys.setdefault(workspace or NOBODY, set()).add(entry.key)
                 found.runs.add(entry.run)
     for paths, workspace, keys, written in _snapshots(store.local / "snapshots"):

@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, TypeAlias
 
 from dextera_build.engine.reading import Reading
-from dextera_build.engine.states import State, States
-from dextera_build.engine.units import End, Node
+from dextera_build.engine.states import State
+from dextera_build.engine.units import End, Node, UnitStates
 
 if TYPE_CHECKING:
     # A build without remotes need not wait for these.
     from dextera_build.store.remotes.exchange import Arrival, Exchange
 
 Remotes: TypeAlias = "Exchange | None"
-"""The remotes of a run; None where there are none."""
+"""The remotes of a run; None if there are none."""
 
 
 class Sharing:
@@ -23,10 +23,10 @@ class Sharing:
     Args:
         exchange: Asks and tells remotes.
         states: The states of all units.
-        reading: Knows what nodes read by themselves.
+        reading: Knows the discovered inputs of nodes.
     """
 
-    def __init__(self, exchange: Remotes, states: States, reading: Reading) -> None:
+    def __init__(self, exchange: Remotes, states: UnitStates, reading: Reading) -> None:
         self._exchange, self._states, self._reading = exchange, states, reading
         self._fetching: dict[str, Node] = {}
         self._missed: set[str] = set()
@@ -81,11 +81,11 @@ class Sharing:
                     yield self._without(node)
 
     def _goes_on(self, node: Node) -> bool:
-        """A remote has traces of a node that reads by itself: whether one of them fits, and its result is asked for."""
+        """Whether one of the traces that a remote listed fits; then its result is asked for."""
         return self._exchange is not None and self._reading.follow(node) and self._ask(node, self._exchange)
 
     def _without(self, node: Node) -> End:
-        """No remote leads further; what came from them may."""
+        """No remote has the result; a trace that came from one may lead to a local one."""
         hit = self._reading.find(node) if node.rule.discovers else None
         if hit is not None and (hit.is_whole or not node.asked):
             return End(node, "cached", hit.result, not hit.is_whole)

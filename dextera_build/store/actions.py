@@ -1,7 +1,7 @@
 """The action cache: key -> what the run of that key made; `entry.py` says how an entry is spelled.
 
-A *bare* entry is one whose bytes are absent by design: it names what is there (headers, key document), and what it
-names has to be there.
+A *bare* entry has bytes that are absent by design: it names only blobs that are there, among them the headers and the
+key document.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Found:
 
     result: ActionResult
     is_whole: bool
-    """Whether all that the result names is there; else it is bare, and the headers of its output are."""
+    """Whether every blob that the result names is there; if not, the headers of its output are."""
 
 
 class Actions:
@@ -38,8 +38,8 @@ class Actions:
 
     Args:
         root: The folder; made when the first result comes.
-        blobs: Where everything lies that results refer to.
-        recent: May hold some of it in memory.
+        blobs: The blobs that results refer to.
+        recent: Blobs of late, in memory.
     """
 
     def __init__(self, root: Path, blobs: Blobs, recent: Recent) -> None:
@@ -48,11 +48,11 @@ class Actions:
         self._workshop = f"{root}/{files.TEMPORARY}"
         self._blobs = blobs
         self.presence: Presence | None = None
-        """When set, every file that a result stands on is noted there."""
+        """If set, every file that a result relies on is noted there."""
         self.references = References(blobs, recent)
 
     def get(self, key: str) -> ActionResult | None:
-        """The result of `key`, or None where there is none or a blob that it needs is gone or has another size."""
+        """The result of `key`; None if there is none, or a blob that it needs is gone or has another size."""
         found = self.find(key)
         return found.result if found is not None and found.is_whole else None
 
@@ -61,12 +61,12 @@ class Actions:
         return os.access(self._file(key), os.F_OK)
 
     def known(self, key: str) -> ActionResult | None:
-        """The result of `key` whether its bytes are there or not, or None where there is none."""
+        """The result of `key`, with or without its bytes; None if there is none."""
         entry = self.entry(key)
         return entry.result if entry is not None else None
 
     def find(self, key: str) -> Found | None:
-        """The result of `key`, which may be bare, or None where there is none or not even its headers are there."""
+        """The result of `key`, which may be bare; None if there is none, or the headers of its output are gone."""
         stamped = self._stamped(key)
         if stamped is None:
             return None
@@ -92,15 +92,15 @@ class Actions:
         *,
         may_lack: bool = False,
     ) -> bool:
-        """Store the result of `key` after all that it needs; returns False where that is bare.
+        """Store the result of `key`, whose blobs are stored already; returns False if the entry is bare.
 
         Args:
             key: Digest of the key document.
             result: The result.
             beside: Further blobs that stay as long as the result does.
             sizes: Blobs that were stored a moment ago -> size [bytes]; the others are looked for.
-            document: The key document, which the entry shall hold unless it is long; b"": the store holds it already.
-            may_lack: Store it as bare where bytes are absent but the headers of its output are there.
+            document: The key document; b"": the store holds it already.
+            may_lack: Write a bare entry if bytes are absent but the headers of the output are there.
 
         Raises:
             MissingBlob: The result refers to something that is not in the store.
@@ -122,7 +122,7 @@ class Actions:
         return not entry.is_bare
 
     def rely(self, key: str, needs: Iterable[File]) -> None:
-        """Note that a build stands on the result of `key`, which it has just found or made."""
+        """Note that a build relies on the result of `key`, which it has just found or made."""
         if self.presence is not None:
             self.presence.note(key, needs)
 
@@ -151,7 +151,7 @@ class Actions:
         return all(whole) and not entry.is_bare
 
     def files(self, key: str) -> list[Path]:
-        """The entry and every blob that it needs, as files; empty where there is no entry."""
+        """The files of the entry and of every blob that it needs; empty if there is no entry."""
         entry = self.entry(key)
         if entry is None:
             return []
@@ -177,7 +177,7 @@ class Actions:
         return found is not None and bool(found.calls)
 
     def outline(self, key: str) -> tuple[str, frozenset[str]] | None:
-        """(output, all that it refers to) of `key` by digest, whether the blobs are there or not, or None."""
+        """(output, digests that it refers to) of `key`, whether these blobs are there or not; None without an entry."""
         entry = self.entry(key)
         if entry is None:
             return None
@@ -190,7 +190,7 @@ class Actions:
         return size == file.size
 
     def _completes(self, key: str, entry: Entry) -> bool:
-        """Whether bytes that were absent have come since; then the entry is written anew."""
+        """Whether bytes that were absent have come since; if so, the entry is rewritten."""
         try:
             self.put(key, entry.result, [file.digest for file in entry.files if file.role == entries.BESIDE])
         except (*UNREADABLE, StoreError):
@@ -225,7 +225,7 @@ class Actions:
         return None
 
     def _keep_calls(self, result: ActionResult) -> None:
-        """Have an entry for every call that a result from elsewhere brings."""
+        """Write the entries of recorded calls that came with a result from another store."""
         for key, digest in result.calls:
             if self.entry(key) is None:
                 called = ActionResult.from_document(self._blobs.get(digest))

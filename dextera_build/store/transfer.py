@@ -1,7 +1,7 @@
 """Results between the store and a remote, whole or not at all.
 
-What comes is checked: blobs against digest and size, entries against what they name, and the local entry is written
-anew from the headers that arrived. What goes is checked, too, for many remotes check nothing themselves.
+Downloads are checked: blobs against digest and size, entries against their key, and the local entry is rebuilt from the
+headers that arrived. Uploads are checked, too, since many remotes check nothing themselves.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Fetched:
 
     result: ActionResult
     is_whole: bool
-    """Whether its bytes are here; else only what is known of it, and the headers of its output."""
+    """Whether its bytes are here; if not, its entry and the headers of its output are."""
     octets: int
     """How many bytes had to come."""
 
@@ -56,17 +56,17 @@ class Transfer:
         self._store = store
         self._guard = threading.Lock()
         self._held: defaultdict[str, set[Digest]] = defaultdict(set)
-        """Remote -> blobs that are known to be there."""
+        """Remote -> blobs that it is known to have."""
         self._damaged: defaultdict[str, set[Digest]] = defaultdict(set)
-        """Remote -> blobs that it gave wrongly; sent again although it says that it has them."""
+        """Remote -> blobs that came from it with other bytes; uploaded again although it claims to have them."""
 
     def fetch(self, remote: Remote, key: str, *, whole: bool = True) -> Fetched | None:
-        """Bring the result of `key`; None where the remote lacks it or a part of it.
+        """Download the result of `key`; None if the remote lacks it or a part of it.
 
         Args:
             remote: Where from.
             key: Digest of the key document.
-            whole: With all that it names; else without its bytes, unless these are here.
+            whole: With every blob that it names; otherwise without its bytes.
 
         Raises:
             RemoteFault: The remote did not answer rightly.
@@ -82,7 +82,7 @@ class Transfer:
             failpoints.reach("fetch.blobs")
             is_whole = lists.publish(self._store, key, entry.result, entry.document, may_lack=not whole)
         except UNREADABLE:
-            # A header is not one, or names what the entry does not.
+            # A header is malformed, or names a blob that the entry does not name.
             return None
         except StoreError as error:
             if error.code != header.ESCAPES:
@@ -91,7 +91,7 @@ class Transfer:
         return Fetched(entry.result, is_whole, octets)
 
     def _headers(self, remote: Remote, entry: Entry) -> int | None:
-        """Bring the key document of an entry and the headers of its output, level by level."""
+        """Download the key document of an entry and the headers of its output, level by level."""
         known = {file.digest: file for file in entry.files}
         front = [entry.result.output]
         seen = set(front)
@@ -107,15 +107,15 @@ class Transfer:
         return octets
 
     def _bring(self, remote: Remote, files: Iterable[File]) -> int | None:
-        """Bring the blobs that are not here; how many bytes these were, or None where the remote lacks one."""
+        """Download the blobs that are not here; returns their bytes, or None if the remote lacks one."""
         blobs = dict.fromkeys(Digest(file.digest, file.size) for file in files)
         wanted = [blob for blob in blobs if self._store.blobs.size(blob.hash) != blob.size]
         if sum(blob.size for blob in wanted) > space.free_bytes(str(self._store.root)):
-            return None  # an entry may say any size; what cannot fit is not begun
+            return None  # an entry may claim any size; a download that cannot fit is not started
         return sum(blob.size for blob in wanted) if self.blobs(remote, wanted) else None
 
     def blobs(self, remote: Remote, wanted: Iterable[Digest]) -> bool:
-        """Bring blobs; False where the remote lacks one.
+        """Download blobs; returns False if the remote lacks one.
 
         Raises:
             RemoteFault: The remote did not answer rightly, or gave other bytes.
@@ -154,7 +154,7 @@ class Transfer:
         entry = self._store.actions.entry(key)
         if entry is None or entry.is_bare:
             raise MissingBlob(key, "the store has no whole result under this key")
-        for call, _ in entry.result.calls:  # first, so that whoever has another key for its node finds the answer
+        for call, _ in entry.result.calls:  # first, so that nodes with other keys find the answer, too
             self.send(remote, call)
         sent = self._deliver(remote, entry)
         parts = traces.parts_of(entry.document or self._store.blobs.get(key))

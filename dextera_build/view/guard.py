@@ -2,7 +2,7 @@
 
 A browser lets any page open a web socket to this machine, so without these checks a page that is open meanwhile could
 read the scene. A page of another site is told by its `Origin`; a name that was made to point at this machine (DNS
-rebinding) by `Host`, which then is a name that nobody uses for it.
+rebinding) by `Host`, which then is not one of its own names.
 """
 
 from __future__ import annotations

@@ -100,7 +100,7 @@ def _fill_support(
 
 
 def _alike(flat: np.ndarray, level: np.ndarray, free: np.ndarray, sigma: float) -> np.ndarray:
-    """What was measured to be support, and unmeasured pixels around it that have its colour."""
+    """Pixels that were measured as support, and unmeasured neighbours of its colour."""
     if level.sum() < 500:
         return free
     expected = smooth_part(flat, level, sigma)

@@ -1,4 +1,4 @@
-"""Results that clients of the cache server bring and take."""
+"""Results as the cache server gives and takes them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dextera_build.store.traces import lists
 
 
 class Offers:
-    """Results by key; only such whose blobs are all there.
+    """Results by key, if all their blobs are there.
 
     Args:
         store: Holds them.

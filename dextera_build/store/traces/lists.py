@@ -1,9 +1,9 @@
-"""The results of one call that reads by itself, by what it read: a short list of traces under its static key.
+"""The results of a call with discovered inputs: a short list of traces under its static key.
 
-The static key is that of the call's key document before anything was read. The store has a result under it like any
-other, whose output is a `Reads`: the traces of the last runs, the newest first. A trace leads to a result if every
-question of it has the same answer today; the key of that result follows from the static document and the trace. Two
-builders that write the list at the same time may lose a trace: then the call runs once more.
+The static key is the digest of the call's key document before anything was read. An ordinary result lies under it,
+whose output is a `Reads`: the traces of the last runs, the newest first. A trace fits if each of its questions has the
+same answer today; the static document and the trace give the key of the result. If two builders write the list at the
+same time, a trace may be lost, and the call runs once more.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _ARTIFACT = "Reads"
 
 Static: TypeAlias = Mapping[str, Any]
 Answer: TypeAlias = Callable[[str, str], str]
-"""Kind, name -> what a call would be told now; raises a `DxbError` where there is no telling."""
+"""Kind, name -> the answer today; raises a `DxbError` if there is none."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """What the answers of today lead to."""
+    """The result that today's answers lead to."""
 
     steps: Steps | None
     """None: no trace fits."""
@@ -42,7 +42,7 @@ class Found:
 
 
 def find(store: Store, static: Static, answer: Answer) -> Found:
-    """The result that the answers of today lead to, if the store has it."""
+    """The result that today's answers lead to, if the store has it."""
     steps = fitting(store, static, answer)
     if steps is not None:
         document = traces.spelled(static, steps)
@@ -65,7 +65,7 @@ def known(store: Store, key: str) -> list[Steps]:
 
 
 def listed(store: Store, result: ActionResult) -> list[Steps]:
-    """The traces that a result lists, none where it lists what cannot be."""
+    """The traces that a result lists, none if they are malformed."""
     try:
         stored = digests.plain(store.blobs.get(result.output))
         if stored["artifact"] != _ARTIFACT:
@@ -76,7 +76,7 @@ def listed(store: Store, result: ActionResult) -> list[Steps]:
 
 
 def merged(first: Iterable[Steps], others: Iterable[Steps]) -> list[Steps]:
-    """Traces, each once, as many as are kept."""
+    """Both lists without duplicates, cut to the number of traces that are kept."""
     found = list(dict.fromkeys([*first, *others]))[:MOST]
     while len(found) > 1 and sum(map(len, found)) > traces.MOST:
         found.pop()
@@ -92,14 +92,14 @@ def made(store: Store, static: Static, found: Iterable[Steps]) -> ActionResult:
 
 
 def publish(store: Store, key: str, result: ActionResult, document: bytes = b"", *, may_lack: bool = False) -> bool:
-    """Store a result; returns False where that is bare.
+    """Store a result; returns False if its entry is bare.
 
-    That of a call that reads by itself is listed under the call's static key, too.
+    The trace of a call with discovered inputs is added to the list under its static key.
 
     Args:
         store: Takes it.
         key: Digest of the key document.
-        result: The result, or a list of traces: those that the store does not have are added to its own.
+        result: The result; a list of traces is merged with that of the store.
         document: The key document; b"": the store holds it already.
         may_lack: See `Actions.put`.
 
@@ -115,7 +115,7 @@ def publish(store: Store, key: str, result: ActionResult, document: bytes = b"",
     if steps is None:
         _keep(store, static, merged(known(store, key), listed(store, result)))
         return True
-    # Whoever holds on to the result holds on to the list, and can say which files a pattern matched.
+    # A collection that keeps the result keeps the list, too, and the names of the files that a pattern matched.
     root = store.blobs.put(traces.spelled(static, None))
     lists = (answer for kind, _, answer in steps if kind == "names" and store.blobs.has(answer))
     is_whole = store.actions.put(key, result, dict.fromkeys([root, *lists]), document=document, may_lack=may_lack)

@@ -1,4 +1,4 @@
-"""A trace: what a call asked of the project's folder by itself, in order, and what it was told.
+"""A trace: the questions that a call asked about the project's folder while it ran, in order, with the answers.
 
 A step is (kind, name, answer):
 
@@ -6,8 +6,8 @@ A step is (kind, name, answer):
     there   path      `yes` or `no`
     names   pattern   digest of the list of files that match
 
-The key document of a call that discovers holds its trace under `read`, or null as long as it is not known what the call
-will read: that one is its static document.
+The key document of a call with discovered inputs holds its trace under `read`. With null instead of a trace it is the
+static document, which is known before the call runs.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Step: TypeAlias = tuple[str, str, str]
 Steps: TypeAlias = tuple[Step, ...]
 
 READ = "read"
-"""The field of a key document that holds the trace; a call that discovers nothing has none."""
+"""The field of a key document that holds the trace; absent for calls without discovered inputs."""
 NONE, YES, NO = "-", "yes", "no"
 MOST = 100_000
 """Steps of one trace."""
@@ -32,12 +32,12 @@ _LONGEST = 4096
 
 
 def spelled(static: Mapping[str, Any], steps: Sequence[Step] | None) -> bytes:
-    """The key document of a call that read this; None: the static one."""
+    """The key document with these steps; None: the static document."""
     return digests.canonical({**static, READ: None if steps is None else [list(step) for step in steps]})
 
 
 def parts_of(document: bytes) -> tuple[dict[str, Any], Steps | None] | None:
-    """What a key document says of the call, and its trace; None for one of a call that discovers nothing."""
+    """A key document and its trace (None: it is static); None for a call without discovered inputs."""
     if b'"read":' not in document:
         return None
     found: dict[str, Any] = json.loads(document)
@@ -64,7 +64,7 @@ def is_plain(name: str) -> bool:
 
 
 def checked(rows: Any) -> Steps:
-    """The trace that plain data, which anybody may have written, stands for.
+    """Parse a trace, which may come from anywhere.
 
     Raises:
         ValueError: No call can have made it.
