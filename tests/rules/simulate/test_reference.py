@@ -247,7 +247,7 @@ def test_impossible_pairs_are_refused(twin: TaskBundle, world: World, tmp_path: 
     )
     with pytest.raises(RuleError, match="`notebook` is a thing without mass"):
         build(tmp_path, twin, massless)
-    with pytest.raises(RuleError, match="no robot stands in the reference world") as error:
+    with pytest.raises(RuleError, match="the reference world has no robot") as error:
         build(tmp_path, twin, world.model_copy(update={"stand": None}))
     assert error.value.hint
 
