@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, TypeAlias
 
 from dextera_build.engine.reading import Reading
-from dextera_build.engine.states import State, States
-from dextera_build.engine.units import End, Node
+from dextera_build.engine.states import State
+from dextera_build.engine.units import End, Node, UnitStates
 
 if TYPE_CHECKING:
     # A build without remotes need not wait for these.
@@ -26,7 +26,7 @@ class Sharing:
         reading: Knows the discovered inputs of nodes.
     """
 
-    def __init__(self, exchange: Remotes, states: States, reading: Reading) -> None:
+    def __init__(self, exchange: Remotes, states: UnitStates, reading: Reading) -> None:
         self._exchange, self._states, self._reading = exchange, states, reading
         self._fetching: dict[str, Node] = {}
         self._missed: set[str] = set()

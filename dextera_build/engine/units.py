@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from dextera_build.engine.graph import Call, Group, Leaf, RuleFacts
-from dextera_build.engine.states import State
+from dextera_build.engine.states import State, States
 from dextera_build.engine.tasks import Ended
 from dextera_build.errors import DxbError
 from dextera_build.store.entry import ActionResult
@@ -145,6 +145,9 @@ class Gathering(Unit):
     """The copies, as far as groups are open."""
     output: str | None = None
     """Digest of the collection."""
+
+
+UnitStates: TypeAlias = States[Unit, Node]
 
 
 class End(NamedTuple):

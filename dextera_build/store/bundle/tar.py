@@ -61,7 +61,7 @@ def places(path: Path, most: int) -> Iterator[tuple[str, int, int]]:
     total = path.stat().st_size
     try:
         packed = tarfile.open(path, "r:", tarinfo=_FileOrFolder, errors="strict")  # noqa: SIM115 - closed below
-    except tarfile.TarError:
+    except (tarfile.TarError, ValueError):
         raise not_a_bundle(str(path), "it is no tar archive") from None
     try:
         with packed:
