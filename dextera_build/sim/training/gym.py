@@ -3,7 +3,7 @@
     gymnasium.make("dxb/CloseLaptop-KL-v0", bundle=bundle)
 
 after `register("dxb/CloseLaptop-KL-v0")`, or `TaskEnv(bundle)` directly. Observations are a flat `Dict` whose keys
-begin with their group: `deployable/joints` can be observed on a robot, too; `privileged/contact` is known to a simulator
+begin with their group: `deployable/joints` exists on a robot, too; `privileged/contact` is known to a simulator
 alone and included on request.
 """
 

@@ -258,5 +258,5 @@ def test_only_a_twins_task_for_this_robot_has_a_reference(
     with pytest.raises(RuleError, match="this one is `reference`"):
         build(tmp_path, true, world)
     other = reference_tasks.robot().model_copy(update={"source": "another"})
-    with pytest.raises(RuleError, match="for another robot"):
+    with pytest.raises(RuleError, match="not the robot of the reference world"):
         RuleRunner(tmp_path).run("simulate.reference", bundle=twin, world=world, robot=other)
