@@ -136,5 +136,7 @@ def test_it_loads_next_to_nothing(built: Space) -> None:
         time.sleep(0.05)
         done = subprocess.run(words, capture_output=True, text=True, env=built.environment(), check=True)
     ours = {name for name in done.stdout.split() if name.startswith("dextera_build")}
-    assert ours == {f"dextera_build{name}" for name in ("", ".version", ".cli", ".cli.main", ".cli.quick")}
+    assert ours == {
+        f"dextera_build{name}" for name in ("", ".version", ".cli", ".cli.main", ".cli.quick", ".cli.streams")
+    }
     assert "json" not in done.stdout.split()

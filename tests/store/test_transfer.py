@@ -128,6 +128,20 @@ def test_what_came_damaged_is_sent_again(built: tuple[Store, list[str]], tmp_pat
     assert victim.read_bytes() == whole
 
 
+def test_a_folder_in_place_of_a_file_is_a_miss_and_is_replaced(built: tuple[Store, list[str]], tmp_path: Path) -> None:
+    store, (key, _) = built
+    share = Directory(tmp_path / "share")
+    Transfer(store).send(share, key)
+    for path in [path for path in (tmp_path / "share").rglob("*") if path.is_file()]:
+        data = path.read_bytes()
+        path.unlink()
+        (path / "within").mkdir(parents=True)
+        assert Transfer(Store(tmp_path / path.name)).fetch(share, key) is None
+        Transfer(store).send(share, key)
+        assert path.read_bytes() == data
+    assert Transfer(Store(tmp_path / "other")).fetch(share, key) is not None
+
+
 def test_a_result_that_is_not_here_cannot_be_sent(tmp_path: Path) -> None:
     with pytest.raises(MissingBlob, match="no whole result under this key"):
         Transfer(Store(tmp_path / "store")).send(Directory(tmp_path / "share"), "ab" * 32)
