@@ -58,7 +58,7 @@ class Guard:
         return name in self._names
 
     def check(self, follow: Callable[..., Any] | None, connection: Any, request: Any) -> Any:
-        """Handle a request before `follow`, the server's own handler: a response where it is refused."""
+        """Handle a request before `follow`, the server's own handler: a response if it is refused."""
         refused = self.refusal(request.headers.get("Host"), request.headers.get("Origin"))
         if not refused:
             return None if follow is None else follow(connection, request)

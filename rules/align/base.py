@@ -1,4 +1,4 @@
-"""align.base: where the robot stands in the twin."""
+"""align.base: the pose of the robot's base in the twin."""
 
 from __future__ import annotations
 

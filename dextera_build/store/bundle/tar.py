@@ -92,7 +92,7 @@ def files(chunks: Iterator[bytes]) -> Iterator[tuple[str, int, Iterator[bytes]]]
                 yield info.name, info.size, _content(packed, info)
     except (tarfile.TarError, ValueError, OverflowError) as error:
         raise archive("?", f"cannot be read ({error})") from None
-    for _ in chunks:  # whoever gives them checks their digest after the last one
+    for _ in chunks:  # `chunks` checks its digest after the last one
         pass
 
 
