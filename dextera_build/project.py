@@ -40,8 +40,7 @@ EXECUTORS = ("local", "ray")
 PROFILES = ("stub", "cpu", "gpu", "cloud")
 CONSOLES = ("live", "plain", "jsonl", "none")
 """What a build may show; `auto`, the default, chooses between the first two."""
-_OVER = ("environment", "command line")
-"""Origins of settings that are no file's."""
+_OVER = ("environment", "command line")  # origins of settings that are no file's
 _ON, _OFF = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
 """What a setting that is true or false may be spelled as, in a file or in the environment."""
 _BARE = "settings stand here without `tool.dxb`: `[resources]`, not `[tool.dxb.resources]`"
