@@ -241,11 +241,7 @@ class Project:
 
     @property
     def used_remotes(self) -> list[Spec]:
-        """The remotes that a build uses, in the order in which they are asked.
-
-        Raises:
-            UsageError: The settings name none that can be, or none that may be.
-        """
+        """The remotes that a build uses, in the order in which they are asked; raises what `allowed` raises."""
         return self.allowed(self.remotes.used if self.config else [])
 
     def allowed(self, remotes: list[Spec]) -> list[Spec]:
