@@ -25,7 +25,7 @@ def show(rows: Sequence[Mapping[str, str]]) -> None:
     if not rows:
         return
     if not sys.stdout.isatty():
-        print("\n".join("\t".join(row.values()).rstrip("\t") for row in rows))
+        print("\n".join("\t".join(row.values()) for row in rows))
         return
     names = list(rows[0])
     cells = [[HEADERS.get(name, name.replace("_", " ")) for name in names], *(list(row.values()) for row in rows)]
