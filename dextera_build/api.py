@@ -47,6 +47,11 @@ class Result:
     """Address of what failed -> why."""
     _session: Session = field(repr=False)
 
+    def __repr__(self) -> str:
+        became = "ok" if self.ok else f"failed: {listing(self.errors, most=3)}"
+        counts = f"{len(self.nodes):,} nodes, {len(self.targets):,} targets"
+        return f"Result({became}, run {self.run or 'not kept'}, {counts})"
+
     def artifact(self, node: str) -> Artifact:
         """What a node returned: `scene`, `body[mug].mesh`.
 

@@ -1,4 +1,4 @@
-"""What a rule author writes with: `rule`, `Options`, `Context`, `Backend`.
+"""The names that authors of rules use: `rule`, `Options`, `Context`, `Backend`.
 
 A rule is a function from artifacts to one artifact, alone in a file that bears its name. The decorator registers
 nothing: it returns a `Rule`, and the loader finds it by its path.
@@ -44,7 +44,7 @@ class Options(BaseModel):
 
 @dataclass(frozen=True)
 class Backend:
-    """What a backend file says of itself, as literals, so that it is read without importing the file.
+    """A backend file's description of itself, in literals, so that it is read without importing the file.
 
     A backend of rule `mesh` called `primitives` is the file `mesh_primitives.py` beside `mesh.py` with a module-level
     `BACKEND = Backend(...)`. Which functions it has to offer is stated by the rule.
@@ -68,7 +68,7 @@ class Backend:
 
 @dataclass
 class Outcome:
-    """What a rule said beside its result."""
+    """A rule's line, previews and metrics, beside its result."""
 
     line: str = ""
     previews: list[tuple[str, bytes]] = field(default_factory=list)
@@ -92,14 +92,14 @@ class Reads(Protocol):
 
 
 class Context:
-    """What a rule may do besides computing.
+    """Services for a rule besides computing.
 
     Args:
         backend: The chosen backend's module, or None for a rule without backends.
-        scratch: A folder of this call alone, removed afterwards; or what makes it when it is asked for.
+        scratch: A folder of this call alone, removed afterwards; or a function that makes it on first use.
         emit: Takes (kind, data) as it happens: `progress`, `log`.
         keep: See the property `keep`; None is a folder below `scratch`.
-        calls: Carries out `call`; None where there is nothing to record answers.
+        calls: Carries out `call`; None if no recorder exists.
         reads: Reads files of the project, and gives `File`s by digest; None for a rule that does not declare it.
     """
 
@@ -158,7 +158,7 @@ class Context:
     def glob(self, pattern: str) -> list[str]:
         """Files of the project whose path matches, sorted; a file that comes or goes makes the result stale.
 
-        `*`, `?` and `[...]` stand for characters of one name, `**` between slashes for any number of folders. Names
+        `*`, `?` and `[...]` match characters of one name, `**` between slashes matches any number of folders. Names
         that begin with a dot match only a pattern that does.
         """
         return self._reading(pattern).glob(pattern)
@@ -194,15 +194,15 @@ class Context:
         build can be repeated without a network and for nothing.
 
         Args:
-            service: What the service is called, never where it is.
+            service: Name of the service, never its address.
             request: All that the answer depends on, as plain data; bytes count by their digest. No key, host or time.
             send: Called with the seconds it may take where no answer is recorded; adds host and key, and returns the
                 body or a `Response` with the status. What it raises of `OSError` or httpx's transport errors is tried
                 again, and so are 429 and 5xx.
-            valid: Raises `ValueError` or a `RuleError` for a body that is no answer; it is not recorded.
+            valid: Raises `ValueError` or a `RuleError` for a body that is not an answer; it is not recorded.
             timeout_s: What `send` is given [s].
             tries: How often it is asked at most.
-            wait_s: Rest before the second try [s], twice as long before each further one; `Retry-After` goes before.
+            wait_s: Rest before the second try [s], doubled before each further one; `Retry-After` takes precedence.
             secrets: What must stand neither in the request nor in the answer, beside the values of variables such as
                 `SERVICE_API_KEY`.
 
@@ -287,7 +287,7 @@ class Slot:
 
 @dataclass(frozen=True)
 class Rule(Generic[P, R]):
-    """A rule function with what the build must know of it; called like the function itself."""
+    """A rule function with its declarations; called like the function itself."""
 
     function: Callable[P, R]
     version: int
@@ -365,8 +365,8 @@ def rule(  # noqa: PLR0913 - all that a rule may declare
         packages: Third-party distributions that the result depends on; their versions enter the key. Those of the
             chosen backend are added.
         cpus: Cores that one call keeps busy; so many of `--jobs` are not given to others meanwhile.
-        memory_gb: Peak memory of one call [GiB]; once a node has run here, what it took counts instead.
-        gpus: GPUs that one call has to itself. What a backend needs of a GPU's memory stands in its `BACKEND`.
+        memory_gb: Peak memory of one call [GiB]; once a node has run here, its measured peak counts instead.
+        gpus: GPUs that one call has to itself. A backend declares GPU memory in its `BACKEND`.
         resources: Named things of which there are only so many, `{"licence:solver": 1}`; a project says how many in
             `[resources]`.
         retries: How often a call is tried again whose worker died, whose machine lacked something (`MachineError`), or

@@ -22,7 +22,7 @@ class RuleRunner:
         scratch: A folder for the rule's temporary files (`tmp_path` in pytest).
         project: A project whose own rules count too.
         keep: The folder for `ctx.keep`, removed when a call succeeded, as in a build; None is one below `scratch`.
-        calls: Answers `ctx.call`: a `Recorder` on a store, or a function that returns what a service would.
+        calls: Answers `ctx.call`: a `Recorder` on a store, or a function that returns a service's answer.
         files: The folder in which `ctx.read`, `ctx.glob` and `ctx.exists` look; None is that of `project`.
     """
 
@@ -41,10 +41,10 @@ class RuleRunner:
         self._library = Library(project)
         self._blobs: dict[str, bytes] = {}
         self.outcome = Outcome()
-        """What the last rule said: its line, previews and metrics."""
+        """The last rule's line, previews and metrics."""
         self._files = Path(files or project or scratch)
         self.reads: list[list[str]] = []
-        """What the last rule read by itself: (`file`, `there` or `names`, what was asked, what was told), in order."""
+        """The last rule's own reads: (`file`, `there` or `names`, question, answer), in order."""
 
     def find(self, path: str) -> RuleFile:
         """The rule called `path`."""

@@ -39,6 +39,7 @@ def test_a_build_returns_what_became_of_every_node(project):
     built = project.build("say/words")
     assert built.ok
     assert built.targets == ("all",)
+    assert repr(built) == f"Result(ok, run {built.run}, {len(built.nodes)} nodes, 1 targets)"
     assert {record.status for record in built.nodes.values()} == {"ran"}
     assert built.artifact("all").data == b"ONE!!! TWO!!!"
     assert built.artifact("word[two].loud").data == b"TWO!"

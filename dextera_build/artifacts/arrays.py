@@ -65,7 +65,7 @@ def is_array(value: object) -> TypeGuard[np.ndarray]:
 
 
 def array_bytes(value: np.ndarray) -> bytes:
-    """What is stored of an array: its numbers, little-endian, in C order."""
+    """The stored form of an array: its numbers, little-endian, in C order."""
     import numpy as np
 
     return np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<")).tobytes()
@@ -79,7 +79,7 @@ def array_of(dtype: str, shape: list[int], data: bytes) -> np.ndarray:
         TypeError: NumPy has no such dtype.
     """
     if not _NUMBERS.fullmatch(dtype):
-        raise ValueError(f"`{dtype}` is no dtype of numbers")
+        raise ValueError(f"`{dtype}` is not a numeric dtype")
     import numpy as np
 
     return np.frombuffer(data, dtype=np.dtype(dtype)).reshape(shape).copy()

@@ -1,6 +1,6 @@
 """What every artifact is: a frozen, validated value that is stored as a canonical JSON header and blobs.
 
-The header is `{"artifact": <type name>, "fields": {...}}`. Inside `fields`, plain JSON stands for itself and
+The header is `{"artifact": <type name>, "fields": {...}}`. Inside `fields`, plain JSON is stored as it is, and
 
     {"$array": [dtype, [shape], digest]}   an array; its blob is little-endian, C order
     {"$bytes": [digest, size]}             raw bytes
@@ -96,7 +96,7 @@ class Artifact(BaseModel):
         """Load the value whose header has digest `key` through `get(digest) -> bytes`.
 
         Raises:
-            ArtifactError: The header holds another type, or what it holds is not valid.
+            ArtifactError: The header holds another type, or its content is not valid.
         """
         return cls._from_header(json.loads(get(key)), get)
 
@@ -154,7 +154,7 @@ T = TypeVar("T", bound=Artifact)
 
 
 class Collection(Artifact, Generic[T]):
-    """Labelled artifacts of one type; what `each` opens and what a group of nodes hands on."""
+    """Labelled artifacts of one type; the input of `each`, and the output of a group of nodes."""
 
     items: dict[str, T]
     """Label -> artifact. The label is not part of the item: renaming one leaves the item's digest alone."""
@@ -178,7 +178,7 @@ _FILE = re.compile(
 class File(Artifact):
     """The bytes of one file; its name is not part of it.
 
-    Large content stays where it is until `data` is asked for: `path`, `open` and `place` never hold it in memory.
+    Large content is read when `data` is first used; `path`, `open` and `place` never hold it in memory.
     """
 
     data: bytes
@@ -188,7 +188,7 @@ class File(Artifact):
 
     @classmethod
     def of(cls, path: str | Path) -> Self:
-        """The content of a file that nobody changes any more, which is not read before it is stored."""
+        """The content of a file that no longer changes; it is read when the value is stored."""
         return cls._behind(OnDisk(Path(path)))
 
     @classmethod
@@ -218,7 +218,7 @@ class File(Artifact):
         return hash(self.data)
 
     def path(self, scratch: str | Path) -> Path:
-        """A file with this content, not to be written to; where there is none yet it is written into `scratch`."""
+        """A read-only file with this content; content that is in memory alone is written into `scratch`."""
         if self._content is not None:
             return self._content.path()
         path = Path(scratch) / digest.of_bytes(self.data)[:16]

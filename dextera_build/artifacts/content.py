@@ -42,7 +42,7 @@ class Content(Protocol):
 
 @dataclass(frozen=True)
 class OnDisk:
-    """The bytes of a file that nobody changes any more."""
+    """The bytes of a file that no longer changes."""
 
     file: Path
 

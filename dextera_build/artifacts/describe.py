@@ -1,4 +1,4 @@
-"""What a value is, in one line and as a picture, for notebooks and the Python prompt."""
+"""A value in one line and as a picture, for notebooks and the Python prompt."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is different between two stored artifacts, found in their headers and blobs without knowing a type.
+"""Differences between two stored artifacts, found in their headers and blobs without knowing a type.
 
 Both are walked side by side; what has one digest is not looked into. An array says its form, how many numbers differ
 and by how much at most; a table is compared by its rows and columns.
@@ -33,7 +33,7 @@ class Difference:
     """How many numbers differ."""
     total: int = 0
     blobs: tuple[str, str] | None = None
-    """Digests of both arrays of one form, for who wants to draw them."""
+    """Digests of both arrays where they have one form, for drawing."""
     form: tuple[str, tuple[int, ...]] | None = None
     """(dtype, shape) of both."""
 

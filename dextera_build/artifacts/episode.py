@@ -1,4 +1,4 @@
-"""Episodes: what a robot did in a task, at control rate, replayable from its start."""
+"""Episodes: recordings of a robot in a task at control rate, replayable from their start."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.errors import ArtifactError
 
 _MOST = 1 << 30
-"""What the film of one episode may hold [bytes]: 24 min of 128 x 96 px at 20 Hz."""
+"""Largest film of one episode [bytes]: 24 min of 128 x 96 px at 20 Hz."""
 
 Origin = Literal["operator", "synthesis", "policy", "replay"]
 """Who acted."""
@@ -51,7 +51,7 @@ class Segment(Value):
 
 
 class Episode(Artifact):
-    """One try. Arrays are sampled at control rate: row t is what was observed, then what was commanded."""
+    """One try. Arrays are sampled at control rate: row t is the observation, then the command."""
 
     start: Start
     """Where it began."""
@@ -83,12 +83,12 @@ class Episode(Artifact):
 
 
 class Episodes(Artifact):
-    """Episodes of one task, with what is needed to read them without the task's model."""
+    """Episodes of one task, readable without the task's model."""
 
     items: dict[str, Episode]
     """Index -> episode that counts, in order."""
     failures: dict[str, Episode]
-    """Index of the attempt -> episode that was sorted out, with its reason."""
+    """Index of the attempt -> discarded episode, with its reason."""
     attempts: int
     """Tries that `items` and `failures` came from."""
     task: str

@@ -26,7 +26,7 @@ class Mesh(Artifact):
     texture: Image | None = None
     """Texture, or None for a plain colour."""
     colour: tuple[float, float, float] = (0.7, 0.7, 0.7)
-    """sRGB 0..1 where there is no texture."""
+    """sRGB 0..1 of a mesh without a texture."""
 
     @model_validator(mode="after")
     def _check_indices(self) -> Self:

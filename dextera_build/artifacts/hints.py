@@ -1,4 +1,4 @@
-"""What a declared type lets stand in a field: the choices of a union, the parts of a container."""
+"""The types that a declared type allows in a field: choices of a union, parts of a container."""
 
 from __future__ import annotations
 

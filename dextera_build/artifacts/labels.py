@@ -12,7 +12,7 @@ _LONGEST, _LONGEST_PATH = 255, 2000
 _ROOM = 55
 """Bytes that exported files add to the label of a collection: the name of the node and the ending."""
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
-"""Characters that steer a terminal, break a line or turn the order of what is shown."""
+"""Control characters, line separators and overrides of the direction of text."""
 
 
 def check_labels(kind: str, labels: Iterable[str]) -> None:

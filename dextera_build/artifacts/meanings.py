@@ -1,6 +1,6 @@
 """What fields mean: the docstrings below them, read from the source when somebody asks.
 
-Pydantic can do that for every class as it is made; the process of a rule, which shows them to nobody, waits for it.
+Pydantic can do that for every class as it is made; a process that runs rules never needs them, and would wait.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic.fields import FieldInfo
 
 
 def meanings(kind: type[BaseModel]) -> dict[str, str]:
-    """Field -> what its docstring says, for the fields that have one; a description that a field bears comes first."""
+    """Field -> its docstring, for fields that have one; the field's own `description` takes precedence."""
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         if issubclass(base, BaseModel) and base is not BaseModel:

@@ -28,7 +28,7 @@ class Element(Value):
     interactive: bool = True
     """True: a foreground asset. False: part of the static background."""
     box: tuple[int, int, int, int] | None = None
-    """left, top, right, bottom [px], right and bottom excluded; None where it is not known yet."""
+    """left, top, right, bottom [px], right and bottom excluded; None while unknown."""
     material: str = "plastic"
     """Key of the material table."""
 
@@ -60,7 +60,7 @@ class Support(Artifact):
 
 
 class ObjectView(Artifact):
-    """All that the camera saw of one object: a crop. The name is not part of it, so renaming rebuilds nothing."""
+    """One object as the camera saw it: a crop. The name is not part of it, so renaming rebuilds nothing."""
 
     rgb: Image
     """Crop of the photograph around the mask, with a margin."""
@@ -96,7 +96,7 @@ class Segmentation(Artifact):
 
 
 class Shape(Artifact):
-    """A closed, textured mesh of one object and how well it explains what was seen."""
+    """A closed, textured mesh of one object, and how well it explains the photograph."""
 
     mesh: Mesh
     """Object frame: origin at the middle of the base, z up as it stands, closed."""
@@ -119,7 +119,7 @@ class Shape(Artifact):
     unobserved: tuple[str, ...] = ()
     """Sizes that the view does not determine and that were guessed: `x`, `y` or `z` of the mesh."""
     source: Literal["rgb", "rgbd"] = "rgbd"
-    """What the geometry was made from: the photograph alone, as in the paper, or with the help of its depth."""
+    """Source of the geometry: the photograph alone, as in the paper, or with its depth."""
 
 
 class Joint(Value):
@@ -177,7 +177,7 @@ class Body(Artifact):
 
 
 class Inertial(Value):
-    """Mass properties of one link with what is known of them; per-link frame is the object frame at joints 0."""
+    """Mass properties of one link with their uncertainty; per-link frame is the object frame at joints 0."""
 
     mass_kg: float
     """Best estimate [kg]."""
@@ -218,7 +218,7 @@ class Pieces(Artifact):
     method: str
     """`walls`, `hull`, `wedges` (a container cut across its walls), `coacd`."""
     cavity_fill: float | None = None
-    """Part of the cavity's volume that the pieces fill wrongly; None where there is no cavity."""
+    """Part of the cavity's volume that the pieces fill wrongly; None without a cavity."""
 
 
 class Collision(Artifact):

@@ -18,7 +18,7 @@ ROOT = "artifact"
 DAY = (1980, 1, 1, 0, 0, 0)
 """Date of every member, so that equal artifacts give equal bytes."""
 _MOST = 1 << 30
-"""What a packed artifact may hold [bytes]; a small file could come from a stranger and unpack to all of the memory."""
+"""Largest unpacked artifact [bytes]: a small file from an untrusted source could otherwise fill the memory."""
 _UNREADABLE = (
     zipfile.BadZipFile,
     KeyError,
@@ -59,7 +59,7 @@ def unpack(kind: type[A], data: bytes) -> A:
             root = archive.read(ROOT).decode("ascii")
             return kind.decode(root, lambda key: _blob(archive, key))
     except _UNREADABLE as error:
-        raise ArtifactError(f"this is no packed {kind.name()}", code="DXB-A109", facts={"why": error}) from None
+        raise ArtifactError(f"this is not a packed {kind.name()}", code="DXB-A109", facts={"why": error}) from None
 
 
 def _forbid_bombs(archive: zipfile.ZipFile) -> None:

@@ -1,4 +1,4 @@
-"""Trained policies: weights and the contract that says what they may be run on."""
+"""Trained policies: weights, and the contract that says where they may run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Channel(Value):
     shape: tuple[int, ...]
     """Shape of one sample as it is observed, before encoding."""
     names: tuple[str, ...] = ()
-    """What the components along the first axis are, in order; those of an input are picked by name."""
+    """Names of the components along the first axis, in order; components of an input are picked by name."""
     encoding: Encoding = "plain"
     """How a sample becomes numbers for the network."""
     mean: tuple[float, ...] = ()
@@ -31,7 +31,7 @@ class Channel(Value):
 
 
 class PolicyContract(Value):
-    """What a policy expects and gives. A policy refuses to load where any of it differs."""
+    """The inputs and outputs of a policy. A policy refuses to load where one of them differs."""
 
     algorithm: Literal["act", "ppo"]
     """How it was trained, and which network reads the weights."""
@@ -57,7 +57,7 @@ class Checkpoint(Artifact):
     weights: bytes
     """safetensors; never a pickle."""
     contract: PolicyContract
-    """What it may be run on."""
+    """Where it may run."""
     steps: Annotated[np.ndarray, Array("L", "int64")]
     """Optimiser steps (imitation) or environment steps (reinforcement) of `curve`."""
     curve: Annotated[np.ndarray, Array("L", "float32")]

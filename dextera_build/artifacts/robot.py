@@ -51,7 +51,7 @@ class Grip(Value):
     """A way to use the hand, as data: finger postures by joint, and which way the hand faces in its frame `palm`."""
 
     against: Literal["thumb", "palm", "nothing"]
-    """What the fingers press things against; `nothing`: they push with their tips."""
+    """The opposing side of the grip; `nothing`: the fingers push with their tips."""
     open: dict[str, float]
     """Joint -> position at its widest [rad]; joints left out stand at home."""
     closed: dict[str, float] = Field(default_factory=dict)

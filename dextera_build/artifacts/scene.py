@@ -96,7 +96,7 @@ class TruthObject(Artifact):
 
 
 class Truth(Artifact):
-    """What a reference world knows of itself; only `evaluate.*` may take it."""
+    """The true state of a reference world; only `evaluate.*` may take it."""
 
     objects: dict[str, TruthObject]
     """Name -> object; the robot and the table are not among them."""

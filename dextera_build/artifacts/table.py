@@ -36,7 +36,7 @@ class Table(Artifact):
     rows: tuple[tuple[Cell, ...], ...]
     """Cells, one tuple a row, as long as `columns`."""
     notes: tuple[str, ...] = ()
-    """Definitions, tolerances, counts: what a reader must know to trust the numbers."""
+    """Definitions, tolerances and counts that a reader needs to trust the numbers."""
 
     def text(self, value: Cell, column: Column) -> str:
         """One cell as people read it."""

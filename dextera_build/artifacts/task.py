@@ -38,7 +38,7 @@ class Reset(Value):
 
 
 class TaskSpec(Value):
-    """What is to be done; the same in every world."""
+    """The objective; the same in every world."""
 
     name: str
     """`CloseLaptop`."""
@@ -68,7 +68,7 @@ class TaskSpec(Value):
 
 
 class TaskObject(Artifact):
-    """What a task knows of one movable object of its model."""
+    """One movable object of a task's model."""
 
     joints: tuple[str, ...]
     """Joints inside the object, in the order of the model."""
@@ -100,7 +100,7 @@ class TaskBundle(Artifact):
     world_from_base: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
     """T_world_base of the robot."""
     task: TaskSpec
-    """What is to be done."""
+    """The objective."""
     objects: dict[str, TaskObject]
     """Root body -> object, all movable ones."""
     kind: WorldKind = "twin"

@@ -31,7 +31,7 @@ class Trial(Value):
 
 
 class Trials(Artifact):
-    """Tries of one actor in one task of one world. Whoever uses the same seeds faces the same starts."""
+    """Trials of one actor in one task of one world. Equal seeds give equal starts."""
 
     actor: Actor
     """How actions came about."""
@@ -42,7 +42,7 @@ class Trials(Artifact):
     source: str
     """Digest of the checkpoint, or of the demonstrations that were replayed."""
     task: TaskSpec
-    """What was to be done, and how it was judged."""
+    """The objective and its success criterion."""
     embodiment: str
     """Digest of joint names and limits."""
     robot: str

@@ -1,4 +1,4 @@
-"""Reference worlds: simulated workspaces with known truth, which stand in for real ones."""
+"""Reference worlds: simulated workspaces with known ground truth, used in place of real ones."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Thing(Artifact):
     world_from_thing: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
     """T_world_thing."""
     matter: Matter | None = None
-    """Mechanical properties, or None for what is fixed to the world."""
+    """Mechanical properties; None for fixtures."""
     hinge: Hinge | None = None
     """Its hinge, if it has one."""
 
@@ -113,7 +113,7 @@ class World(Artifact):
     ambient: float
     """Intensity of the light that comes from everywhere, 0..1."""
     stand: RobotStand | None = None
-    """The robot's place, or None where there is none."""
+    """The robot's place; None without a robot."""
     camera: Camera
     """Intrinsics."""
     world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]

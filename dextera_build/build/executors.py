@@ -98,12 +98,12 @@ def _setup(project: Project, rules: list[RuleFacts]) -> Setup:
     from dextera_build.code import sources
     from dextera_build.engine.executors.ray_worker import Setup
 
-    shared = next((spec for spec in project.remotes.used if spec.mode == "rw"), None)
+    shared = next((spec for spec in project.used_remotes if spec.mode == "rw"), None)
     if shared is None:
         raise UsageError(
             "a build on a cluster needs a remote that all its machines can read and write",
             code="DXB-U195",
-            facts={"remotes": listing(f"{spec.name} ({spec.mode})" for spec in project.remotes.used)},
+            facts={"remotes": listing(f"{spec.name} ({spec.mode})" for spec in project.used_remotes)},
             hint='in `dxb.toml`: [remotes] shared = {address = "/mnt/shared/dxb", mode = "rw"}',
         )
     return Setup(

@@ -104,6 +104,16 @@ def _rules(**_: Any) -> Iterator[str]:
     return (found.path for found in find().library.rules())
 
 
+def _shown(prefix: str, **_: Any) -> list[str]:
+    return _targets(prefix) if ":" in prefix else [*_targets(prefix), *_rules()]
+
+
+def _helped(**_: Any) -> list[str]:
+    from dextera_build.cli.verbs import VERBS
+
+    return [*VERBS, *_rules()]
+
+
 def _backends(prefix: str, **_: Any) -> list[str]:
     from dextera_build.project import find
 
@@ -121,7 +131,8 @@ def _words(*words: str) -> Callable[..., list[str]]:
 _COMPLETERS: dict[str, Callable[..., object]] = {
     "RECIPE[:TARGET]": _targets,
     "RECIPE[:NODE]": _targets,
-    "RECIPE[:NODE]|RUN|CALL": _targets,
+    "RECIPE[:NODE]|RULE|RUN|CALL": _shown,
+    "VERB|CODE|RULE": _helped,
     "RECIPE:NODE": _targets,
     "A": _targets,
     "B": _targets,

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 from dextera_build.errors import UsageError
 
 if TYPE_CHECKING:
@@ -62,10 +62,14 @@ def _print(found: Mapping[str, Sequence[Row]], names: tuple[str, str], *, as_jso
         plain = [{"node": node, "rows": [row.to_json() for row in rows]} for node, rows in found.items() if rows]
         print(json.dumps({"old": names[0], "new": names[1], "differences": plain}, indent=1))
         return 0
+    shown = [(node, row) for node, rows in found.items() for row in rows[:_MOST]]
+    table.show(
+        [
+            ({"node": node} if node else {}) | {"kind": row.kind, "name": row.name, "change": row.change}
+            for node, row in shown
+        ]
+    )
     for node, rows in found.items():
-        for row in rows[:_MOST]:
-            cells = [node, row.kind, row.name, row.change]
-            print("\t".join(cells if node else cells[1:]))
         if len(rows) > _MOST:
             print(f"{node}: {len(rows) - _MOST} more, `--json` has all".removeprefix(": "), file=sys.stderr)
     if not any(found.values()):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
 from dextera_build.cli import options
@@ -15,6 +16,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--out", metavar="DIR", default=".", help="where to write (the current folder)")
     options.project_arguments(parser)
     options.request_arguments(parser)
+    options.json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -36,6 +38,5 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             f"`{place}` cannot be written", code="DXB-U182", facts=facts, hint=f"ls -ld {args.out}"
         ) from None
-    for path in written:
-        print(path)
+    print(json.dumps({"files": [str(path) for path in written]}) if args.json else "\n".join(map(str, written)))
     return 0

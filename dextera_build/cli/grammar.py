@@ -11,7 +11,7 @@ from dextera_build import __version__
 from dextera_build.cli.verbs import GROUPS, MOVED, VERBS
 from dextera_build.errors import UsageError, did_you_mean
 
-_FOOT = "`dxb VERB --help` explains a verb; every verb that reads takes `--json`."
+_FOOT = "`dxb help VERB`, `dxb help DXB-R104` and `dxb help RULE` explain; every verb that reads takes `--json`."
 
 
 class _Parser(argparse.ArgumentParser):

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 from dextera_build.errors import UsageError, did_you_mean, listing
 
 if TYPE_CHECKING:
@@ -34,8 +34,12 @@ def run(args: argparse.Namespace) -> int:
         if args.json:
             print(json.dumps(events))
             return 0
-        for node, event in finished.items():
-            print(f"{node}\t{event['status']}\t{event['seconds']:.1f} s\t{event['line']}")
+        table.show(
+            [
+                {"node": node, "status": event["status"], "time": f"{event['seconds']:.1f} s", "line": event["line"]}
+                for node, event in finished.items()
+            ]
+        )
         return 0
     if args.node not in finished:
         raise UsageError(

@@ -6,7 +6,7 @@ import argparse
 import json
 from collections.abc import Iterator
 
-from dextera_build.cli import options, query
+from dextera_build.cli import options, query, table
 from dextera_build.project import Project
 
 Row = dict[str, str]
@@ -41,8 +41,8 @@ def run(args: argparse.Namespace) -> int:
         rows = list(listing(project) if listing else _nodes(project, args))
     if args.json:
         print(json.dumps(rows, indent=1))
-    elif rows:
-        print("\n".join("\t".join(row.values()) for row in rows))
+    else:
+        table.show(rows)
     return 0
 
 
@@ -50,8 +50,10 @@ def _calls(project: Project, *, as_json: bool) -> int:
     from dextera_build.cli import calls
 
     found = list(calls.rows(project))
-    text = "".join("\t".join(calls.cells(row).values()) + "\n" for row in found)
-    print(json.dumps(found, indent=1) + "\n" if as_json else text, end="")
+    if as_json:
+        print(json.dumps(found, indent=1))
+    else:
+        table.show([calls.cells(row) for row in found])
     return 0
 
 

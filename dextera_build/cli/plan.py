@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Container
+import sys
+from collections import Counter
+from collections.abc import Container, Sequence
 from typing import TYPE_CHECKING
 
 from dextera_build.build import fetch
-from dextera_build.cli import options
+from dextera_build.cli import options, table
+from dextera_build.report.wording import count, duration
 
 if TYPE_CHECKING:
     from dextera_build.engine.capacity import Capacity
@@ -58,7 +61,6 @@ def run(args: argparse.Namespace) -> int:
         return stale.check(session, graph, addresses(graph, wanted.target), as_json=args.json)
     capacity = project.capacity(gpus=True) if args.resources is not None else None
     rows: list[dict[str, str]] = []
-    lines: list[str] = []
     nodes = plan(graph, addresses(graph, wanted.target), session.store, history=session.past_builds)
     elsewhere = fetch.held(session, nodes)
     for node in nodes:
@@ -72,12 +74,29 @@ def run(args: argparse.Namespace) -> int:
         }
         if capacity is not None:
             row |= _resources(rule, session.past_builds.peak_gb(node.address), capacity)
-        if args.json:
-            rows.append(row)
-        else:
-            lines.append("\t".join(row.values()))
-    print(json.dumps(rows, indent=1) if args.json else "\n".join(lines))
+        rows.append(row)
+    if args.json:
+        print(json.dumps(rows, indent=1))
+    else:
+        table.show(rows)
+        print(_sum([row["status"] for row in rows], nodes), file=sys.stderr)
     return 0
+
+
+def _sum(statuses: Sequence[str], nodes: Sequence[Planned]) -> str:
+    """`12 of 41 nodes would run, 3 may follow, about 25 s`; the time is that of the last runs, one after another."""
+    counts = Counter(statuses)
+    if not counts["stale"] + counts["remote"] + counts["unknown"]:
+        return f"{count(len(statuses), 'node')}, all up to date"
+    told = [f"{counts['stale']} of {count(len(statuses), 'node')} would run"]
+    told += [f"{counts['remote']} would be fetched"] if counts["remote"] else []
+    told += [f"{counts['unknown']} may follow"] if counts["unknown"] else []
+    stale = [node.seconds_last for node, status in zip(nodes, statuses, strict=True) if status == "stale"]
+    known = [seconds for seconds in stale if seconds is not None]
+    if known:
+        told.append(f"about {duration(sum(known))}")
+        told += [f"{len(stale) - len(known)} never ran here"] if len(known) < len(stale) else []
+    return ", ".join(told)
 
 
 def _status(node: Planned, elsewhere: Container[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import webbrowser
 from pathlib import Path
@@ -17,6 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--open", action="store_true", help="open it in the browser")
     options.project_arguments(parser)
     options.request_arguments(parser)
+    options.json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -38,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     }
     with writing(out, hint=None if args.out else f"dxb report {recipe} -o report.html"):
         path = build(events, reading(project), out, licences=licences)
-    print(project.shown(path))
+    print(json.dumps({"report": project.shown(path)}) if args.json else project.shown(path))
     if args.open or (os.environ.get("DISPLAY") and os.isatty(1) and args.out is None):
         webbrowser.open(path.absolute().as_uri())
     return 0

@@ -7,14 +7,18 @@ import json
 import time
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli import graph, options, trace
+from dextera_build.cli import graph, options, table, trace
 from dextera_build.cli.calls import is_call, show
 from dextera_build.errors import UsageError
 from dextera_build.explain.reads import Reads
 from dextera_build.report.wording import used
 
 if TYPE_CHECKING:
-    from dextera_build.project import Setting
+    from dextera_build.project import Project, Setting
+
+
+_COLUMNS = {2: ("name", "value"), 3: ("setting", "value", "origin"), 4: ("node", "time", "run", "result")}
+"""By how many cells a row has: facts, settings, and a recipe's past."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,8 +26,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "target",
         nargs="?",
-        metavar="RECIPE[:NODE]|RUN|CALL",
-        help="a recipe, a node or target, a run's id for --trace, or a call by its digest",
+        metavar="RECIPE[:NODE]|RULE|RUN|CALL",
+        help="a recipe, a node or target, a rule, a run's id for --trace, or a call by its digest",
     )
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--graph", action="store_true", help="the nodes of a recipe, or what a target needs, as SVG")
@@ -59,12 +63,33 @@ def run(args: argparse.Namespace) -> int:
     elif is_call(args.target):
         rows = show(project, args.target)
     else:
+        if _is_rule(project, args.target):
+            return _rule(project, args.target, as_json=args.json)
         wanted = options.wish(args.target)
         session = Session(project, wanted.recipe, options.added(args), last=True)
         if args.lineage:
             return _lineage(session, wanted.target, as_json=args.json)
         rows = _node(session, wanted.target) if wanted.target else _recipe(session, as_json=args.json)
-    print(json.dumps(rows, indent=1) if args.json else "\n".join(f"{name}\t{value}" for name, value in rows.items()))
+    if args.json:
+        print(json.dumps(rows, indent=1))
+    else:
+        cells = [[name, *str(value).split("\t")] for name, value in rows.items()]
+        table.show([dict(zip(_COLUMNS[len(row)], row, strict=True)) for row in cells])
+    return 0
+
+
+def _is_rule(project: Project, text: str) -> bool:
+    return "." in text and not set(text) & set(":/") and any(found.path == text for found in project.library.rules())
+
+
+def _rule(project: Project, path: str, *, as_json: bool) -> int:
+    from dextera_build.explain import rule_card
+
+    rows = rule_card.rows(project.library.find(path))
+    if as_json:
+        print(json.dumps(rows, indent=1))
+    else:
+        table.show(rows)
     return 0
 
 

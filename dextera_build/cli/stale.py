@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from dextera_build.cli import table
 from dextera_build.engine.dryrun import plan as dry
 from dextera_build.errors import StaleError
 from dextera_build.explain.causes import Causes
@@ -25,24 +26,33 @@ def check(session: Session, graph: Graph, wanted: Sequence[Address], *, as_json:
     Raises:
         StaleError: Something that `wanted` needs would run.
     """
-    states = {node.address: node for node in dry(graph, wanted, session.store, history=session.past_builds)}
-    stale = [name for name, node in states.items() if node.status == "stale"]
-    causes = Causes(session, graph, states)
-    rows = {name: reason(session, states, causes, name) for name in stale}
-    if as_json:
-        print(json.dumps([{"node": name, "why": why} for name, why in rows.items()], indent=1))
-    else:
-        print("".join(f"{name}\t{why}\n" for name, why in rows.items()), end="")
+    stale, waiting = show(session, graph, wanted, as_json=as_json)
     if not stale:
         print(f"{session.recipe} is up to date", file=sys.stderr)
         return 0
-    waiting = sum(node.status == "unknown" for node in states.values())
     raise StaleError(
         f"`{session.recipe}` is stale",
         code="DXB-C102",
         facts={"stale": count(len(stale), "node"), "may follow": count(waiting, "node")},
         hint=f"`dxb why '{session.recipe}:{stale[0]}'`",
     )
+
+
+def show(session: Session, graph: Graph, wanted: Sequence[Address], *, as_json: bool = False) -> tuple[list[str], int]:
+    """Print every stale node with what changed.
+
+    Returns:
+        The stale nodes, and how many may follow.
+    """
+    states = {node.address: node for node in dry(graph, wanted, session.store, history=session.past_builds)}
+    stale = [name for name, node in states.items() if node.status == "stale"]
+    causes = Causes(session, graph, states)
+    rows = [{"node": name, "why": reason(session, states, causes, name)} for name in stale]
+    if as_json:
+        print(json.dumps(rows, indent=1))
+    else:
+        table.show(rows)
+    return stale, sum(node.status == "unknown" for node in states.values())
 
 
 def reason(session: Session, states: Mapping[str, Planned], causes: Causes, node: str) -> str:

@@ -25,6 +25,7 @@ GROUPS = {
         "init": "make a new project",
         "new": "make a new recipe, rule or backend in this project",
         "doctor": "say what this machine has and lacks",
+        "help": "explain a verb, an error code or a rule",
         "completion": "print a script that completes command lines in bash, zsh or fish",
     },
 }

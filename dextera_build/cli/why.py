@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 from dextera_build.errors import UsageError
+from dextera_build.report.wording import count
 
 if TYPE_CHECKING:
     from dextera_build.engine.dryrun import Planned
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("node", metavar="RECIPE:NODE", help="twin/laptop_scene:body[mug].mesh")
+    parser.add_argument("node", metavar="RECIPE[:NODE]", help="a node, or a recipe for all its stale nodes")
     options.project_arguments(parser)
     options.request_arguments(parser)
     options.json_argument(parser)
@@ -32,6 +34,8 @@ def run(args: argparse.Namespace) -> int:
     project = options.project(args)
     wanted = options.wish(args.node)
     session = Session(project, wanted.recipe, options.added(args))
+    if not wanted.target:
+        return _recipe(session, as_json=args.json)
     sentence, causes = explain(session, wanted.target)
     if args.json:
         rows = [cause.to_json() for cause in causes]
@@ -40,9 +44,28 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.explain.origins import margin
 
     print(sentence)
-    for cause in causes:
-        cells = (cause.kind, cause.name, cause.change, cause.place)
-        print((margin(cause.depth + 1) + "\t".join(cells)).rstrip())
+    table.show(
+        [
+            {
+                "kind": margin(cause.depth + 1) + cause.kind,
+                "name": cause.name,
+                "change": cause.change,
+                "place": cause.place,
+            }
+            for cause in causes
+        ]
+    )
+    return 0
+
+
+def _recipe(session: Session, *, as_json: bool) -> int:
+    from dextera_build.cli import stale
+    from dextera_build.session import addresses
+
+    graph = session.plan().graph
+    found, waiting = stale.show(session, graph, addresses(graph, ""), as_json=as_json)
+    told = f"{count(len(found), 'node')} of {session.recipe} would run" if found else f"{session.recipe} is up to date"
+    print(f"{told}, {waiting} may follow" if waiting else told, file=sys.stderr)
     return 0
 
 
@@ -50,14 +73,12 @@ def explain(session: Session, node: str) -> tuple[str, list[Cause]]:
     """A sentence about a node, and what changed.
 
     Raises:
-        UsageError: `node` is "", or is not known yet.
+        UsageError: `node` is not known yet.
     """
     from dextera_build.engine.dryrun import plan
     from dextera_build.session import addresses
 
     recipe = session.recipe
-    if not node:
-        raise UsageError("name a node", code="DXB-U111", hint=f"`dxb why {recipe}:NODE`; `dxb ls {recipe}`")
     graph = session.plan().graph
     found = plan(graph, addresses(graph, node), session.store, history=session.past_builds)
     states = {planned.address: planned for planned in found}

@@ -6,7 +6,7 @@ project wherever the module search path finds them, and dxb itself.
 
 from __future__ import annotations
 
-import marshal
+import json
 import os
 import pkgutil
 import sys
@@ -71,26 +71,26 @@ def shared() -> Iterator[dict[str, str]]:
     if not hasattr(os, "memfd_create"):
         yield {}  # a worker that finds a file edited refuses it
         return
-    with os.fdopen(os.memfd_create("sources"), "wb") as opened:
-        opened.write(marshal.dumps({digest_of(data): data for data in _READ.values()}))
+    with os.fdopen(os.memfd_create("sources"), "w") as opened:
+        json.dump({digest_of(data): data.decode("latin-1") for data in _READ.values()}, opened)  # any bytes
         opened.flush()
         yield {_SHARED: f"/proc/{os.getpid()}/fd/{opened.fileno()}"}
 
 
 def earlier(wanted: str) -> bytes | None:
     """The source with this digest as the build read it that this process works for; None where that is not known."""
-    data = _earlier(os.environ.get(_SHARED, "")).get(wanted)
-    return data if data is not None and digest_of(data) == wanted else None
+    data = _earlier(os.environ.get(_SHARED, "")).get(wanted, "").encode("latin-1")
+    return data if digest_of(data) == wanted else None
 
 
 @cache
-def _earlier(place: str) -> dict[str, bytes]:
+def _earlier(place: str) -> dict[str, str]:
     if not os.path.isfile(place):  # the build is gone, and its descriptor may be a pipe's
         return {}
     try:
-        with open(place, "rb") as opened:
-            found: dict[str, bytes] = marshal.load(opened)
-    except (OSError, ValueError, EOFError, TypeError):
+        with open(place) as opened:
+            found: dict[str, str] = json.load(opened)
+    except (OSError, ValueError):
         return {}
     return found
 

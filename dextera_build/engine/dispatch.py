@@ -14,9 +14,9 @@ from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.publish import log_of, publish
 from dextera_build.engine.reading import Reading
 from dextera_build.engine.sharing import Sharing
-from dextera_build.engine.states import State, States
+from dextera_build.engine.states import State
 from dextera_build.engine.tasks import Ended, Executor, Report, Said, Task
-from dextera_build.engine.units import End, Node
+from dextera_build.engine.units import End, Node, UnitStates
 from dextera_build.errors import DxbError
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
@@ -33,7 +33,7 @@ class Dispatch:
 
     store: Store
     executor: Executor | None
-    states: States
+    states: UnitStates
     sharing: Sharing
     policy: Policy
     reading: Reading

@@ -95,12 +95,12 @@ class History:
         return self._entries
 
 
-def projects(state: State) -> Iterator[tuple[str, Iterator[Entry]]]:
-    """The folder of a project, and what is remembered of one of its recipes; for every recipe."""
+def projects(state: State) -> Iterator[tuple[str, str, Iterator[Entry]]]:
+    """The folder of a project, the variant of a request, and what is remembered of it; for every recipe."""
     for kind in state.kinds():
         name, *rest = kind.split("\0")
         if name == _KIND and rest:
-            yield rest[0], (entry for _, entry in _entries(state, kind))
+            yield rest[0], rest[-1], (entry for _, entry in _entries(state, kind))
 
 
 def _entries(state: State, kind: str) -> Iterator[tuple[str, Entry]]:

@@ -90,7 +90,7 @@ def compare(old: Document, new: Document) -> list[Change]:
 
 
 def _rule_part(rule: RuleFacts) -> Document:
-    reads: Document = {traces.READ: []} if rule.discovers else {}
+    reads: Document = {traces.READ: None} if rule.discovers else {}
     return reads | {
         "schema": SCHEMA,
         "rule": rule.path,
@@ -145,7 +145,7 @@ def _flat(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _reads(document: Document) -> dict[str, str]:
-    return {traces.label(kind, name): answer for kind, name, answer in document.get(traces.READ, ())}
+    return {traces.label(kind, name): answer for kind, name, answer in document.get(traces.READ) or ()}
 
 
 def _code(document: Document) -> dict[str, str]:

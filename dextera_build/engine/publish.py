@@ -19,7 +19,7 @@ from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError, RuleError, StoreError
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
-from dextera_build.store.traces import tree
+from dextera_build.store.traces import lists
 
 
 def publish(store: Store, node: Node, report: Ended, reading: Reading) -> ActionResult:
@@ -46,9 +46,7 @@ def publish(store: Store, node: Node, report: Ended, reading: Reading) -> Action
     document = node.document or reading.document(node)
     result, first = _result(store, report, node.key or ""), _first(store, node, report.reply)
     if node.rule.discovers:
-        # A blob: entries that lead to others name the key documents of these.
-        store.blobs.put(document)
-        tree.publish(store, result.key_document, first or result)
+        lists.publish(store, result.key_document, first or result, document)
     elif first is None:
         sizes: dict[str, int] = dict(report.reply.get("sizes") or {})
         if result.log:

@@ -1,4 +1,4 @@
-"""Nodes that read by themselves: which result their answers of today lead to, here and on remotes."""
+"""Nodes with discovered inputs: which result today's answers lead to, here and on remotes."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from dextera_build import digest as digests
 from dextera_build.engine.key import Writer
 from dextera_build.engine.units import Node
 from dextera_build.errors import RuleError
@@ -14,8 +15,8 @@ from dextera_build.store.actions import Found
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
+from dextera_build.store.traces import lists
 from dextera_build.store.traces import steps as traces
-from dextera_build.store.traces import tree
 from dextera_build.store.traces.look import Look
 from dextera_build.store.traces.steps import Step, Steps
 
@@ -24,7 +25,7 @@ Question: TypeAlias = tuple[str, str, str]
 
 
 class Reading:
-    """What the nodes of one run read by themselves; each question is asked once a run.
+    """The discovered inputs of one run; each question is asked once.
 
     Args:
         store: Holds results.
@@ -37,10 +38,10 @@ class Reading:
         self._told: dict[Question, str] = {}
 
     def find(self, node: Node) -> Found | None:
-        """What the store knows of a node; the key of one that reads by itself follows from what it would read."""
+        """Look a node up in the store; with discovered inputs its key depends on what it would read."""
         if not node.rule.discovers:
             return self._store.actions.find(node.key or "")
-        found = tree.find(self._store, self._static(node), self._answers(node))
+        found = lists.find(self._store, self._static(node), self._answers(node))
         self._take(node, found.steps, found.document)
         return found.held
 
@@ -54,29 +55,25 @@ class Reading:
         return found.result if found is not None and found.is_whole else None
 
     def document(self, node: Node) -> bytes:
-        """The key document of a node, with what it has read as far as is known."""
+        """The key document of a node, with its trace if that is known."""
         if node.rule.discovers:
             return traces.spelled(self._static(node), node.reads)
         return self._writer.document(node.call, node.inputs)
 
     def begin(self, node: Node) -> None:
-        """Let a node have the key that it has before it read anything."""
-        if node.rule.discovers:
-            self._take(node, (), traces.spelled(self._static(node), ()))
+        """Give a node its static key, under which remotes list traces."""
+        self._take(node, None, traces.spelled(self._static(node), None))
 
-    def onward(self, node: Node, result: ActionResult) -> Steps | None:
-        """What a node would read next, where what a remote gave under its key says that; None for its result."""
-        return tree.going_on(self._store, result) if node.rule.discovers else None
-
-    def follow(self, node: Node, onward: Steps) -> bool:
-        """Let a node have the key that it has when it has read on; False where that cannot be told."""
-        asked = tree.follow(node.reads, onward, self._answers(node))
-        if asked is not None:
-            self._take(node, asked, traces.spelled(self._static(node), asked))
-        return asked is not None
+    def follow(self, node: Node) -> bool:
+        """Give a node the key of the trace that fits, whether the store has its result or not; False: none fits."""
+        static = self._static(node)
+        steps = lists.fitting(self._store, static, self._answers(node))
+        if steps is not None:
+            self._take(node, steps, traces.spelled(static, steps))
+        return steps is not None
 
     def ran(self, node: Node, reply: Mapping[str, Any]) -> None:
-        """Give a node that ran the key that follows from what it read.
+        """Give a node that ran the key with its trace.
 
         Raises:
             RuleError: Something that it read is another thing by now, or was before it ran.
@@ -95,14 +92,14 @@ class Reading:
         self._take(node, steps, traces.spelled(self._static(node), steps))
 
     def suppose(self, node: Node, last: str) -> None:
-        """Give a stale node the key that it has if it reads what it read when it had the key `last`, or none."""
+        """Predict a stale node's key by assuming it reads the same files as under `last`; None if unknown."""
         if not node.rule.discovers:
             return
         try:
             parts = traces.parts_of(self._store.blobs.get(last)) if last else None
         except (MissingBlob, ValueError):
             parts = None
-        if parts is None:
+        if parts is None or parts[1] is None:
             node.key = None
             return
         now = self._look(node).answer_or_unknown
@@ -110,13 +107,13 @@ class Reading:
         self._take(node, steps, traces.spelled(self._static(node), steps))
 
     def watch(self, node: Node, steps: object) -> None:
-        """Look at what a node read that has no result, so that whoever watches knows of it."""
+        """Look at the files that a failed node read, so that the snapshot watches them."""
         for kind, name, _ in steps if isinstance(steps, list) else ():
             self._look(node).answer_or_unknown(str(kind), str(name))
 
     def forget(self, node: Node) -> None:
-        """Ask anew what a node reads."""
-        for kind, name, _ in node.reads:
+        """Forget the answers that a node got."""
+        for kind, name, _ in node.reads or ():
             self._told.pop((node.rule.discovers, kind, name), None)
 
     def _changed(self, node: Node, step: Step) -> bool:
@@ -125,7 +122,7 @@ class Reading:
             return True
         return self._look(node).answer_or_unknown(kind, name) != answer
 
-    def _answers(self, node: Node) -> tree.Answer:
+    def _answers(self, node: Node) -> lists.Answer:
         look = self._look(node)
 
         def answer(kind: str, name: str) -> str:
@@ -146,6 +143,6 @@ class Reading:
         document: dict[str, Any] = json.loads(self._writer.document(node.call, node.inputs))
         return document
 
-    def _take(self, node: Node, steps: Steps, document: bytes) -> None:
+    def _take(self, node: Node, steps: Steps | None, document: bytes) -> None:
         node.reads, node.document = steps, document
-        node.key = tree.key_of(document)
+        node.key = digests.of_bytes(document)

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from dextera_build.errors import DxbError, MachineError
+from dextera_build.store.backoff import backoff
 
 _DIED = "DXB-B301"
-_LONGEST_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,7 @@ class Retries:
 
         Spread over half of its length by the node's key, so that nodes which failed together do not come back together.
         """
-        spread = int(key[:8] or "0", 16) / 2**32
-        return min(float(self.wait_s * 2 ** (tries - 1)), _LONGEST_S) * (0.5 + 0.5 * spread)
+        return backoff(tries, self.wait_s, key)
 
 
 def name_of(kind: type[BaseException]) -> str:

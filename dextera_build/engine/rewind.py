@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
-from dextera_build.engine.states import State, States
-from dextera_build.engine.units import Gathering, Node, Opening, Unit
+from dextera_build.engine.states import State
+from dextera_build.engine.units import Gathering, Node, Opening, Unit, UnitStates
 from dextera_build.engine.values import value
 from dextera_build.engine.wiring import Wiring
 from dextera_build.store.store import Store
@@ -20,7 +20,7 @@ _MOST = 3
 """How often one blob may vanish under one reader."""
 
 
-def rewind(unit: Unit, digest: str, store: Store, states: States) -> list[Unit] | None:
+def rewind(unit: Unit, digest: str, store: Store, states: UnitStates) -> list[Unit] | None:
     """Blob `digest` is gone: take `unit`, and all between it and nodes whose results are lost, back to waiting.
 
     Returns:
@@ -48,7 +48,7 @@ def absent(node: Node, store: Store, wiring: Wiring) -> list[Node]:
     return list(found)
 
 
-def send_back(unit: Unit, missing: Iterable[Node], states: States) -> list[Unit]:
+def send_back(unit: Unit, missing: Iterable[Node], states: UnitStates) -> list[Unit]:
     """Take `unit`, and all between it and these nodes that it reads, back to waiting; they must be connected again."""
     wanted = {id(node) for node in missing}
     return _back(unit, _above(unit, lambda source: id(source) in wanted), states)
@@ -109,7 +109,7 @@ def _gone(source: Unit, store: Store) -> bool:
     return False
 
 
-def _back(unit: Unit, again: list[Unit], states: States) -> list[Unit]:
+def _back(unit: Unit, again: list[Unit], states: UnitStates) -> list[Unit]:
     for other in (*again, unit):
         other.forget()
         if other.state is not State.WAITS:

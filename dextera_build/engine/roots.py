@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -14,6 +15,8 @@ LOCKFILE = "dxb.lock"
 NOBODY = "builds outside a project"
 
 _KEY = re.compile(rb"(?<![0-9a-f])[0-9a-f]{64}(?![0-9a-f])")
+_VARIANT_S = 30 * 86400.0
+"""Requests with other flags than the recipe's own hold on to nothing after so long [s]."""
 
 
 @dataclass
@@ -35,9 +38,11 @@ def find(store: Store) -> Roots:
         keys={workspace: set() for workspace, is_there in workspaces.items() if is_there},
         vanished=[workspace for workspace, is_there in workspaces.items() if not is_there],
     )
-    for workspace, entries in history.projects(store.state):
+    for workspace, variant, entries in history.projects(store.state):
         if workspace not in found.vanished:
             for entry in entries:
+                if variant and entry.time < time.time() - _VARIANT_S:
+                    continue
                 found.keys.setdefault(workspace or NOBODY, set()).add(entry.key)
                 found.runs.add(entry.run)
     for workspace, held in found.keys.items():

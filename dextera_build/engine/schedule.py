@@ -32,7 +32,7 @@ from dextera_build.engine.reading import Reading
 from dextera_build.engine.sharing import Remotes, Sharing
 from dextera_build.engine.states import LOST, State, States
 from dextera_build.engine.tasks import Executor
-from dextera_build.engine.units import End, Gathering, Node, Opening, Unit
+from dextera_build.engine.units import End, Gathering, Node, Opening, Unit, UnitStates
 from dextera_build.engine.values import inputs_of, value
 from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
@@ -70,7 +70,7 @@ class Scheduler:
         self.store = store
         self.policy = policy
         self.hooks = hooks or Hooks()
-        self.states = States()
+        self.states: UnitStates = States()
         self.wiring = Wiring(graph, store.leaves.digest_leaf)
         self.wishes: list[Gathering] = []
         self.failed: list[Unit] = []
@@ -225,7 +225,7 @@ class Scheduler:
     def _note_bare(self, node: Node, result: ActionResult) -> None:
         """That bytes are absent is as it should be from now on."""
         with suppress(StoreError):  # a store that may only be read serves what it holds
-            self.store.actions.put_bare(node.key or "", result, document=node.document)
+            self.store.actions.put(node.key or "", result, document=node.document, may_lack=True)
 
     def _ask_above(self, node: Node) -> None:
         """Note in a dry run which results would have to have their bytes, so that `node` can run."""

@@ -6,16 +6,15 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, TypeAlias
 
 from dextera_build.engine.reading import Reading
-from dextera_build.engine.states import State, States
-from dextera_build.engine.units import End, Node
-from dextera_build.store.entry import ActionResult
+from dextera_build.engine.states import State
+from dextera_build.engine.units import End, Node, UnitStates
 
 if TYPE_CHECKING:
     # A build without remotes need not wait for these.
     from dextera_build.store.remotes.exchange import Arrival, Exchange
 
 Remotes: TypeAlias = "Exchange | None"
-"""The remotes of a run; None where there are none."""
+"""The remotes of a run; None if there are none."""
 
 
 class Sharing:
@@ -24,10 +23,10 @@ class Sharing:
     Args:
         exchange: Asks and tells remotes.
         states: The states of all units.
-        reading: Knows what nodes read by themselves.
+        reading: Knows the discovered inputs of nodes.
     """
 
-    def __init__(self, exchange: Remotes, states: States, reading: Reading) -> None:
+    def __init__(self, exchange: Remotes, states: UnitStates, reading: Reading) -> None:
         self._exchange, self._states, self._reading = exchange, states, reading
         self._fetching: dict[str, Node] = {}
         self._missed: set[str] = set()
@@ -40,7 +39,7 @@ class Sharing:
         if not node.rule.discovers:
             return self._ask(node, self._exchange)
         here = (node.key, node.document, node.reads)
-        self._reading.begin(node)  # a remote knows ways of its own to what it holds
+        self._reading.begin(node)
         if self._ask(node, self._exchange):
             return True
         node.key, node.document, node.reads = here
@@ -76,18 +75,17 @@ class Sharing:
                 yield self._without(node)
             else:
                 node.remote, node.fetched_s = answer.remote, answer.seconds
-                yield from self._take(node, answer.result, bare=not answer.is_whole)
+                if not node.rule.discovers or node.reads is not None:
+                    yield End(node, "fetched", answer.result, not answer.is_whole)
+                elif not self._goes_on(node):
+                    yield self._without(node)
 
-    def _take(self, node: Node, result: ActionResult, *, bare: bool) -> Iterator[End]:
-        """A remote has something under the key of a node: its result, or what it reads next."""
-        onward = self._reading.onward(node, result)
-        if onward is None:
-            yield End(node, "fetched", result, bare)
-        elif self._exchange is None or not (self._reading.follow(node, onward) and self._ask(node, self._exchange)):
-            yield self._without(node)
+    def _goes_on(self, node: Node) -> bool:
+        """Whether one of the traces that a remote listed fits; then its result is asked for."""
+        return self._exchange is not None and self._reading.follow(node) and self._ask(node, self._exchange)
 
     def _without(self, node: Node) -> End:
-        """No remote leads further; what came from them may."""
+        """No remote has the result; a trace that came from one may lead to a local one."""
         hit = self._reading.find(node) if node.rule.discovers else None
         if hit is not None and (hit.is_whole or not node.asked):
             return End(node, "cached", hit.result, not hit.is_whole)

@@ -32,10 +32,7 @@ from __future__ import annotations
 
 import enum
 from collections import deque
-from typing import TYPE_CHECKING, cast
-
-if TYPE_CHECKING:
-    from dextera_build.engine.units import Node, Unit
+from typing import Generic, Protocol, TypeVar, cast
 
 
 class State(enum.Enum):
@@ -89,17 +86,29 @@ LOST = frozenset({State.FAILED, State.BLOCKED, State.CANCELLED})
 """States that no output will ever come from."""
 
 
-class States:
+class Stateful(Protocol):
+    """Something with a state."""
+
+    state: State
+
+
+U = TypeVar("U", bound=Stateful)
+"""A unit."""
+N = TypeVar("N", bound=Stateful)
+"""A node, which is a unit that may run."""
+
+
+class States(Generic[U, N]):
     """The states of all units of one run, with the queues that follow from them."""
 
     def __init__(self) -> None:
-        self.ready: deque[Unit] = deque()
-        self.queue: deque[Node] = deque()
-        self.locked: list[Node] = []
+        self.ready: deque[U] = deque()
+        self.queue: deque[N] = deque()
+        self.locked: list[N] = []
         self.running = 0
         self.fetching = 0
 
-    def set(self, unit: Unit, state: State) -> None:
+    def set(self, unit: U, state: State) -> None:
         """Every change of state goes through here.
 
         Raises:
@@ -109,18 +118,18 @@ class States:
         if state not in _NEXT[old]:
             raise AssertionError(f"{unit}: {old.value} -> {state.value}")
         if old is State.LOCKED:
-            self.locked.remove(cast("Node", unit))
+            self.locked.remove(cast("N", unit))
         self.running += (state is State.RUNNING) - (old is State.RUNNING)
         self.fetching += (state is State.FETCHING) - (old is State.FETCHING)
         unit.state = state
         if state is State.READY:
             self.ready.append(unit)
         elif state is State.QUEUED:
-            self.queue.append(cast("Node", unit))
+            self.queue.append(cast("N", unit))
         elif state is State.LOCKED:
-            self.locked.append(cast("Node", unit))
+            self.locked.append(cast("N", unit))
 
-    def next_ready(self) -> Unit | None:
+    def next_ready(self) -> U | None:
         """Take the next unit whose sources are known."""
         while self.ready:
             unit = self.ready.popleft()

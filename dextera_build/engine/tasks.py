@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeAlias
 
 from dextera_build.engine.capacity import Capacity, Needs
-from dextera_build.errors import DxbError, RuleError
+from dextera_build.errors import DxbError, Place, RuleError
 
 _LITTLE = Needs()
 _LOG_MOST = 1 << 20
@@ -110,7 +110,25 @@ def printed(descriptor: int) -> bytes:
     return os.pread(descriptor, _LOG_MOST, max(0, size - _LOG_MOST)) if size else b""
 
 
-def escaped(error: BaseException) -> RuleError:
-    """What an exception that a rule let escape means for the build; its traceback belongs into the node's log."""
+def escaped(error: BaseException, project: str = "") -> RuleError:
+    """What an exception that a rule let escape means for the build; its traceback belongs into the node's log.
+
+    Args:
+        error: The exception.
+        project: The project's folder; the last line of its code that the exception passed is named.
+    """
     text = f"{type(error).__name__}: {error}".strip().rstrip(":")
-    return RuleError(text.splitlines()[0], code="DXB-B302", hint="`dxb log` shows where it came from")
+    where = _last_line(error, project) if project else None
+    return RuleError(text.splitlines()[0], code="DXB-B302", where=where, hint="`dxb log` shows the whole traceback")
+
+
+def _last_line(error: BaseException, project: str) -> Place | None:
+    """The innermost frame of an exception in a file of the project, where packages may be installed as well."""
+    import traceback
+
+    found = None
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        file = frame.f_code.co_filename
+        if file.startswith(project + os.sep) and "site-packages" not in file:
+            found = Place(os.path.relpath(file, project), line)
+    return found

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from dextera_build.engine.graph import Call, Group, Leaf, RuleFacts
-from dextera_build.engine.states import State
+from dextera_build.engine.states import State, States
 from dextera_build.engine.tasks import Ended
 from dextera_build.errors import DxbError
 from dextera_build.store.entry import ActionResult
@@ -80,8 +80,8 @@ class Node(Unit):
     """Slot -> digest."""
     leaves: list[tuple[Leaf, str]] = field(default_factory=list)
     """Files and folders that it reads directly, with the digests that entered its key."""
-    reads: Steps = ()
-    """What it reads by itself, as far as is known."""
+    reads: Steps | None = None
+    """What it reads by itself, None where that is not known."""
     key: str | None = None
     document: bytes = b""
     """The key document, while it is looked up, and when it has run."""
@@ -145,6 +145,9 @@ class Gathering(Unit):
     """The copies, as far as groups are open."""
     output: str | None = None
     """Digest of the collection."""
+
+
+UnitStates: TypeAlias = States[Unit, Node]
 
 
 class End(NamedTuple):

@@ -77,7 +77,7 @@ class Worker:
         except Exception as error:
             with contextlib.suppress(OSError):  # where the log's disk is full the error still goes out
                 traceback.print_exc()
-            answer = {"error": escaped(error).to_json(), "raised": names_of(error)}
+            answer = {"error": escaped(error, task["project"]).to_json(), "raised": names_of(error)}
         answer["seconds"] = time.perf_counter() - began
         self._flush()
         if log := printed(1):

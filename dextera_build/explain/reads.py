@@ -29,12 +29,12 @@ class Reads:
 
     def asked_now(self, document: Mapping[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
         """A key document as it would be if its call asked what the call of another one did."""
-        steps = [[kind, name, self._look.answer_or_unknown(kind, name)] for kind, name, _ in old.get(READ, ())]
+        steps = [[kind, name, self._look.answer_or_unknown(kind, name)] for kind, name, _ in old.get(READ) or ()]
         return {**document, READ: steps}
 
     def change(self, named: str, document: Mapping[str, Any], old: object, new: object) -> tuple[str, dict[str, str]]:
         """What became of an answer of the call of a document, and for a pattern each file that came or went."""
-        step = next((step for step in document.get(READ, ()) if label(*step[:2]) == named), None)
+        step = next((step for step in (document.get(READ) or ()) if label(*step[:2]) == named), None)
         if step is None or new is None:
             return "not read now" if new is None else "not read before", {}
         if step[0] == "names":
@@ -49,7 +49,7 @@ class Reads:
 
     def rows(self, document: Mapping[str, Any]) -> dict[str, str]:
         """Question -> what the call of a document was told."""
-        return {label(kind, name): self._told(kind, answer) for kind, name, answer in document.get(READ, ())}
+        return {label(kind, name): self._told(kind, answer) for kind, name, answer in (document.get(READ) or ())}
 
     def listing(self, digest: str) -> list[str] | None:
         """Files that a pattern matched, or None where the store does not hold the list."""

@@ -12,7 +12,7 @@ from dextera_build.geometry import transforms
 
 
 class JointLike(Protocol):
-    """What is needed of a joint: `artifacts.object.Joint` has it."""
+    """The attributes of a joint that kinematics needs; `artifacts.object.Joint` has them."""
 
     @property
     def name(self) -> str: ...  # noqa: D102
@@ -31,7 +31,7 @@ class JointLike(Protocol):
 
 
 class BodyLike(Protocol):
-    """What is needed of a body: `artifacts.object.Body` has it."""
+    """The attributes of a body that kinematics needs; `artifacts.object.Body` has them."""
 
     @property
     def links(self) -> Mapping[str, Any]: ...  # noqa: D102
@@ -69,7 +69,7 @@ def link_poses(body: BodyLike, positions: Mapping[str, float] | None = None) -> 
     given = dict(positions or {})
     known = [joint.name for joint in body.joints]
     if unknown := sorted(set(given) - set(known)):
-        raise ArtifactError(f"`{unknown[0]}` is no joint of this body", facts={"joints": ", ".join(known) or "none"})
+        raise ArtifactError(f"`{unknown[0]}` is not a joint of this body", facts={"joints": ", ".join(known) or "none"})
     moved = {joint.child for joint in body.joints}
     poses = {name: np.eye(4) for name in body.links if name not in moved}
     waiting = list(body.joints)

@@ -1,4 +1,4 @@
-"""The material table: what is assumed of a material when it can only be looked at."""
+"""The material table: properties that are assumed of a material from its look alone."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Material:
-    """Properties with what is known of them. Densities are log-normal: `sigma` 0.1 means about ten per cent."""
+    """Properties with their uncertainty. Densities are log-normal: `sigma` 0.1 means about ten per cent."""
 
     wall_density: float
     """Of the substance itself, for a body whose walls are modelled [kg/m^3]."""

@@ -53,7 +53,7 @@ def boundary_f1(found: np.ndarray, truth: np.ndarray, tolerance: float = 0.008) 
 
 
 def rgb_mae(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float | None:
-    """Mean absolute difference of sRGB values 0..1 over `where`; None where it is empty."""
+    """Mean absolute difference of sRGB values 0..1 over `where`; None if `where` is empty."""
     if not where.any():
         return None
     return float(np.abs(one[where].astype(np.float64) - other[where].astype(np.float64)).mean() / 255.0)
@@ -70,7 +70,7 @@ def lab(pixels: np.ndarray) -> np.ndarray:
 
 
 def delta_e76(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float | None:
-    """Mean CIE 1976 colour difference of sRGB uint8 pictures over `where`; None where it is empty."""
+    """Mean CIE 1976 colour difference of sRGB uint8 pictures over `where`; None if `where` is empty."""
     if not where.any():
         return None
     return float(np.linalg.norm(lab(one[where]) - lab(other[where]), axis=-1).mean())
@@ -134,7 +134,7 @@ def match(overlaps: np.ndarray, least: float) -> list[tuple[int, int]]:
 
 
 def mean_std(values: Sequence[float | None]) -> tuple[float | None, float | None, int]:
-    """Mean, sample standard deviation (None below two values) and count of what is not None."""
+    """Mean, sample standard deviation (None below two values) and count of the values that are not None."""
     known = np.array([value for value in values if value is not None], np.float64)
     if not len(known):
         return None, None, 0

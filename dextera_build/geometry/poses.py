@@ -1,4 +1,4 @@
-"""Poses as seven numbers, position [m] and unit quaternion w x y z, and the motions (4, 4) that they stand for."""
+"""Poses as seven numbers, position [m] and unit quaternion w x y z, and the same poses as (4, 4) matrices."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Render:
-    """What a camera sees of some surfaces."""
+    """Surfaces as a camera sees them."""
 
     depth: np.ndarray  # (H, W) float64, image-plane z [m]; 0 where no surface is
     index: np.ndarray  # (H, W) int32, position in the list of surfaces; -1 where none is
@@ -43,7 +43,7 @@ def render(
     """Cast one ray through every pixel centre.
 
     Args:
-        surfaces: What is there; the nearest hit wins, from both sides.
+        surfaces: The scene; the nearest hit wins, from both sides.
         k: (3, 3) intrinsics [px], OpenCV convention.
         world_from_camera: (4, 4) T_world_camera, OpenCV axes.
         height: Rows [px].
@@ -60,7 +60,7 @@ def cast(surfaces: Sequence[Surface], rays: np.ndarray) -> Render:
     """Cast free rays.
 
     Args:
-        surfaces: What is there.
+        surfaces: The scene.
         rays: (..., 6) origin and direction in the world frame; `depth` counts in lengths of the direction.
     """
     import open3d as o3d

@@ -72,7 +72,7 @@ class Attention(nn.Module):
 
 
 class Block(nn.Module):
-    """Self-attention, attention to a memory where there is one, and a two-layer perceptron, each a residual."""
+    """Self-attention, attention to a memory if given, and a two-layer perceptron, each a residual."""
 
     def __init__(self, width: int, heads: int, *, memory: bool) -> None:
         super().__init__()
@@ -214,7 +214,7 @@ class Batch:
     keep: Tensor
     """(B, C), false for steps after the episode's end."""
     places: Tensor | None = None
-    """(B, P) normalised, where the task's object is: what a policy that looks is told in training and nowhere else."""
+    """(B, P) normalised, where the task's object is: an auxiliary target of policies on pictures, in training alone."""
 
 
 def loss_of(network: Act, batch: Batch, noise: Tensor, kl_weight: float) -> tuple[Tensor, Tensor]:

@@ -1,4 +1,4 @@
-"""The network of reinforced policies; what its decisions mean is said in `dextera_build.sim.control.steering`."""
+"""The network of reinforced policies; its decisions are interpreted by `dextera_build.sim.control.steering`."""
 
 from __future__ import annotations
 

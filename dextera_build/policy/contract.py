@@ -18,7 +18,7 @@ def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> C
     """The channel called `name`, not normalised yet.
 
     Args:
-        layout: What there is.
+        layout: Layout of the data.
         name: One of `CHANNELS`.
         only: Components that the policy takes, by name; None: all.
 
@@ -50,8 +50,8 @@ def check(contract: PolicyContract, bundle: TaskBundle, rate_hz: float | None = 
     """Refuse a policy that was made for something else.
 
     Args:
-        contract: What the policy expects and gives.
-        bundle: What it is to run in.
+        contract: Inputs and outputs of the policy.
+        bundle: World that it will run in.
         rate_hz: Rate at which it will be asked [Hz]; None: the bundle's.
         view: The camera that it will see through.
 
@@ -92,7 +92,7 @@ def check_data(bundle: TaskBundle, episodes: Episodes) -> None:
 
 
 def differences(contract: PolicyContract, here: Layout) -> dict[str, str]:
-    """What differs between a contract and what there is: name of the difference -> both sides."""
+    """Differences between a contract and a bundle: name of the difference -> both sides."""
     found: dict[str, str] = {}
     _compare(found, "another task", contract.task, here.task)
     _compare_actions(found, contract.action.names, contract.embodiment, here)

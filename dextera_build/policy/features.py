@@ -22,7 +22,7 @@ Fields = dict[str, np.ndarray]
 
 
 def recorded(episode: Episode) -> Fields:
-    """What a policy would have observed at each of the T steps of an episode, without pictures.
+    """Observations at each of the T steps of an episode, without pictures.
 
     Returns:
         `joints`, `previous_action` (T, A) [rad]; `objects` (T, O, 7); `displacement` (T, K); `goal` (T, G).

@@ -1,4 +1,4 @@
-"""What a task bundle or a data set offers to policies: which channels, and what their components are called."""
+"""The channels that a task bundle or a data set offers to policies, and the names of their components."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ class Layout:
     goal: tuple[str, ...]
     """Components of `goal`."""
     picture: tuple[int, int] | None = None
-    """(height, width) of `rgb` [px], or None where there is no camera."""
+    """(height, width) of `rgb` [px], or None without a camera."""
 
     def names(self, channel: str) -> tuple[str, ...] | None:
-        """What the components along the first axis of a vector channel are, or None where it does not exist."""
+        """Names of the components along the first axis of a vector channel, or None for an unknown channel."""
         known = {
             "joints": self.joints,
             "previous_action": self.joints,
@@ -50,7 +50,7 @@ def embodiment(robot: RobotModel) -> str:
 
 
 def of_bundle(bundle: TaskBundle, view: View | None = None, rate_hz: float | None = None) -> Layout:
-    """What a task bundle offers, seen through `view`, at its own rate or at `rate_hz`."""
+    """The layout of a task bundle, seen through `view`, at its own rate or at `rate_hz`."""
     task = bundle.task
     return Layout(
         task=task.name,
@@ -65,7 +65,7 @@ def of_bundle(bundle: TaskBundle, view: View | None = None, rate_hz: float | Non
 
 
 def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | None = None) -> Layout:
-    """What a data set offers; what its goal means, `goal`, only the task knows."""
+    """The layout of a data set; the meaning of its goal, `goal`, is known to the task alone."""
     return Layout(
         task=episodes.task,
         embodiment=episodes.embodiment,
@@ -86,7 +86,7 @@ def gathered(
     Args:
         bundle: The task that they were made in.
         items: Index -> episode that counts.
-        failures: Index -> episode that was sorted out.
+        failures: Index -> discarded episode.
         attempts: Tries that both came from.
     """
     here = of_bundle(bundle)

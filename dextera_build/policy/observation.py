@@ -14,7 +14,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Measurement:
-    """What a robot cell measures in one control period; a simulated cell and a real one fill in the same fields."""
+    """The measurements of a robot cell in one control period; simulated and real cells fill in the same fields."""
 
     joints: np.ndarray
     """Positions of the robot's joints (A,) [rad]."""

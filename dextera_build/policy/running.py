@@ -56,8 +56,8 @@ class Policy:
     """A trained policy that runs in one world.
 
     Args:
-        contract: What it expects and gives.
-        layout: What the world offers; it fits the contract.
+        contract: Inputs and outputs.
+        layout: The layout of the world, which fits the contract.
         predict: The network.
         limits: Joint limits (A, 2) [rad].
     """

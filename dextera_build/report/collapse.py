@@ -9,14 +9,14 @@ from dextera_build.report.run import Node
 from dextera_build.report.wording import count
 
 WAYS = ("node", "group", "rule", "recipe")
-"""What a box may stand for; `group` is all copies of a call."""
+"""The nodes that one box may represent; `group` is all copies of a call."""
 
 _LABEL = re.compile(r"\[[^\]]*\]")
 _WORST = ("failed", "waits", "cancelled", "stale", "unknown", "ran", "fetched", "cached", "")
 
 
 def collapse(nodes: Sequence[Node], way: str) -> list[Node]:
-    """One node for all that are alike in the way of `WAYS`: it reads what they read, and has the state of the worst.
+    """One node for all nodes that are alike by one of `WAYS`: it has their inputs, and the worst of their states.
 
     Rules and recipes may read one another in a circle although nodes do not.
     """
@@ -28,7 +28,7 @@ def collapse(nodes: Sequence[Node], way: str) -> list[Node]:
 
 
 def members(nodes: Sequence[Node], way: str) -> dict[str, list[Node]]:
-    """The nodes that each box of `collapse` stands for, by the address of the box."""
+    """The nodes that each box of `collapse` represents, by the address of the box."""
     boxes: dict[str, list[Node]] = {}
     for node in nodes:
         boxes.setdefault(_name(node, way), []).append(node)

@@ -16,7 +16,7 @@ from dextera_build.report.wording import count, used
 
 _LOG_LINES = 40  # the last ones
 _LOG_CHARACTERS = 8000
-_FULL = 1200  # nodes with all that is known of them; about 1.5 kB each
+_FULL = 1200  # nodes with full details; about 1.5 kB each
 _LISTED = 4000  # nodes with a line at all; about 0.7 kB each
 
 

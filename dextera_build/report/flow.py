@@ -20,7 +20,7 @@ class Size:
     step: tuple[int, int] = (118, 46)
     """From box to box."""
     left: int = 92
-    """For the lanes' titles, where there are groups."""
+    """Titles of lanes, for graphs with groups."""
     label: int = 12
     """Characters of a name."""
     sub: int = 14

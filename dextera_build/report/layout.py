@@ -44,7 +44,7 @@ class Layout:
 
 
 def lay_out(run: Run, most_lanes: int = 16) -> Layout:
-    """Place every node; copies of a call stand in the same column and the same row of their lane.
+    """Place every node; copies of a call have the same column, and the same row of their lane.
 
     Args:
         run: The run.
@@ -84,7 +84,7 @@ def reduced(nodes: Sequence[Node]) -> list[tuple[Node, Node]]:
 
 
 def topological(nodes: Sequence[Node]) -> list[Node]:
-    """Nodes behind all that they depend on; iterative, and a broken log with a cycle still gives an order."""
+    """Nodes in topological order; iterative, and a broken log with a cycle still gives an order."""
     known = {node.address: node for node in nodes}
     done: dict[str, Node] = {}
     for root in nodes:

@@ -8,7 +8,7 @@ from dextera_build.report.pictures import Pictures
 from dextera_build.report.pieces import link, metrics, state
 from dextera_build.report.run import Node, Run
 
-_MESHES = ("Asset", "Body", "Shape", "Mesh")  # artifacts whose preview stands for the object, best first
+_MESHES = ("Asset", "Body", "Shape", "Mesh")  # artifacts whose preview represents the object, best first
 
 _MOST = 200  # cards; those with a failure first
 
@@ -24,7 +24,7 @@ def copies(run: Run) -> dict[tuple[str, str], list[Node]]:
 
 
 def portrait(nodes: list[Node]) -> tuple[Node, str, str] | None:
-    """The picture that stands for an object: (node, caption, digest)."""
+    """The picture that represents an object: (node, caption, digest)."""
     shown = [node for node in nodes if node.previews]
     for kind in _MESHES:
         for node in reversed(shown):

@@ -47,7 +47,7 @@ class Pictures:
         self._quality = quality
         self._made: dict[tuple[str, int], tuple[str, int, int] | None] = {}
         self.large: set[str] = set()
-        """Digests that stand in the page at more than thumbnail size."""
+        """Digests of pictures that the page shows larger than a thumbnail."""
 
     def figure(self, digest: str, caption: str, *, size: str = "large", note: str = "", name: str = "") -> Html:
         """A figure with its caption, or nothing where the store has no such picture.

@@ -31,7 +31,7 @@ def link(node: Node, text: str = "") -> Html:
 
 
 def took(node: Node) -> str:
-    """Its time in this run, or what it took when it ran."""
+    """Its time in this run, or in the run that built it."""
     if node.worked:
         return duration(node.seconds)
     if node.status == "cached" and node.first_seconds:

@@ -1,4 +1,4 @@
-"""The top of the page: what was built, the picture of it, the checks, and a strip of key pictures."""
+"""The top of the page: the targets, their picture, the checks, and a strip of key pictures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def title(run: Run) -> Html:
     verdict = ("ok", "✓ built") if run.ok else ("bad", "✗ failed")
     if run.interrupted:
         verdict = ("warn", "- stopped")
-    # Stub backends give shapes without meaning: nobody may take such a page for a result.
+    # Stub backends give shapes without meaning: such a page must not pass for a result.
     stub = tag("span", {"class": "verdict warn"}, "stub backends") if run.profile == "stub" else None
     when = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(run.started))
     facts = [
@@ -72,7 +72,7 @@ def hero(run: Run, pictures: Pictures) -> tuple[Html | None, str]:
 
 
 def outcome(run: Run) -> Html:
-    """What the nodes outside groups said, latest results first, with their numbers and checks."""
+    """Lines of the nodes outside groups, latest results first, with their numbers and checks."""
     rows = []
     for node in reversed(topological([n for n in run.nodes if not n.labels])):
         verdict = passed(node)

@@ -19,7 +19,7 @@ _WORKED = ("ran", "fetched", "failed", "cancelled")
 
 @dataclass
 class Node:
-    """One node of the run and what the store still knows of it."""
+    """One node of the run, with its record in the store."""
 
     index: int
     address: str
@@ -48,7 +48,7 @@ class Node:
     artifact: str = ""
     fields: dict[str, Any] = field(default_factory=dict)
     usage: Mapping[str, float] = field(default_factory=dict)
-    """What it used in this run; see `engine.usage`."""
+    """Its resource usage in this run; see `engine.usage`."""
     tries: int = 0
     calls: list[Mapping[str, Any]] = field(default_factory=list)
     """Recorded calls that its result came of."""
@@ -70,7 +70,7 @@ class Node:
 
     @property
     def call(self) -> tuple[str, ...]:
-        """The address without labels: what the recipe wrote once."""
+        """The address without labels, as the recipe declares it."""
         return tuple(name for name, _ in self.steps)
 
     @property
@@ -154,7 +154,7 @@ class _Reader:
             _finish(self.run, data)
 
     def end(self) -> None:
-        """What had begun and did not end was cut off; without a last event, count what is there."""
+        """Nodes that began and did not end were cut off; without a last event, the nodes at hand are counted."""
         run = self.run
         for data in self.begun.values():
             lost = {"status": "cancelled", "output": None, "time": self.last, "seconds": self.last - data["time"]}

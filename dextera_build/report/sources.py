@@ -1,4 +1,4 @@
-"""What the report reads besides events: results and artifact headers, as plain JSON, without knowing any type."""
+"""The report's sources besides events: results and artifact headers as plain JSON, without knowing any type."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ class Blobs(Protocol):
 
 
 class Result(Protocol):
-    """What the action cache keeps of one node."""
+    """The action cache's record of one node."""
 
     @property
     def line(self) -> str:
-        """What the rule said."""
+        """The rule's line about the result."""
 
     @property
     def previews(self) -> Sequence[tuple[str, str]]:
@@ -35,7 +35,7 @@ class Result(Protocol):
 
     @property
     def log(self) -> str | None:
-        """Digest of what the node logged."""
+        """Digest of the node's log."""
 
     @property
     def key_document(self) -> str:
@@ -62,7 +62,7 @@ class Store(Protocol):
 
 
 def result(store: Store, key: str | None) -> Result | None:
-    """The stored result of `key`, or None; a damaged entry is no reason for a report to fail."""
+    """The stored result of `key`, or None; a damaged entry does not fail the report."""
     if key is None:
         return None
     try:
@@ -111,12 +111,12 @@ def plain(value: Any) -> Any:
 
 
 def text(store: Store, digest: str | None) -> str:
-    """A blob as text, empty where there is none."""
+    """A blob as text; empty if it is missing."""
     return (blob(store, digest) or b"").decode(errors="replace")
 
 
 def document(store: Store, found: Result | None) -> dict[str, Any]:
-    """The key document of a result as plain data, {} where it is not known."""
+    """The key document of a result as plain data; {} if unknown."""
     try:
         data = json.loads(text(store, found.key_document if found else None) or "null")
     except ValueError:

@@ -21,7 +21,7 @@ def tables(run: Run) -> list[Html]:
 
 
 def passed(node: Node) -> bool | None:
-    """What a check report says of itself; None for other artifacts."""
+    """The verdict of a check report; None for other artifacts."""
     value = node.fields.get("passed")
     return value if isinstance(value, bool) else None
 
@@ -55,7 +55,7 @@ def _table(node: Node, fields: dict[str, Any]) -> Html:
 
 
 def _records(node: Node, name: str, rows: list[dict[str, Any]]) -> Html:
-    # Headers are sorted by name; what a row is about is its text.
+    # Headers are sorted by name; a row is identified by its text.
     keys = sorted(rows[0], key=lambda key: not isinstance(rows[0][key], str))
     columns = [_column(key) for key in keys]
     numeric = [any(_is_number(row[key]) for row in rows) for key in keys]

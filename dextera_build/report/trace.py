@@ -1,6 +1,6 @@
 """A run as a trace: what Perfetto, Chrome's `about:tracing` and speedscope open (Trace Event Format, JSON object form).
 
-The process is dxb, a thread stands for a worker slot. A node is a complete event (`X`) with its key, rule, status and
+The process is dxb, a thread is a worker slot. A node is a complete event (`X`) with its key, rule, status and
 line; counters (`C`) say how many nodes ran and how much memory they took, flow events (`s`, `f`) join the critical
 path. Times are microseconds since the run began.
 """

@@ -12,7 +12,7 @@ MARKS: Mapping[str, str] = {
     "waits": "·",
     "cancelled": "-",
 }
-"""Status -> the sign that stands for it without colour."""
+"""Status -> its sign without colour."""
 
 STATES: Mapping[str, tuple[str, str]] = {
     "ran": ("ran", "ran"),
@@ -68,7 +68,7 @@ def size(octets: int) -> str:
 
 
 def used(usage: Mapping[str, float]) -> str:
-    """What a node used: `3.1 s of processor, 812 MB of memory, 4.2 MB read, 1.3 MB written`; "" where unknown."""
+    """Resource usage: `3.1 s of processor, 812 MB of memory, 4.2 MB read, 1.3 MB written`; "" if unknown."""
     parts = [f"{duration(usage['cpu_seconds'])} of processor"] if "cpu_seconds" in usage else []
     names = {"memory_bytes": "of memory", "read_bytes": "read", "written_bytes": "written"}
     return ", ".join([*parts, *(f"{size(int(usage[name]))} {word}" for name, word in names.items() if name in usage)])

@@ -1,7 +1,7 @@
 """The action cache: key -> what the run of that key made; `entry.py` says how an entry is spelled.
 
-A *bare* entry is one whose bytes are absent by design: it names what is there (headers, key document), and what it
-names has to be there.
+A *bare* entry has bytes that are absent by design: it names only blobs that are there, among them the headers and the
+key document.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Found:
 
     result: ActionResult
     is_whole: bool
-    """Whether all that the result names is there; else it is bare, and the headers of its output are."""
+    """Whether every blob that the result names is there; if not, the headers of its output are."""
 
 
 class Actions:
@@ -37,8 +37,8 @@ class Actions:
 
     Args:
         root: The folder; made when the first result comes.
-        blobs: Where everything lies that results refer to.
-        recent: May hold some of it in memory.
+        blobs: The blobs that results refer to.
+        recent: Blobs of late, in memory.
     """
 
     def __init__(self, root: Path, blobs: Blobs, recent: Recent) -> None:
@@ -49,7 +49,7 @@ class Actions:
         self.references = References(blobs, recent)
 
     def get(self, key: str) -> ActionResult | None:
-        """The result of `key`, or None where there is none or a blob that it needs is gone or has another size."""
+        """The result of `key`; None if there is none, or a blob that it needs is gone or has another size."""
         found = self.find(key)
         return found.result if found is not None and found.is_whole else None
 
@@ -58,12 +58,12 @@ class Actions:
         return os.access(self._file(key), os.F_OK)
 
     def known(self, key: str) -> ActionResult | None:
-        """The result of `key` whether its bytes are there or not, or None where there is none."""
+        """The result of `key`, with or without its bytes; None if there is none."""
         entry = self.entry(key)
         return entry.result if entry is not None else None
 
     def find(self, key: str) -> Found | None:
-        """The result of `key`, which may be bare, or None where there is none or not even its headers are there."""
+        """The result of `key`, which may be bare; None if there is none, or the headers of its output are gone."""
         stamped = self._stamped(key)
         if stamped is None:
             return None
@@ -85,27 +85,36 @@ class Actions:
         beside: Iterable[str] = (),
         sizes: Mapping[str, int] = _NONE,
         document: bytes = b"",
-    ) -> str:
-        """Store the result of `key` after all that it needs, and return its digest.
+        *,
+        may_lack: bool = False,
+    ) -> bool:
+        """Store the result of `key`, whose blobs are stored already; returns False if the entry is bare.
 
         Args:
             key: Digest of the key document.
             result: The result.
             beside: Further blobs that stay as long as the result does.
             sizes: Blobs that were stored a moment ago -> size [bytes]; the others are looked for.
-            document: The key document, which the entry shall hold unless it is long; b"": the store holds it already.
+            document: The key document; b"": the store holds it already.
+            may_lack: Write a bare entry if bytes are absent but the headers of the output are there.
 
         Raises:
             MissingBlob: The result refers to something that is not in the store.
             StoreError: The disk is full, or the store cannot be written.
             ValueError: A number is not finite.
         """
-        self._keep_calls(result)
-        entry = self.made(result, beside, sizes, document)
-        failpoints.reach("result.blobs")
-        files.write(self._file(key), entry.spell(), workshop=self._workshop)
-        failpoints.reach("result.published")
-        return result.digest
+        try:
+            self._keep_calls(result)
+            entry = self.made(result, beside, sizes, document)
+        except MissingBlob:
+            if not may_lack:
+                raise
+            entry = self._bare(key, result, beside, document)
+        if not entry.is_bare or entry != self.entry(key):
+            failpoints.reach("result.blobs")
+            files.write(self._file(key), entry.spell(), workshop=self._workshop)
+            failpoints.reach("result.published")
+        return not entry.is_bare
 
     def made(
         self,
@@ -123,29 +132,6 @@ class Actions:
         needs = [*self._needs(result, sizes), *named, *self._sized(entries.BESIDE, beside)]
         return Entry(result, tuple(needs), document)
 
-    def put_bare(self, key: str, result: ActionResult, beside: Iterable[str] = (), document: bytes = b"") -> None:
-        """Store the result of `key` although bytes that it names are absent; an entry that says so already stays.
-
-        See `put` for the arguments.
-
-        Raises:
-            MissingBlob: A header of its output or the key document is not in the store.
-            StoreError: The disk is full, or the store cannot be written.
-        """
-        headers = self.references.headers(result.output)
-        if headers is None:
-            raise MissingBlob(result.output)
-        named, document = self._asked(result.key_document, document)
-        needs = [*self._sized(entries.OUTPUT, headers[:1]), *self._sized(entries.CLOSURE, headers[1:])]
-        needs += [*named, *self._sized(entries.BESIDE, beside)]
-        # A collection takes what no entry names: bytes that happen to be there stay.
-        known = self.entry(key)
-        held = known.files if known is not None else ()
-        needs += [file for file in held if file.role != entries.KEY and file not in needs and self._is_there(file)]
-        entry = Entry(result, tuple(needs), document, is_bare=True)
-        if entry != known:
-            files.write(self._file(key), entry.spell(), workshop=self._workshop)
-
     def verify(self, key: str) -> bool:
         """Whether `key` has a result all of whose blobs are whole; every blob is read, damaged ones are set aside."""
         entry = self.entry(key)
@@ -155,7 +141,7 @@ class Actions:
         return all(whole) and not entry.is_bare
 
     def files(self, key: str) -> list[Path]:
-        """The entry and every blob that it needs, as files; empty where there is no entry."""
+        """The files of the entry and of every blob that it needs; empty if there is no entry."""
         entry = self.entry(key)
         if entry is None:
             return []
@@ -181,7 +167,7 @@ class Actions:
         return found is not None and bool(found.calls)
 
     def outline(self, key: str) -> tuple[str, frozenset[str]] | None:
-        """(output, all that it refers to) of `key` by digest, whether the blobs are there or not, or None."""
+        """(output, digests that it refers to) of `key`, whether these blobs are there or not; None without an entry."""
         entry = self.entry(key)
         if entry is None:
             return None
@@ -194,7 +180,7 @@ class Actions:
         return size == file.size
 
     def _completes(self, key: str, entry: Entry) -> bool:
-        """Whether bytes that were absent have come since; then the entry is written anew."""
+        """Whether bytes that were absent have come since; if so, the entry is rewritten."""
         try:
             self.put(key, entry.result, [file.digest for file in entry.files if file.role == entries.BESIDE])
         except (*UNREADABLE, StoreError):
@@ -229,13 +215,31 @@ class Actions:
         return None
 
     def _keep_calls(self, result: ActionResult) -> None:
-        """Have an entry for every call that a result from elsewhere brings."""
+        """Write the entries of recorded calls that came with a result from another store."""
         for key, digest in result.calls:
             if self.entry(key) is None:
                 called = ActionResult.from_document(self._blobs.get(digest))
                 if called.key_document != key or not called.is_record:
                     raise ValueError("a call does not have the digest that is its key")
                 self.put(key, called)
+
+    def _bare(self, key: str, result: ActionResult, beside: Iterable[str], document: bytes) -> Entry:
+        """The entry of a result bytes of which are absent.
+
+        Raises:
+            MissingBlob: A header of its output or the key document is not in the store.
+        """
+        headers = self.references.headers(result.output)
+        if headers is None:
+            raise MissingBlob(result.output)
+        named, document = self._asked(result.key_document, document)
+        needs = [*self._sized(entries.OUTPUT, headers[:1]), *self._sized(entries.CLOSURE, headers[1:])]
+        needs += [*named, *self._sized(entries.BESIDE, beside)]
+        # A collection takes what no entry names: bytes that happen to be there stay.
+        known = self.entry(key)
+        held = known.files if known is not None else ()
+        needs += [file for file in held if file.role != entries.KEY and file not in needs and self._is_there(file)]
+        return Entry(result, tuple(needs), document, is_bare=True)
 
     def _asked(self, digest: str, document: bytes, sizes: Mapping[str, int] = _NONE) -> tuple[Iterable[File], bytes]:
         """The key document as a blob, where it is long or the store has no other, or as what the entry holds."""

@@ -6,10 +6,10 @@ An entry is lines of canonical JSON:
     {"key_document":"f00d...","line":"12 views","output":"3b9c...",...}
     {"backend":"hull","code":{...},"inputs":[...],...}
 
-The first names the blobs that the result needs, the second is the result, and its digest stands in the first. The
-third is the key document, whose digest is the key; where it is long, or other entries name it, it is one of the blobs.
+The first line names the blobs that the result needs and the digest of the second line, which is the result. The third
+is the key document, whose digest is the key; if it is long, or other entries name it, it is one of the blobs instead.
 
-A *bare* entry has bytes that are absent by design: it names the blobs that are there.
+A *bare* entry has bytes that are absent by design: it names only blobs that are there.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from dextera_build import digest as digests
 from dextera_build.store.cas import is_digest
 
 MOST_DOCUMENT = 1 << 16
-"""Key documents up to this size [bytes] stand in the entry, which is read whenever the key is looked up."""
+"""Longer key documents [bytes] are blobs, since an entry is read whenever its key is looked up."""
 OUTPUT, CLOSURE, KEY, CALL, ANSWER, PREVIEW, LOG, BESIDE = (
     *("output", "closure", "key", "call", "answer", "preview", "log", "beside"),
 )
-"""Roles of blobs: the output's header, what it refers to, the key document, key documents of recorded calls, what these
-were answered, previews, what was printed, and further ones that stay as long as the result does."""
+"""Roles of blobs: the output's header, artifacts and blobs that it refers to, the key document, requests of recorded
+calls, their answers, previews, the log, and further blobs that are kept as long as the result."""
 _ROLES = frozenset((OUTPUT, CLOSURE, KEY, CALL, ANSWER, PREVIEW, LOG, BESIDE))
 _MOST_BYTES = 1 << 48
 _FIELDS = frozenset(("output", "line", "previews", "metrics", "seconds", "log", "key_document"))
@@ -58,7 +58,7 @@ class ActionResult:
     seconds: float
     """How long the rule ran [s]."""
     log: str | None
-    """Digest of what it printed, None where it printed nothing."""
+    """Digest of its log, None if it printed nothing."""
     key_document: str
     """Digest of the key document, which is the key."""
     calls: tuple[tuple[str, str], ...] = ()
@@ -109,10 +109,10 @@ class ActionResult:
 
     @classmethod
     def from_document(cls, data: bytes) -> ActionResult:
-        """The result that a `document` describes, which anybody may have written.
+        """Parse a `document`, which may come from anywhere.
 
         Raises:
-            ValueError: It describes none.
+            ValueError: It is not a result.
         """
         raw = digests.plain(data)
         if not isinstance(raw, dict) or raw.keys() - {"calls"} != _FIELDS or not _is_typed(raw):
@@ -154,10 +154,10 @@ class Entry:
 
 
 def read(data: bytes) -> Entry:
-    """The entry that these bytes spell, which anybody may have written; its digests agree with one another.
+    """Parse an entry, which may come from anywhere; its digests are checked against one another.
 
     Raises:
-        ValueError: They spell none.
+        ValueError: The bytes are not an entry.
     """
     head, document, *asked = data.split(b"\n", 2)
     raw = digests.plain(head)

@@ -1,4 +1,4 @@
-"""What a store holds, as its folders say it: blobs and results with size and last use, and what is only left over."""
+"""The contents of a store as its folders list them: blobs and results with size and last use, and leftovers."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Inventory:
     blobs: dict[str, tuple[int, float]] = field(default_factory=dict)
     """Digest -> (bytes, last use)."""
     results: dict[str, Kept] = field(default_factory=dict)
-    """Key -> result, those that have all that they name; bare ones name no bytes."""
+    """Key -> result, if every blob that it names is there; bare results name no bytes."""
     broken: dict[str, Kept] = field(default_factory=dict)
     """Key -> result that cannot be read or lacks a blob: a miss for every build."""
     keep: dict[str, tuple[int, float]] = field(default_factory=dict)
@@ -54,7 +54,7 @@ class Inventory:
 def read(store: Store) -> Inventory:
     """Look at everything; nothing is changed, and no use is noted."""
     found = Inventory()
-    # Entries first: what is published meanwhile then has blobs that no entry names, which are too young to go.
+    # Entries first: blobs of results that are published meanwhile are named by no entry, but are too young to go.
     held = dict(results(store))
     found.blobs = {digest: (size, used) for digest, size, used in listing(store.blobs.root)}
     for key, (entry, sizes) in held.items():
@@ -68,7 +68,7 @@ def read(store: Store) -> Inventory:
 
 
 def results(store: Store, known: frozenset[str] = frozenset()) -> Iterator[tuple[str, tuple[Kept, Sizes]]]:
-    """Every result but those of `known` keys: key, what it is, the blobs that it names."""
+    """Every result except those of `known` keys: key, its size and last use, the blobs that it names."""
     names: dict[str, str] = {}
     for key, size, used in listing(store.actions.root):
         if key not in known:
@@ -119,7 +119,7 @@ def leftovers(store: Store) -> Iterator[tuple[str, int, float]]:
 
 
 def remove(path: str) -> None:
-    """Remove what is left over, a file or a folder.
+    """Remove a leftover, a file or a folder.
 
     Raises:
         OSError: It cannot be removed.

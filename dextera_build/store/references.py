@@ -8,9 +8,9 @@ from dextera_build.store.streams import Recent
 
 _MOST_KNOWN = 4096
 _MOST_HEADER = 1 << 30
-"""A folder of ten million files has a header of this length [bytes]; what is longer came from elsewhere."""
+"""The header of a folder of ten million files has this length [bytes]; longer ones are refused."""
 UNREADABLE = (MissingBlob, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError)
-"""What comes of a header that is not there, or that somebody made up."""
+"""Raised for a header that is missing or malformed."""
 
 
 class References:
@@ -51,7 +51,7 @@ class References:
         return self._there(output, whole=False)
 
     def are_here(self, output: str) -> bool:
-        """Whether `output` is there with all that it refers to."""
+        """Whether `output` is there with every artifact and blob that it refers to."""
         return self._there(output, whole=True) is not None
 
     def _there(self, output: str, *, whole: bool) -> list[str] | None:

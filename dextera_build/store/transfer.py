@@ -1,7 +1,7 @@
 """Results between the store and a remote, whole or not at all.
 
-What comes is checked: blobs against digest and size, entries against what they name, and the local entry is written
-anew from the headers that arrived. What goes is checked, too, for many remotes check nothing themselves.
+Downloads are checked: blobs against digest and size, entries against their key, and the local entry is rebuilt from the
+headers that arrived. Uploads are checked, too, since many remotes check nothing themselves.
 """
 
 from __future__ import annotations
@@ -12,17 +12,18 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
+from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.store import entry as entries
 from dextera_build.store import failpoints, header, space
 from dextera_build.store.cas import MissingBlob
-from dextera_build.store.entry import ActionResult, Entry
+from dextera_build.store.entry import ActionResult, Entry, File
 from dextera_build.store.references import UNREADABLE
 from dextera_build.store.remotes.breaker import Guarded
 from dextera_build.store.remotes.remote import MOST_ENTRY, DamagedBlob, Digest, Remote
 from dextera_build.store.store import Store
+from dextera_build.store.traces import lists
 from dextera_build.store.traces import steps as traces
-from dextera_build.store.traces import tree
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Fetched:
 
     result: ActionResult
     is_whole: bool
-    """Whether its bytes are here; else only what is known of it, and the headers of its output."""
+    """Whether its bytes are here; if not, its entry and the headers of its output are."""
     octets: int
     """How many bytes had to come."""
 
@@ -55,17 +56,17 @@ class Transfer:
         self._store = store
         self._guard = threading.Lock()
         self._held: defaultdict[str, set[Digest]] = defaultdict(set)
-        """Remote -> blobs that are known to be there."""
+        """Remote -> blobs that it is known to have."""
         self._damaged: defaultdict[str, set[Digest]] = defaultdict(set)
-        """Remote -> blobs that it gave wrongly; sent again although it says that it has them."""
+        """Remote -> blobs that came from it with other bytes; uploaded again although it claims to have them."""
 
     def fetch(self, remote: Remote, key: str, *, whole: bool = True) -> Fetched | None:
-        """Bring the result of `key`; None where the remote lacks it or a part of it.
+        """Download the result of `key`; None if the remote lacks it or a part of it.
 
         Args:
             remote: Where from.
             key: Digest of the key document.
-            whole: With all that it names; else without its bytes, unless these are here.
+            whole: With every blob that it names; otherwise without its bytes.
 
         Raises:
             RemoteFault: The remote did not answer rightly.
@@ -75,40 +76,26 @@ class Transfer:
         if entry is None:
             return None
         try:
-            octets = self._whole(remote, entry) if whole else self._headers(remote, entry)
+            octets = self._bring(remote, entry.files) if whole else self._headers(remote, entry)
             if octets is None:
                 return None
             failpoints.reach("fetch.blobs")
-            is_whole = self._publish(entry)
-            if not is_whole and not whole:
-                tree.publish(self._store, key, entry.result, entry.document, bare=True)
+            is_whole = lists.publish(self._store, key, entry.result, entry.document, may_lack=not whole)
         except UNREADABLE:
-            # A header is not one, or names what the entry does not.
+            # A header is malformed, or names a blob that the entry does not name.
             return None
         except StoreError as error:
             if error.code != header.ESCAPES:
                 raise
             return None
-        return Fetched(entry.result, is_whole, octets) if is_whole or not whole else None
-
-    def _publish(self, entry: Entry) -> bool:
-        """Write the entry of a result if all that it needs is here."""
-        try:
-            tree.publish(self._store, entry.key, entry.result, entry.document)
-        except MissingBlob:
-            return False
-        return True
-
-    def _whole(self, remote: Remote, entry: Entry) -> int | None:
-        """Bring all that an entry names; the bytes that came, or None where the remote lacks something."""
-        return self._bring(remote, dict.fromkeys(Digest(file.digest, file.size) for file in entry.files))
+        return Fetched(entry.result, is_whole, octets)
 
     def _headers(self, remote: Remote, entry: Entry) -> int | None:
-        """Bring the key document of an entry and the headers of its output, level by level."""
-        known = {file.digest: Digest(file.digest, file.size) for file in entry.files}
+        """Download the key document of an entry and the headers of its output, level by level."""
+        known = {file.digest: file for file in entry.files}
         front = [entry.result.output]
         seen = set(front)
-        octets = self._bring(remote, [known[file.digest] for file in entry.files if file.role == entries.KEY])
+        octets = self._bring(remote, [file for file in entry.files if file.role == entries.KEY])
         while front and octets is not None:
             came = self._bring(remote, [known[digest] for digest in front])
             if came is None:
@@ -119,15 +106,16 @@ class Transfer:
             seen.update(front)
         return octets
 
-    def _bring(self, remote: Remote, blobs: Iterable[Digest]) -> int | None:
-        """Bring the blobs that are not here; how many bytes these were, or None where the remote lacks one."""
+    def _bring(self, remote: Remote, files: Iterable[File]) -> int | None:
+        """Download the blobs that are not here; returns their bytes, or None if the remote lacks one."""
+        blobs = dict.fromkeys(Digest(file.digest, file.size) for file in files)
         wanted = [blob for blob in blobs if self._store.blobs.size(blob.hash) != blob.size]
         if sum(blob.size for blob in wanted) > space.free_bytes(str(self._store.root)):
-            return None  # an entry may say any size; what cannot fit is not begun
+            return None  # an entry may claim any size; a download that cannot fit is not started
         return sum(blob.size for blob in wanted) if self.blobs(remote, wanted) else None
 
     def blobs(self, remote: Remote, wanted: Iterable[Digest]) -> bool:
-        """Bring blobs; False where the remote lacks one.
+        """Download blobs; returns False if the remote lacks one.
 
         Raises:
             RemoteFault: The remote did not answer rightly, or gave other bytes.
@@ -166,41 +154,29 @@ class Transfer:
         entry = self._store.actions.entry(key)
         if entry is None or entry.is_bare:
             raise MissingBlob(key, "the store has no whole result under this key")
-        for call, _ in entry.result.calls:  # first, so that whoever has another key for its node finds the answer
+        for call, _ in entry.result.calls:  # first, so that nodes with other keys find the answer, too
             self.send(remote, call)
         sent = self._deliver(remote, entry)
-        document = self._store.blobs.get(key)
-        parts = traces.parts_of(document)
-        if parts is not None:
-            self._weave(remote, *parts)
+        parts = traces.parts_of(entry.document or self._store.blobs.get(key))
+        if parts is not None and parts[1] is not None:
+            self._send_traces(remote, parts[0])
         return sent
 
-    def _weave(self, remote: Remote, static: Mapping[str, Any], steps: traces.Steps) -> None:
-        """Let what the remote holds lead to a result of a call that reads by itself, beside all that it leads to."""
+    def _send_traces(self, remote: Remote, static: Mapping[str, Any]) -> None:
+        """Add the traces of a call that reads by itself to those that the remote has."""
+        key = digests.of_bytes(traces.spelled(static, None))
+        here = lists.known(self._store, key)
+        asked = remote.aside if isinstance(remote, Guarded) else lambda work: work(remote)
+        there = asked(lambda other: self._traces(other, key)) or []
+        found = lists.merged(here, there)
+        if found != there:
+            self._deliver(remote, self._store.actions.made(lists.made(self._store, static, found)))
 
-        def known(document: bytes) -> traces.Steps | None:
-            if isinstance(remote, Guarded):
-                return remote.aside(lambda other: self._onward(other, document))
-            return self._onward(remote, document)
-
-        def put(document: bytes, onward: traces.Steps) -> None:
-            self._deliver(remote, self._store.actions.made(tree.loose(self._store, document, onward)))
-
-        tree.weave(static, steps, known, put)
-
-    def _onward(self, remote: Remote, document: bytes) -> traces.Steps | None:
-        """What the remote says that is read next by a call which has read what stands in its key document."""
-        entry = entry_at(remote, tree.key_of(document))
-        if entry is None:
-            return None
-        output = Digest(entry.result.output, entry.files[0].size)
-        here = self._store.blobs.size(output.hash) == output.size
-        if output.size > MOST_ENTRY or not (here or self.blobs(remote, [output])):
-            return None
-        try:
-            return traces.steps_of(self._store.blobs.get(output.hash))
-        except (MissingBlob, ValueError, KeyError, TypeError, RecursionError):
-            return None
+    def _traces(self, remote: Remote, key: str) -> list[traces.Steps]:
+        entry = entry_at(remote, key)
+        if entry is None or entry.files[0].size > MOST_ENTRY:
+            return []
+        return lists.listed(self._store, entry.result) if self._bring(remote, entry.files[:1]) is not None else []
 
     def _deliver(self, remote: Remote, entry: Entry) -> Sent:
         blobs = list(dict.fromkeys(Digest(file.digest, file.size) for file in entry.files))

@@ -38,7 +38,7 @@ class Use:
         self._gates: dict[str, str] = {}
 
     def note(self, path: str, stamp: float) -> bool:
-        """Whether whoever found `path`, last used at `stamp`, may rely on it while its build runs.
+        """Whether a build that found `path`, last used at `stamp`, may rely on it until it ends.
 
         A store that cannot be written is relied on all the same: there is no way to ask anyone for anything.
 

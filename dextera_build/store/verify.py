@@ -1,4 +1,4 @@
-"""Reading a whole store: which blobs are what their names say, and which results have all that they name."""
+"""Verification of a store: blobs against their names, and results against the blobs that they name."""
 
 from __future__ import annotations
 

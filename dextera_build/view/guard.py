@@ -2,7 +2,7 @@
 
 A browser lets any page open a web socket to this machine, so without these checks a page that is open meanwhile could
 read the scene. A page of another site is told by its `Origin`; a name that was made to point at this machine (DNS
-rebinding) by `Host`, which then is a name that nobody uses for it.
+rebinding) by `Host`, which then is not one of its own names.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Guard:
         return name in self._names
 
     def check(self, follow: Callable[..., Any] | None, connection: Any, request: Any) -> Any:
-        """Handle a request before `follow`, the server's own handler: a response where it is refused."""
+        """Handle a request before `follow`, the server's own handler: a response if it is refused."""
         refused = self.refusal(request.headers.get("Host"), request.headers.get("Origin"))
         if not refused:
             return None if follow is None else follow(connection, request)

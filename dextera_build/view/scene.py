@@ -37,7 +37,7 @@ def show_scene(
         support: World frame and outline.
         camera: Intrinsics of the photograph [px].
         photo: The photograph, shown in the camera's frustum.
-        addresses: Label -> node address, which then names the scene node; the label itself where it is left out.
+        addresses: Label -> node address, which then names the scene node; the label itself if left out.
     """
     add_frame(server, "/world", np.eye(4), axes=0.1)
     server.scene.add_grid("/grid", width=2.0, height=2.0, cell_size=0.1, section_size=0.5, position=(0.0, 0.0, -0.002))

@@ -69,7 +69,7 @@ def stop(server: Any) -> None:
 
 
 def static_export(server: Any, folder: str | Path) -> Path:
-    """Write what the server shows to `folder/scene.viser` and return that file.
+    """Write the server's scene to `folder/scene.viser` and return that file.
 
     viser calls this export experimental, so it is used in this one function. `viser-build-client` makes the web
     page that plays it.

@@ -1,4 +1,4 @@
-"""align.base: where the robot stands in the twin."""
+"""align.base: the pose of the robot's base in the twin."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def base(
     if measured is None:
         if options.position_m is None:
             ctx.fail(
-                "nobody says where the robot stands",
+                "the robot's base has no pose",
                 hint="give input `measured` from a robot-camera calibration, or option `position_m`",
             )
         turn = registration.rotation(np.array([0.0, 0.0, np.radians(options.yaw_deg)]))

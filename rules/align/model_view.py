@@ -11,7 +11,7 @@ from dextera_build.geometry import cameras, transforms
 from dextera_build.geometry.registration import Similarity
 
 FREE_SPACE_M = 0.01
-"""A model surface this far in front of what was measured stands in space that the camera looked through [m]."""
+"""A model surface this far in front of the measured one lies in free space [m]."""
 
 
 MOST = 1500
@@ -24,7 +24,7 @@ class Score:
 
     iou: float  # of the rendered and the seen mask
     residual_m: float  # mean of |depth difference|, cut at 2 cm, over common pixels [m]
-    violation: float  # part of the rendered pixels that stand in free space
+    violation: float  # part of the rendered pixels that lie in free space
 
     @property
     def cost(self) -> float:

@@ -53,7 +53,7 @@ def object(ctx: Context, body: Body, seen: ObjectView, *, options: ObjectOptions
     )
     ctx.check(
         placed.violation <= options.most_violation,
-        f"{placed.violation:.0%} of the placed render stands in free space, {options.most_violation:.0%} is allowed",
+        f"{placed.violation:.0%} of the placed render lies in free space, {options.most_violation:.0%} is allowed",
         hint=hint,
         method=placed.placement.method,
     )

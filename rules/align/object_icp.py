@@ -28,7 +28,7 @@ BACKEND = Backend(
 
 
 def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
-    """Refine the body's own pose where that is good, else try every orientation.
+    """Refine the body's own pose if it is good, else try every orientation.
 
     Args:
         body: Links in mesh units, joints as they stand in the photograph.

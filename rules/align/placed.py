@@ -1,4 +1,4 @@
-"""What a backend of align.object hands back."""
+"""The result of a backend of align.object."""
 
 from __future__ import annotations
 
@@ -15,6 +15,6 @@ class Placed:
     iou: float
     """Mask intersection over union, occluded pixels left out."""
     violation: float
-    """Part of the rendered pixels that stand in free space."""
+    """Part of the rendered pixels that lie in free space."""
     gap_m: float
     """Height of the lowest point above the support [m]."""

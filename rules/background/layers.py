@@ -35,7 +35,7 @@ class Layers:
 def split(capture: Capture, support: Support, hole: np.ndarray, tolerance: float) -> Layers:
     """Sort the pixels of a capture.
 
-    Inside the outline of all that was measured in the support's plane, everything hidden is support. Beyond it, as
+    Inside the outline of the points measured in the support's plane, everything hidden is support. Beyond it, as
     far out as half its extent, a hidden pixel goes with the nearest one there that is not hidden: with something else
     where something else was measured, or where the colour is another one (the support ends here), with the
     support otherwise (only its measurement ended).

@@ -28,7 +28,7 @@ class StaticOptions(Options):
     farthest_m: PositiveFloat = 4.0
     """Surface farther from the camera is left out [m]."""
     margin_m: NonNegativeFloat = 0.1
-    """How far the collision box of the support reaches beyond what was seen of it [m]."""
+    """How far the collision box of the support reaches beyond its seen part [m]."""
     thickness_m: PositiveFloat = 0.05
     """Thickness of the collision box of the support [m]."""
 

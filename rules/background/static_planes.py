@@ -81,7 +81,7 @@ def _fill_support(
     spots = layers.floor[target]
     margin = max(0.15, 0.6 * float(np.ptp(spots, axis=0).max()))
     limits = layers.floor[layers.behind]
-    # No finer than the photograph is where it is nearest.
+    # No finer than the photograph at its nearest point.
     texel = max(options.texel_m, float(layers.plane[target].min()) / capture.camera.fx)
     view = top_view(spots, limits, margin, texel, capture.camera, support.world_from_camera)
     gap = view.lay(target.astype(np.uint8), smooth=False) > 0
@@ -93,14 +93,14 @@ def _fill_support(
     source = _alike(flat, level & ~gap, free & ~gap, 0.03 / view.texel)
     gain = _gain(flat, gap, source, options.shadow_reach_m / view.texel)
     filled = fill_texture(flat * gain, gap, source, view.distance())
-    # What is not filled keeps its own pixels; only its light changes.
+    # Pixels that are not filled stay; only their light changes.
     beside = (layers.behind & ~layers.hole)[..., None]
     lit = np.where(beside, view.lift(gain - 1.0, target.shape) + 1.0, 1.0)
     return np.where(target[..., None], view.lift(filled, target.shape), image * lit).astype(np.float32)
 
 
 def _alike(flat: np.ndarray, level: np.ndarray, free: np.ndarray, sigma: float) -> np.ndarray:
-    """What was measured to be support, and unmeasured pixels around it that have its colour."""
+    """Pixels that were measured as support, and unmeasured neighbours of its colour."""
     if level.sum() < 500:
         return free
     expected = smooth_part(flat, level, sigma)
@@ -121,14 +121,14 @@ def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, reach: float) -
     local = smooth_part(flat, source, reach / 8)
     gain = np.clip(light / np.maximum(local, 1.0), 1.0 / MOST_GAIN, MOST_GAIN)
     weight = np.clip(2.0 * (1.0 - away / reach), 0.0, 1.0)
-    # Neither the view's border nor what is not known to be support may show a step.
+    # Neither the view's border nor unknown surface may show a step.
     rim = np.pad((source | gap)[1:-1, 1:-1], 1).astype(np.uint8)
     inner = np.clip(cv2.distanceTransform(rim, cv2.DIST_L2, 5) / (reach / 4), 0.0, 1.0)
     return np.asarray(gain ** (weight * np.where(gap, 1.0, inner))[..., None], np.float32)
 
 
 def _inpaint(pixels: np.ndarray, hole: np.ndarray, behind: np.ndarray) -> np.ndarray:
-    """Fill what is not the support from what is not the support: the mean of Telea's and Navier-Stokes inpainting.
+    """Fill pixels off the support from other pixels off the support: the mean of Telea's and Navier-Stokes inpainting.
 
     Every hole is filled at half resolution in its own crop; the support counts as hidden there.
     """
@@ -158,7 +158,7 @@ def _both_ways(pixels: np.ndarray, hole: np.ndarray) -> np.ndarray:
 
 
 def _depth(depth: np.ndarray, layers: Layers, support: Support, options: StaticOptions) -> np.ndarray:
-    """Depth of the empty scene: the plane where it is support, what lies around a hole elsewhere, 0 if unknown."""
+    """Depth of the empty scene: the plane where it is support, the surroundings of a hole elsewhere, 0 if unknown."""
     clean = np.where(layers.hole, 0.0, depth)
     near = regions.inside_convex(layers.floor, support.polygon, options.margin_m) & layers.behind
     open_ = (clean == 0) & near

@@ -1,7 +1,7 @@
 """Fill holes of a flat, textured surface from its own surroundings.
 
 The picture is split into a smooth part, which light and shadow live in, and a detail part. The smooth part is carried
-across the hole as a membrane; the detail is quilted from patches that fit what is known around each tile (after Efros
+across the hole as a membrane; the detail is quilted from patches that fit the surroundings of each tile (after Efros
 and Freeman 2001), so wood grain and seams run on, and brightness has no steps.
 """
 

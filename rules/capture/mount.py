@@ -31,12 +31,12 @@ class MountOptions(Options):
 def mount(ctx: Context, world: World, robot: RobotModel, *, options: MountOptions | None = None) -> Transform:
     """Return T_camera_base [m]: the truth of a reference world with the declared error of a calibration.
 
-    This is a simulated stand-in. It takes the place of a calibration that is solved from what the camera saw of the
+    This is a simulated stand-in. It takes the place of a calibration that is solved from pictures of the
     moving robot, and hands on nothing but its result: one draw of normal errors on top of the true pose.
     """
     options = options or MountOptions()
     if world.stand is None:
-        ctx.fail("no robot stands in this world", hint="give `capture.world` option `robot`, or leave `measured` out")
+        ctx.fail("this world has no robot", hint="give `capture.world` option `robot`, or leave `measured` out")
     if BASE not in robot.links:
         ctx.fail(f"the robot has no body `{BASE}`", bodies=listing(robot.links))
     rng = np.random.default_rng(options.seed)

@@ -31,7 +31,7 @@ class ReferenceOptions(Options):
 def reference(
     ctx: Context, world: World, robot: RobotModel | None = None, *, options: ReferenceOptions | None = None
 ) -> Capture:
-    """Return what the world's camera reports: colours, depth [m] with noise and holes, intrinsics; nothing else.
+    """Return the output of the world's camera: colours, depth [m] with noise and holes, intrinsics; nothing else.
 
     The backend offers `photograph(world, robot, supersample=...) -> Shot`.
     """

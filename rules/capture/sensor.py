@@ -1,4 +1,4 @@
-"""What an RGB-D camera does to a faultless picture: noise, holes, quantisation.
+"""Faults of an RGB-D camera: noise, holes, quantisation.
 
 Depth follows a stereo camera with projector (Intel RealSense D435): the standard deviation of z is
 z^2 * subpixel / (focal * baseline), because the error is constant in disparity; neighbouring pixels share their

@@ -1,4 +1,4 @@
-"""capture.truth: what a reference world knows of itself; only rules of stage `evaluate` may take it."""
+"""capture.truth: the true state of a reference world; only rules of stage `evaluate` may take it."""
 
 from __future__ import annotations
 

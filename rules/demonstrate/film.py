@@ -1,4 +1,4 @@
-"""demonstrate.film: what a camera would have seen of recorded episodes."""
+"""demonstrate.film: recorded episodes as a camera would have seen them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class FilmOptions(Options):
 def film(ctx: Context, bundle: TaskBundle, episodes: Episodes, view: View, *, options: FilmOptions) -> Film:
     """Return one frame (H, W, 3) uint8 sRGB per step of every episode that counts, seen through `view`.
 
-    Recorded states are shown again, nothing is simulated; frame t is what was seen before action t.
+    Recorded states are rendered, nothing is simulated; frame t is the scene before action t.
     """
     camera = view.camera
     packed: dict[str, bytes] = {}

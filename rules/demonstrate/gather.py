@@ -9,14 +9,14 @@ from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.rule import Context, rule
 
 SAME = ("task", "embodiment", "rate_hz", "joint_names", "object_names", "displacement_names", "tip_names")
-"""What all parts must agree in."""
+"""Fields in which all parts must agree."""
 
 
 @rule(version=1)
 def gather(ctx: Context, shards: Collection[Episodes]) -> Episodes:
-    """Return all episodes of the shards in the order of their indices, with everything that was sorted out."""
+    """Return all episodes of the shards in the order of their indices, with the discarded ones."""
     parts = [shards.items[label] for label in sorted(shards.items)]
-    ctx.check(bool(parts), "there is no shard to gather", hint="set `episodes` above 0")
+    ctx.check(bool(parts), "no shards were given", hint="set `episodes` above 0")
     items: dict[str, Episode] = {}
     failures: dict[str, Episode] = {}
     for part in parts:

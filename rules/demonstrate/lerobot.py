@@ -43,7 +43,7 @@ def lerobot(
     *,
     options: LerobotOptions,
 ) -> Folder:
-    """Return a folder that LeRobot's loader opens: data, videos where there is a film, statistics, episodes, tasks.
+    """Return a folder that LeRobot's loader opens: data, videos if a film is given, statistics, episodes, tasks.
 
     Beyond LeRobot's own columns every episode keeps its start (`start/...` in `meta/episodes`), its origin and its
     segments, so that it can be run again; what counts for the whole set is in `meta/dextera.json`.

@@ -1,4 +1,4 @@
-"""What a step of an episode is in LeRobot's words: features and their columns."""
+"""The steps of an episode as LeRobot's features and columns."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ class Feature:
         return len(self.names) if self.names else 1
 
     def facts(self) -> dict[str, object]:
-        """As it stands in `meta/info.json`."""
+        """As written in `meta/info.json`."""
         return {"dtype": self.dtype, "shape": [self.width], "names": list(self.names) if self.names else None}
 
 
 def features(episodes: Episodes, goal: tuple[str, ...]) -> dict[str, Feature]:
     """Feature by name; those that would be empty are left out.
 
-    LeRobot's policies take what begins with `observation` or `action`, so what they must not see begins otherwise:
+    LeRobot's policies take features that begin with `observation` or `action`, so hidden features begin otherwise:
     `executed_action` is `action` with the noise that was sent, `target.hand` the palm pose that `action` was made for,
     `privileged.contact` the force on the fingertips.
 
     Args:
-        episodes: Says what there is.
+        episodes: Names and shapes of the channels.
         goal: Names of the goal's components.
     """
     objects = tuple(f"{name}.{part}" for name in episodes.object_names for part in POSE)

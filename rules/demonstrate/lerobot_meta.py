@@ -89,7 +89,7 @@ def video_feature(episodes: Episodes, width: int, height: int) -> dict[str, obje
 
 
 def rate(episodes: Episodes) -> float | int:
-    """Control rate [Hz], whole where it is: LeRobot declares an integer."""
+    """Control rate [Hz], as an integer where it is whole: LeRobot declares an integer."""
     return int(episodes.rate_hz) if episodes.rate_hz == int(episodes.rate_hz) else episodes.rate_hz
 
 
@@ -101,7 +101,7 @@ def robot_type(bundle: TaskBundle) -> str:
 
 
 def start(label: str, episode: Episode) -> dict[str, object]:
-    """Columns from which the episode can be begun again, and what it is made of."""
+    """Columns with the start of the episode and its origin."""
     begin = episode.start
     dynamics = {"mass_scale": begin.mass_scale, "friction": begin.friction, "gain_scale": begin.gain_scale}
     return {
@@ -117,7 +117,7 @@ def start(label: str, episode: Episode) -> dict[str, object]:
 
 
 def about(bundle: TaskBundle, episodes: Episodes) -> dict[str, object]:
-    """`meta/dextera.json`: what the columns mean, and what became of the tries that do not count."""
+    """`meta/dextera.json`: the meaning of the columns, and the outcome of discarded attempts."""
     return {
         "task": bundle.task.model_dump(mode="json"),
         "world": bundle.kind,

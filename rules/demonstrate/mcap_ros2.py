@@ -32,7 +32,7 @@ LATCHED = (
     "- {history: 1, depth: 1, reliability: 1, durability: 1, liveliness: 1, avoid_ros_namespace_conventions: false, "
     f"deadline: {FOREVER}, lifespan: {FOREVER}, liveliness_lease_duration: {FOREVER}}}"
 )
-"""Quality of service of what is sent once: the last one, reliable, transient local, so that late comers get it too."""
+"""Quality of service of messages that are sent once: reliable and transient local, for late subscribers."""
 
 
 def write(
@@ -63,7 +63,7 @@ class Recording:
     """One MCAP file in memory.
 
     Args:
-        episodes: Names and rate of what is recorded.
+        episodes: Names and rate of the recorded channels.
         options: Name of the camera, packing.
     """
 
@@ -78,7 +78,7 @@ class Recording:
         self._optical = f"{options.camera}_color_optical_frame"
 
     def describe(self, bundle: TaskBundle, label: str, episode: Episode) -> None:
-        """What was tried, how it ended, and all that is needed to begin it again."""
+        """The task, the outcome, and the start from which the episode can be repeated."""
         begin = episode.start
         facts = {
             "task": bundle.task.name,
@@ -107,7 +107,7 @@ class Recording:
         self._send("/tf_static", "tf2_msgs/TFMessage", 0, ros_messages.transforms(0, edges), LATCHED)
 
     def step(self, episode: Episode, step: int) -> None:
-        """What was measured at a step, and what was commanded then."""
+        """The measurements at a step, and its command."""
         names, t, reach = self._episodes.joint_names, self._time(step), self._time(1)
         self._send(
             "/joint_states", "sensor_msgs/JointState", t, ros_messages.joint_state(t, names, episode.joints[step])

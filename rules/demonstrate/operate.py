@@ -22,9 +22,9 @@ class OperateOptions(Options):
     tries: PositiveInt = 4
     """Attempts per wanted demonstration before it is given up."""
     lag_m: PositiveFloat = 0.02
-    """Sorted out: joint targets that limits keep farther than this from the commanded palm [m]."""
+    """Discarded: episodes in which joint limits keep the palm farther than this from its command [m]."""
     press_n: NonNegativeFloat = 2.0
-    """Sorted out: an unintended contact with more force than this [N]."""
+    """Discarded: episodes with an unintended contact of more than this force [N]."""
 
 
 @rule(version=1)

@@ -1,4 +1,4 @@
-"""demonstrate.operate without a simulator: nobody moves, and all is well."""
+"""demonstrate.operate without a simulator: nothing moves, and every episode succeeds."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dextera_build.sim.runtime.pretence import pretended
 if TYPE_CHECKING:
     from .operate import OperateOptions
 
-BACKEND = Backend(summary="no simulation: nobody moves, and all is well", profiles=("stub",))
+BACKEND = Backend(summary="no simulation: nothing moves, and every episode succeeds", profiles=("stub",))
 
 
 def operate(bundle: TaskBundle, options: OperateOptions, progress: Callable[[int, int, str], None]) -> Episodes:

@@ -32,9 +32,9 @@ class SynthesizeOptions(Options):
     nearest: PositiveInt = 3
     """The source is drawn among this many whose object stood most alike."""
     lag_m: PositiveFloat = 0.02
-    """Sorted out: joint targets that limits keep farther than this from the commanded palm [m]."""
+    """Discarded: episodes in which joint limits keep the palm farther than this from its command [m]."""
     press_n: NonNegativeFloat = 2.0
-    """Sorted out: an unintended contact with more force than this [N]."""
+    """Discarded: episodes with an unintended contact of more than this force [N]."""
     tries: PositiveInt = 6
     """Attempts per wanted episode before the shard is given up."""
 
@@ -43,12 +43,12 @@ class SynthesizeOptions(Options):
 def synthesize(
     ctx: Context, bundle: TaskBundle, sources: Episodes, shard: Shard, *, options: SynthesizeOptions
 ) -> Episodes:
-    """Return the shard's episodes in the base frame of the robot [m, rad], and what was sorted out, with its reason.
+    """Return the shard's episodes in the base frame of the robot [m, rad], and the discarded ones, with their reasons.
 
     Every attempt has a start and a noise of its own, drawn from a seed that is derived from (data set, attempt). The
-    label is the clean target; what was executed stands beside it.
+    label is the clean target; the executed command is stored beside it.
     """
-    ctx.check(bool(sources.items), "there is no demonstration to start from", hint="look at `dxb log` of the operator")
+    ctx.check(bool(sources.items), "no demonstrations were given", hint="look at `dxb log` of the operator")
     ctx.check(
         sources.task == bundle.task.name,
         f"the demonstrations show `{sources.task}`, but the task is `{bundle.task.name}`",

@@ -25,7 +25,7 @@ class Clip:
 
 @dataclass(frozen=True)
 class Encoder:
-    """How frames are coded. Clips of one encoder can stand in one file.
+    """Encoder settings. Clips of one encoder fit into one file.
 
     Args:
         width: Even width of a frame [px].

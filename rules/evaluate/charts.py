@@ -35,7 +35,7 @@ class Dot:
     """One point of a scatter plot; parts of one."""
 
     series: str
-    """What its colour stands for."""
+    """Meaning of its colour."""
     x: tuple[float, float, float]
     """Value and interval in the twin."""
     y: tuple[float, float, float]

@@ -11,7 +11,7 @@ from dextera_build.rule import Context, rule
 def gather(ctx: Context, tables: Collection[Table]) -> Table:
     """Return all rows with the label of their table in front; the columns must agree."""
     parts = list(tables.items.items())
-    ctx.check(bool(parts), "there is no table to gather")
+    ctx.check(bool(parts), "no tables were given")
     _, first = parts[0]
     for label, table in parts:
         ctx.check(

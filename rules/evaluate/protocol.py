@@ -31,7 +31,7 @@ class Attempt:
     placed: np.ndarray | None = None
     """Poses (O, 7) of the bundle's objects at the start, in the base frame."""
     excluded: str = ""
-    """Why there is no try."""
+    """Why there was no trial."""
     rehearsal: Episode | None = None
     """The rollout in the twin that a replay repeats."""
 
@@ -152,7 +152,7 @@ def digest_of(artifact: Artifact) -> str:
 
 
 def robot_name(bundle: TaskBundle) -> str:
-    """What the robot's own MJCF calls it."""
+    """The robot's name in its own MJCF."""
     try:
         root = ET.fromstring(bundle.robot.model.files.get("robot.xml", b"<mujoco/>"))
     except (ET.ParseError, LookupError, ValueError):

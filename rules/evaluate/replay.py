@@ -36,9 +36,9 @@ class ReplayOptions(Options):
     tracker_deg: float = Field(0.0, ge=0)
     """Standard deviation of the object tracker's rotations, per axis [deg]."""
     lag_m: PositiveFloat = 0.02
-    """A synthesis is sorted out where limits keep its joint targets farther than this from the commanded palm [m]."""
+    """Discarded: syntheses in which joint limits keep the palm farther than this from its command [m]."""
     press_n: NonNegativeFloat = 2.0
-    """... or where the robot presses harder than this on what it is not meant to touch [N]."""
+    """Discarded: syntheses with an unintended contact of more than this force [N]."""
     linger_s: float = Field(1.0, ge=0)
     """The last joint targets are held for so long after the trajectory [s]."""
     strip_frames: int = Field(6, ge=2)
@@ -63,9 +63,7 @@ def replay(
     """
     _agree(ctx, twin, world)
     check_data(twin, sources)
-    ctx.check(
-        bool(sources.items), "there is no demonstration to replay", hint="look at `dxb log` of the demonstrations"
-    )
+    ctx.check(bool(sources.items), "no demonstrations were given", hint="look at `dxb log` of the demonstrations")
     record = Record(world)
     resets = seeds(options.seed, max(options.resets, options.trials))
     attempts: Iterator[Attempt] = ctx.backend.replays(twin, world, sources, resets, options)

@@ -61,7 +61,7 @@ class Series:
     """Cells in the order of pair, actor (replays last) and world (the twin first); labels of the inputs do not matter.
 
     Args:
-        ctx: Refuses what cannot stand in one table.
+        ctx: Refuses rows that cannot share a table.
         trials: In any order.
         robots: Name of a robot's model -> what tables call it.
     """

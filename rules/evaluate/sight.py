@@ -1,4 +1,4 @@
-"""What a camera sees of true objects and of a twin's assets, and their surfaces in its frame."""
+"""True objects and a twin's assets as a camera sees them, and their surfaces in its frame."""
 
 from __future__ import annotations
 

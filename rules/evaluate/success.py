@@ -122,7 +122,7 @@ def _limits(rate: Rate | None) -> Limits | None:
 
 
 def _both(parts: Sequence[Limits | None], *, short: bool = False) -> str | None:
-    """`93 (86-97) / 88 (80-93)`, a dash for what was not tried; None where nothing was."""
+    """`93 (86-97) / 88 (80-93)`, a dash for cells without trials; None if no cell has any."""
     if not any(parts):
         return None
     return " / ".join(_percent(part, short) if part else "-" for part in parts)

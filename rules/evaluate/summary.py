@@ -28,7 +28,7 @@ def summary(ctx: Context, tables: Collection[Table], *, options: SummaryOptions)
     Numeric columns that say which direction is better are averaged; a column of results is counted.
     """
     if not tables.items:
-        ctx.fail("there is no table to sum up", hint="check the pattern of the captures")
+        ctx.fail("no table was given", hint="check the pattern of the captures")
     labels = sorted(tables.items)
     first = tables.items[labels[0]]
     for label in labels:

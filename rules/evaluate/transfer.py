@@ -93,7 +93,7 @@ def _matches(series: Series) -> list[Match]:
 
 
 def _rows(matches: Sequence[Match]) -> list[tuple[table.Cell, ...]]:
-    """All cells, the cells of each kind of world where there are several, and the policies' means over their tasks."""
+    """All cells, the cells of each kind of world if there are several, and the policies' means over their tasks."""
     rows = [_row("cells: policy in a task", [match.point for match in matches])]
     worlds = sorted({match.other.world for match in matches}, reverse=True)
     if len(worlds) > 1:

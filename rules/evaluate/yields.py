@@ -1,4 +1,4 @@
-"""evaluate.yields: how many attempts a data set took, and why the others were sorted out."""
+"""evaluate.yields: how many attempts a data set took, and why the others were discarded."""
 
 from __future__ import annotations
 

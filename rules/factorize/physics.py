@@ -1,4 +1,4 @@
-"""factorize.physics: mass, inertia and contact of every link, with what is known of them."""
+"""factorize.physics: mass, inertia and contact of every link, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def physics(ctx: Context, body: Body, seen: ObjectView, *, options: PhysicsOptio
     """Return mass properties of every link in the object frame at joints 0, in SI units of the unscaled body.
 
     A body with a cavity is made of walls, and the substance's density times their volume is its mass. Anything else is
-    a product with contents and voids that nobody saw, and the bulk density of such products counts.
+    a product with unseen contents and voids, and the bulk density of such products counts.
     """
     name = options.material or seen.material
     if name not in TABLE:

@@ -17,7 +17,7 @@ from .demonstrations import Demonstrations, prepare
 def act(
     ctx: Context, bundle: TaskBundle, episodes: Episodes, film: Film | None = None, *, options: ActOptions
 ) -> Checkpoint:
-    """Return a policy that imitates the episodes, trained with ACT on what a robot can observe.
+    """Return a policy that imitates the episodes, trained with ACT on observations that a robot has.
 
     The training goes on where it was if it is interrupted, and ends with the same weights.
     """

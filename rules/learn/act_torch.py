@@ -49,7 +49,7 @@ def train(ctx: Context, data: Demonstrations, options: ActOptions) -> Trained:
 
 
 class Training:
-    """One training: network, optimiser, and what is measured.
+    """One training: network, optimiser, measurements.
 
     Randomness depends on seed and step alone, so that going on needs no generator's state.
     """

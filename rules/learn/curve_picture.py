@@ -17,7 +17,7 @@ def draw(curves: Mapping[str, tuple[np.ndarray, np.ndarray]], what: str, *, loga
 
     Args:
         curves: Name -> (steps, values); empty ones are left out.
-        what: What the values are.
+        what: Name of the values.
         logarithmic: Vertical axis; only where all values are positive.
     """
     from PIL import Image

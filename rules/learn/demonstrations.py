@@ -28,7 +28,7 @@ class Demonstrations:
     """All steps of all episodes, one row each, one episode after another."""
 
     contract: PolicyContract
-    """What the policy will expect and give, with the normalisation that the training episodes gave."""
+    """Inputs and outputs of the policy, with the normalisation of the training episodes."""
     inputs: dict[str, np.ndarray]
     """Vector channel -> (N, tokens, features) float32, normalised."""
     actions: np.ndarray
@@ -110,7 +110,7 @@ def _places(bundle: TaskBundle, layout: Layout, fields: features.Fields, chosen:
 
 def _check(ctx: Context, episodes: Episodes, film: Film | None, options: ActOptions) -> None:
     if not episodes.items:
-        ctx.fail("there is no successful episode to learn from", attempts=episodes.attempts)
+        ctx.fail("no episode succeeded, so there is nothing to learn from", attempts=episodes.attempts)
     if not options.inputs or len(set(options.inputs)) < len(options.inputs):
         ctx.fail("`inputs` must name one channel or more, each once", inputs=", ".join(options.inputs) or "none")
     if film is None:

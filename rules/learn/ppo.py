@@ -15,7 +15,7 @@ from .reinforcement import contract_of
 
 @rule(version=1, packages=("numpy",), memory_gb=2.0)
 def ppo(ctx: Context, bundle: TaskBundle, *, options: PpoOptions) -> Checkpoint:
-    """Return a policy that taught itself the task, from what a robot can observe; its critic alone is privileged.
+    """Return a policy trained by reinforcement on observations that a robot has; its critic alone is privileged.
 
     The training goes on where it was if it is interrupted, and ends with the same weights.
     """

@@ -20,7 +20,7 @@ class PpoOptions(Options):
     control: Literal["palm", "joints"] = "palm"
     """How it moves the arm: by steps of the palm, which keeps its turn, or joint by joint."""
     step_m: float = Field(0.15, gt=0.0)
-    """Largest way of the palm by one decision, per axis [m]. What is light and slippery has to be pushed quickly."""
+    """Largest step of the palm by one decision, per axis [m]; light and slippery objects have to be pushed quickly."""
     grip: str | None = None
     """Posture of the fingers, one of the robot's grips; None: the first that suits the task, or else as at home."""
     lean_rad: float = Field(0.4, ge=-1.6, le=1.6)
@@ -30,7 +30,7 @@ class PpoOptions(Options):
     step_rad: float = Field(0.35, gt=0.0)
     """Largest change of a joint target by one decision [rad]."""
     lead_rad: float = Field(0.5, gt=0.0)
-    """Farthest that a joint target may be ahead of its joint [rad]; bounds the force on what is pushed."""
+    """Farthest that a joint target may be ahead of its joint [rad]; bounds the pushing force."""
     width: int = Field(128, ge=1)
     """Features of a layer, of the policy and of its critic."""
     layers: int = Field(2, ge=1)

@@ -154,11 +154,11 @@ class Watch(BaseCallback):
         self._averaged = notes["decisions"]
 
     def _follow(self) -> None:
-        """Move the average of the actor's weights towards what they are now, once per update."""
+        """Move the average of the actor's weights towards their current values, once per update."""
         if self._averaged == self.model.num_timesteps:
             return
         self._averaged = self.model.num_timesteps
-        # At first the average is short, or what the training began with would stay in it for long.
+        # At first the average is short, or the initial weights would stay in it for long.
         updates = self._averaged / (self._options.rollout * self._options.worlds)
         keep = min(self._options.average, updates / (9.0 + updates))
         for name, tensor in actor_tensors(self.model.policy).items():

@@ -22,7 +22,7 @@ class Worlds(DummyVecEnv):
 
     Args:
         bundle: The task.
-        contract: What the policy expects and gives.
+        contract: Inputs and outputs of the policy.
         count: Environments.
         seed: Seed of their starts.
     """

@@ -1,4 +1,4 @@
-"""What a backend of a reinforcement rule gives back."""
+"""The result of a backend of a reinforcement rule."""
 
 from __future__ import annotations
 

@@ -25,12 +25,12 @@ PLACE_M, TURN = 0.05, 0.3
 
 
 def contract_of(bundle: TaskBundle, options: PpoOptions, heading_rad: float | None = None) -> PolicyContract:
-    """What a policy that is trained with these options expects and gives.
+    """Inputs and outputs of a policy that is trained with these options.
 
     Args:
         bundle: The task.
         options: Of the rule.
-        heading_rad: Direction about the vertical, in the base, that the palm shall face [rad]; None: as at home.
+        heading_rad: Direction about the vertical, in the base, that the palm faces [rad]; None: as at home.
     """
     layout = of_bundle(bundle)
     thing = bundle.objects[bundle.task.object]

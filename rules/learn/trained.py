@@ -1,4 +1,4 @@
-"""What a backend of an imitation rule gives back."""
+"""The result of a backend of an imitation rule."""
 
 from __future__ import annotations
 

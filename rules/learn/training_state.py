@@ -16,7 +16,7 @@ from dextera_build.learning import weights
 
 @dataclass
 class Kept:
-    """What is kept beside weights and moments."""
+    """Training state beside weights and moments."""
 
     of: str
     """Digest of data and options; a state of anything else is not used."""

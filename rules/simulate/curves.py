@@ -1,4 +1,4 @@
-"""Pictures of what a scene did, for the report."""
+"""Curves of a simulated scene, for the report."""
 
 from __future__ import annotations
 

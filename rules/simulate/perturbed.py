@@ -44,7 +44,7 @@ def perturbed(ctx: Context, bundle: TaskBundle, *, options: PerturbedOptions | N
     """Return the task in a disturbed copy of its twin: other sizes, masses, friction, gains and clock; simulated.
 
     Masses and friction are drawn inside the twin's own intervals, everything else by the options. Names, frames,
-    joints, goal and success stay. Photographed poses and points stay too: they are what the twin believes.
+    joints, goal and success stay. Photographed poses and points stay too: they are the twin's belief.
 
     The backend offers `build(bundle, options) -> (TaskBundle, body -> scale factors)` and `portraits(bundle)`.
     """

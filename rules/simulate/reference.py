@@ -53,7 +53,7 @@ def reference(
     )
     ctx.check(
         bundle.robot == robot,
-        "the task is for another robot than the one that stands in the reference world",
+        "the task's robot is not the robot of the reference world",
         hint="give both rules the same `robot`",
     )
     built: TaskBundle = ctx.backend.build(bundle, world, options)

@@ -13,7 +13,7 @@ from dextera_build.rule import Backend
 if TYPE_CHECKING:
     from .reference import ReferenceOptions
 
-BACKEND = Backend(summary="no simulation: the twin stands for the reference world", profiles=("stub",))
+BACKEND = Backend(summary="no simulation: the twin takes the place of the reference world", profiles=("stub",))
 
 
 def build(bundle: TaskBundle, world: World, options: ReferenceOptions) -> TaskBundle:

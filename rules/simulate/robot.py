@@ -153,7 +153,7 @@ class GripOptions(Options):
     """A way to use the hand."""
 
     against: Literal["thumb", "palm", "nothing"]
-    """What the fingers press things against; `nothing`: they push with their tips."""
+    """The opposing side of the grip; `nothing`: the fingers push with their tips."""
     open_rad: dict[str, float]
     """Joint -> position at its widest [rad]."""
     closed_rad: dict[str, float] = Field(default_factory=dict)
@@ -250,7 +250,7 @@ def _grips(ctx: Context, options: RobotOptions, joints: tuple[RobotJoint, ...]) 
     for name, grip in options.grips.items():
         for joint, position in [*grip.open_rad.items(), *grip.closed_rad.items()]:
             ctx.check(
-                joint in hand, f"grip `{name}` moves `{joint}`, which is no joint of the hand", joints=listing(hand)
+                joint in hand, f"grip `{name}` moves `{joint}`, which is not a joint of the hand", joints=listing(hand)
             )
             inside = hand[joint].lower <= position <= hand[joint].upper
             limits = f"{hand[joint].lower:g} to {hand[joint].upper:g} rad"

@@ -35,7 +35,7 @@ class ResetOptions(Options):
 
 
 class TaskOptions(Options):
-    """Options of simulate.task: what is to be done."""
+    """Options of simulate.task: the objective."""
 
     name: str
     """Name of the task: `CloseLaptop`."""

@@ -22,7 +22,7 @@ def fitted(options: TaskOptions, joints: Mapping[str, list[str]]) -> TaskOptions
     """The options, about the first object where the stubs before it did not find the one that is meant.
 
     Args:
-        options: What the recipe wants.
+        options: The recipe's options.
         joints: Body -> its joints.
     """
     if options.object in joints or not joints:

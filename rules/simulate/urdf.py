@@ -20,7 +20,7 @@ Point = tuple[float, ...]
 
 
 class UrdfOptions(Options):
-    """Options of simulate.urdf: what a photograph cannot show of a joint, but URDF demands."""
+    """Options of simulate.urdf: properties of joints that URDF demands and a photograph cannot show."""
 
     name: str = "object"
     """Name of the robot element."""

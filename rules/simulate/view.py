@@ -26,7 +26,7 @@ class ViewOptions(Options):
     eye_m: Point | None = None
     """Where the camera stands in the world [m]; absent: where the photograph was taken."""
     target_m: Point | None = None
-    """What it looks at from `eye_m`, in the world [m]; image right is horizontal."""
+    """Target of a camera at `eye_m`, in the world [m]; image right is horizontal."""
     samples: Literal[1, 2, 4, 8] = 1
     """Samples per pixel: with four, edges are smooth, and a frame takes more than twice as long to render."""
     shift_m: Point = (0.0, 0.0, 0.0)

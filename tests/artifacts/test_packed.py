@@ -39,7 +39,7 @@ def test_another_type_is_refused():
 
 @pytest.mark.parametrize("data", [b"", b"PK\x03\x04 no zip", b"\x00" * 100])
 def test_what_is_no_packed_artifact_is_refused(data):
-    with pytest.raises(ArtifactError, match="this is no packed View") as caught:
+    with pytest.raises(ArtifactError, match="this is not a packed View") as caught:
         unpack(View, data)
     assert caught.value.code == "DXB-A109"
 
@@ -60,7 +60,7 @@ def test_a_lost_blob_is_refused():
     with zipfile.ZipFile(io.BytesIO(pack(episodes.bundle()))) as whole, zipfile.ZipFile(written, "w") as changed:
         for name in whole.namelist()[:-1]:
             changed.writestr(name, whole.read(name))
-    with pytest.raises(ArtifactError, match="this is no packed TaskBundle"):
+    with pytest.raises(ArtifactError, match="this is not a packed TaskBundle"):
         unpack(TaskBundle, written.getvalue())
 
 
@@ -88,7 +88,7 @@ def test_no_more_is_read_than_a_member_declares():
     data = bytearray(altered(lambda changed, name, data: changed.writestr(name, data + b" " * (1 << 20), 8)))
     for start in (found.start() for found in re.finditer(re.escape(b"PK\x01\x02"), bytes(data))):
         data[start + 24 : start + 28] = (3).to_bytes(4, "little")
-    with pytest.raises(ArtifactError, match="this is no packed View"):
+    with pytest.raises(ArtifactError, match="this is not a packed View"):
         unpack(View, bytes(data))
 
 
@@ -101,7 +101,7 @@ def test_a_member_that_cannot_be_opened_is_refused(place, value):
     data = bytearray(pack(episodes.view()))
     for start in (found.start() for found in re.finditer(re.escape(b"PK\x01\x02"), bytes(data))):
         data[start + place : start + place + 2] = value
-    with pytest.raises(ArtifactError, match="this is no packed View"):
+    with pytest.raises(ArtifactError, match="this is not a packed View"):
         unpack(View, bytes(data))
 
 

@@ -237,7 +237,7 @@ def test_an_import_that_takes_long_is_named(project, monkeypatch, capsys):
 def test_a_worker_searches_where_the_build_does_and_not_in_the_current_folder(project):
     space = Space(project)
     space.write("dxb.toml", 'cache = "cache"\n')
-    body = "import os, sys\n    assert os.getcwd() not in sys.path\n    import deep_and_own"
+    body = "import os, sys\n    assert os.getcwd() not in sys.path\n    import deep_and_own\n    if 0: import scipy"
     space.write("rules/toy/mul.py", RULE.format(body=body))
     space.write("recipes/g.yaml", "inputs: {}\nnodes:\n  a: {rule: toy.mul}\ntargets: {default: [a]}\n")
     space.write("path/deep_and_own.py", "")
@@ -248,3 +248,6 @@ def test_a_worker_searches_where_the_build_does_and_not_in_the_current_folder(pr
         words, capture_output=True, text=True, cwd=project, env=space.environment(PYTHONPATH=path), check=False
     )
     assert not done.returncode, done.stderr
+    assert (
+        done.stderr.count("warning: toy.mul imports `scipy`, which is neither code of the project nor a package") == 1
+    )

@@ -52,6 +52,7 @@ def test_a_dead_or_faulty_worker_fails_its_node_alone(space, do, code, text, las
     assert f"error[DXB-{code}]" in answer.err
     assert text in answer.err
     assert "Traceback" not in answer.err
+    assert ("at     rules/toy/slow.py:" in answer.err) == (do == "raise")
     log = space.dxb("log", "say/bad", "bad").out.splitlines()
     assert (log[0], log[-1]) == (f"printed {do}", last)
     assert ("Traceback (most recent call last):" in log) == (do == "raise")
@@ -130,9 +131,7 @@ def test_a_damaged_blob_is_not_believed(space):
     assert (space.root / out).read_bytes() == b"ONE!!! TWO!!!", answer.err
 
 
-@pytest.mark.parametrize(
-    "words", [["build"], ["build", "say/words", "--nope"], ["get", "say/words"], ["why", "say/words"], ["show"]]
-)
+@pytest.mark.parametrize("words", [["build"], ["build", "say/words", "--nope"], ["get", "say/words"], ["show"]])
 def test_a_wrong_command_line_exits_with_two(space, words):
     answer = space.dxb(*words)
     assert answer.code == 2

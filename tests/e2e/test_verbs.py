@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 
@@ -20,6 +21,20 @@ def test_plan_tells_what_would_run(space):
     space.build("say/words")
     rows = json.loads(space.dxb("plan", "--json", "say/words").out)
     assert {row["status"] for row in rows} == {"cached"}
+
+
+def test_plan_ends_with_a_sum(space):
+    assert space.dxb("plan", "say/words").err.startswith("1 of 5 nodes would run, 4 may follow\n")
+    space.build("say/words")
+    assert space.dxb("plan", "say/words").err == "7 nodes, all up to date\n"
+    space.edit("recipes/say/words.yaml", "times: 2", "times: 3")
+    assert re.fullmatch(r"2 of 7 nodes would run, 1 may follow, about [0-9.]+ s\n", space.dxb("plan", "say/words").err)
+
+
+def test_get_and_report_answer_in_json(built):
+    (path,) = json.loads(built.dxb("get", "say/words:all", "--json", "-o", "got").out)["files"]
+    assert (built.root / path).is_file()
+    assert (built.root / json.loads(built.dxb("report", "--json").out)["report"]).is_file()
 
 
 def test_ls(built):

@@ -53,6 +53,18 @@ def built(space):
     return space
 
 
+def test_a_recipe_lists_every_stale_node_with_its_cause(built):
+    answer = built.dxb("why", "say/words")
+    assert (answer.code, answer.out, answer.err) == (0, "", "say/words is up to date\n")
+    built.edit("recipes/say/words.yaml", "times: 2", "times: 3")
+    answer = built.dxb("why", "say/words")
+    assert answer.code == 0
+    rows = dict(line.split("\t") for line in answer.out.splitlines())
+    assert set(rows) == {"word[one].louder", "word[two].louder"}
+    assert all("option times 2 -> 3" in why.replace("→", "->") for why in rows.values())
+    assert answer.err == "2 nodes of say/words would run, 1 may follow\n"
+
+
 def test_up_to_date(built):
     answer = built.dxb("why", "say/words:word[one].loud")
     assert answer.out.startswith("up to date: key ")

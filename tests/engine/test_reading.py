@@ -26,7 +26,7 @@ from dextera_build.store.remotes.directory import Directory
 from dextera_build.store.remotes.exchange import Exchange
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
-from dextera_build.store.traces.tree import publish
+from dextera_build.store.traces.lists import publish
 from tests.engine.tiny import Record, call, facts, graph, out, run, run_task
 from tests.store.stores import age, entry
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
 
 import pytest
@@ -84,3 +85,12 @@ def test_a_vanished_project_holds_nothing(store: Store, tmp_path: Path) -> None:
     project.rmdir()
     found = roots.find(store)
     assert (found.keys, found.vanished) == ({}, [str(project)])
+
+
+def test_the_past_of_a_request_with_flags_holds_its_results_for_a_month(store: Store, tmp_path: Path) -> None:
+    keys = ["ab" * 32, "cd" * 32, "ef" * 32]
+    for variant, key, days in (("", keys[0], 40.0), ("@a=1-12345678", keys[1], 40.0), ("@a=2-12345678", keys[2], 20.0)):
+        history = History(store, "tiny/graph", str(tmp_path), variant)
+        history.note("a", Entry(key, key, "0001", 1.0, time.time() - days * 86400))
+        history.save()
+    assert roots.find(store).keys == {str(tmp_path): {keys[0], keys[2]}}

@@ -60,7 +60,7 @@ def test_a_prismatic_joint_slides_along_its_unit_axis() -> None:
 
 
 def test_unknown_joints_and_cycles_are_named(arm: Body) -> None:
-    with pytest.raises(ArtifactError, match="`knee` is no joint of this body"):
+    with pytest.raises(ArtifactError, match="`knee` is not a joint of this body"):
         kinematics.link_poses(arm, {"knee": 0.0})
     ring = arm.model_copy(update={"joints": (joint("a", "upper", "lower"), joint("b", "lower", "upper"))})
     with pytest.raises(ArtifactError, match="not a tree over the links") as error:

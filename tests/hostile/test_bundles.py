@@ -57,6 +57,12 @@ def member(
     return info, data
 
 
+def huge() -> bytes:
+    info = tarfile.TarInfo("index.json")
+    info.size = 1 << 62
+    return info.tobuf(tarfile.GNU_FORMAT)
+
+
 def taken_apart(data: bytes) -> Files:
     with tarfile.open(fileobj=io.BytesIO(data)) as archive:
         return [(info, archive.extractfile(info).read()) for info in archive]  # type: ignore[union-attr]
@@ -121,6 +127,9 @@ ARCHIVES: dict[str, tuple[Callable[[bytes], bytes], str]] = {
         lambda data: packed([member(i.name, b + b"x" if "blobs/" in i.name else b) for i, b in taken_apart(data)]),
         "S302",
     ),
+    "a name that is no text": (lambda data: packed([member("\udcff\udcfe")]), "S301"),
+    "a later name that is no text": (adding(member("index.json"), member("\udcff\udcfe")), "S304"),
+    "a size beyond all disks": (lambda data: huge() + data, "S304"),
     "nothing": (lambda data: b"", "S301"),
     "noise": (lambda data: of_bytes(data).encode() * 100, "S301"),
 }

@@ -45,7 +45,7 @@ def result(store: Store) -> ActionResult:
 
 def test_what_goes_in_comes_out(store: Store, result: ActionResult) -> None:
     assert store.actions.get(KEY) is None
-    assert store.actions.put(KEY, result) == result.digest
+    assert store.actions.put(KEY, result)
     assert store.actions.get(KEY) == result
     assert ActionResult.from_document(result.document) == result
     plain = ActionResult(result.output, "", (), {}, 0.0, None, result.key_document)
@@ -90,7 +90,7 @@ def test_sizes_that_are_known_give_the_same_entry(store: Store, result: ActionRe
 def test_a_bare_result_is_known_and_no_hit(store: Store, result: ActionResult) -> None:
     content = digest.of_bytes(b"content")
     store.blobs.path(content).unlink()
-    store.actions.put_bare(KEY, result)
+    store.actions.put(KEY, result, may_lack=True)
     assert store.actions.get(KEY) is None
     assert store.actions.known(KEY) == result
     assert store.actions.find(KEY) == Found(result, False)
@@ -124,7 +124,7 @@ def test_a_header_that_is_not_there_cannot_be_noted(store: Store, result: Action
         data = store.blobs.get(missing)
         store.blobs.path(missing).unlink()
         with pytest.raises(MissingBlob):
-            store.actions.put_bare(KEY, result)
+            store.actions.put(KEY, result, may_lack=True)
         store.blobs.put(data)
 
 

@@ -113,7 +113,7 @@ def test_a_bare_result_is_collected_as_any_other(store: Store) -> None:
     store.blobs.path(digest.of_bytes(b"large")).unlink()
     result = store.actions.known(key)
     assert result is not None
-    store.actions.put_bare(key, result)
+    store.actions.put(key, result, may_lack=True)
     age_all(store, time.time() - 9 * DAY)
     collect(store, held(key), Limits(size=0), dry=False)
     assert store.actions.find(key) == Found(result, False)

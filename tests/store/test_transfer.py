@@ -128,32 +128,57 @@ def test_what_came_damaged_is_sent_again(built: tuple[Store, list[str]], tmp_pat
     assert victim.read_bytes() == whole
 
 
+def test_a_folder_in_place_of_a_file_is_a_miss_and_is_replaced(built: tuple[Store, list[str]], tmp_path: Path) -> None:
+    store, (key, _) = built
+    share = Directory(tmp_path / "share")
+    Transfer(store).send(share, key)
+    for path in [path for path in (tmp_path / "share").rglob("*") if path.is_file()]:
+        data = path.read_bytes()
+        path.unlink()
+        (path / "within").mkdir(parents=True)
+        assert Transfer(Store(tmp_path / path.name)).fetch(share, key) is None
+        Transfer(store).send(share, key)
+        assert path.read_bytes() == data
+    assert Transfer(Store(tmp_path / "other")).fetch(share, key) is not None
+
+
 def test_a_result_that_is_not_here_cannot_be_sent(tmp_path: Path) -> None:
     with pytest.raises(MissingBlob, match="no whole result under this key"):
         Transfer(Store(tmp_path / "store")).send(Directory(tmp_path / "share"), "ab" * 32)
 
 
-def test_a_refusal_is_not_tried_again_and_other_faults_are_once(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("refused", "tries", "doing"), [(True, 1, "read"), (False, 2, "both")])
+def test_a_fault_is_tried_once_more_and_a_refusal_is_not(tmp_path: Path, refused: bool, tries: int, doing: str) -> None:
     calls: list[str] = []
 
     class Failing(Directory):
         def get_entry(self, key: str) -> bytes | None:
             calls.append("get")
-            raise RemoteFault("x", "no", refused=len(calls) > 2)
+            raise RemoteFault("x", "no", refused=refused)
 
     guarded = Guarded("x", "x", lambda: Failing(tmp_path))
-    with pytest.raises(RemoteFault):
-        guarded.get_entry("ab" * 32)
-    assert len(calls) == 2
-    with pytest.raises(RemoteFault):
-        guarded.get_entry("ab" * 32)
-    assert len(calls) == 3
+    for _ in range(3):
+        with pytest.raises(RemoteFault, match="no"):
+            guarded.get_entry("ab" * 32)
+    assert len(calls) == tries
     assert not guarded.may("read")
-    assert guarded.may("write")
-    assert [(notice.doing, notice.reason) for notice in guarded.given_up] == [("read", "no")]
-    with pytest.raises(RemoteFault, match="no"):
-        guarded.get_entry("ab" * 32)
-    assert len(calls) == 3
+    assert guarded.may("write") == refused
+    assert [(notice.doing, notice.reason) for notice in guarded.given_up] == [(doing, "no")]
+
+
+def test_a_fault_that_does_not_come_again_is_forgotten(tmp_path: Path) -> None:
+    calls: list[str] = []
+
+    class Stumbling(Directory):
+        def get_entry(self, key: str) -> bytes | None:
+            calls.append("get")
+            if len(calls) % 2:
+                raise RemoteFault("x", "no")
+            return None
+
+    guarded = Guarded("x", "x", lambda: Stumbling(tmp_path))
+    assert [guarded.get_entry("ab" * 32) for _ in range(4)] == [None] * 4
+    assert guarded.given_up == []
 
 
 def test_a_remote_is_connected_once_however_many_ask(tmp_path: Path) -> None:

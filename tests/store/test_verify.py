@@ -44,7 +44,7 @@ def test_bytes_that_are_absent_by_design_are_no_damage(store: Store) -> None:
     assert kinds(verify(store)) == ["lacking"]
     result = store.actions.known(key_of("r1"))
     assert result is not None
-    store.actions.put_bare(key_of("r1"), result)
+    store.actions.put(key_of("r1"), result, may_lack=True)
     assert verify(store, repair=True).findings == []
     assert store.actions.known(key_of("r1")) == result
     store.blobs.path(result.output).unlink()

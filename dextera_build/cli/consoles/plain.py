@@ -117,7 +117,7 @@ class PlainConsole(Console):
             return lines.plan(event)
         if isinstance(event, GroupOpened):
             return lines.opened(event)
-        if isinstance(event, NodeFinished) and event.status not in ("waits", "cancelled"):
+        if isinstance(event, NodeFinished) and event.status not in ("waits", "cancelled", "cached"):
             return self._columns.node(event)
         if isinstance(event, BytesMissed):
             return lines.missed(event)

@@ -69,7 +69,7 @@ class InlineExecutor:
             error = known
         except Exception as unknown:
             log.append(traceback.format_exc())
-            error, raised = escaped(unknown), names_of(unknown)
+            error, raised = escaped(unknown, task.project), names_of(unknown)
         seconds = time.monotonic() - began
         said = "".join(log).encode()
         reports.append(Ended(task.ticket, seconds, said, reply, error, tuple(raised), self._meter.end()))

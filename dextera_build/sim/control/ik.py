@@ -38,7 +38,7 @@ class Solution:
     """Smallest distance of a joint to its limit [rad]."""
 
     def reached(self, position_m: float = 0.002, rotation_rad: float = 0.01) -> bool:
-        """Whether what is left is within these bounds [m, rad]."""
+        """Whether the residual is within these bounds [m, rad]."""
         return self.position_error_m <= position_m and self.rotation_error_rad <= rotation_rad
 
 

@@ -1,6 +1,6 @@
-"""What moves a robot by hand poses: the interface of a teleoperation device, a script and a recording.
+"""Operators that move a robot by hand poses: the interface of a teleoperation device, a script and a recording.
 
-Once per control step an operator sees a `State` and answers with a `Command`: where the palm and the fingers shall be.
+Once per control step an operator sees a `State` and answers with a `Command`: target poses of the palm and the fingers.
 A `PoseControl` makes joint targets of it, so that every operator drives every robot that has an arm and a hand.
 """
 
@@ -19,7 +19,7 @@ from dextera_build.sim.control.ik import ArmKinematics
 
 @dataclass(frozen=True)
 class State:
-    """What an operator sees at one control step."""
+    """An operator's observation at one control step."""
 
     joints: np.ndarray
     """(A,) measured joint positions, in the robot's order [rad]."""
@@ -31,7 +31,7 @@ class State:
 
 @dataclass(frozen=True)
 class Command:
-    """What an operator wants at one control step."""
+    """An operator's command at one control step."""
 
     palm: np.ndarray
     """(4, 4) T_base_palm."""
@@ -50,7 +50,7 @@ class OutOfReach(Exception):  # noqa: N818  it is a verdict on a start, not a fa
 
 
 class Operator(Protocol):
-    """Whoever commands the hand."""
+    """A source of hand commands."""
 
     def begin(self, state: State) -> None:
         """Prepare for an episode that starts in `state`.

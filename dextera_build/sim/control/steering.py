@@ -1,4 +1,4 @@
-"""What goes into a reinforced policy and what its decisions mean: small steps of the palm or of joints.
+"""Inputs and decisions of a reinforced policy: small steps of the palm or of joints.
 
 A decision holds for several control periods, over which the joint targets go evenly to where it says. All follows from
 the targets that were sent last and from where the joints are, so nothing is remembered from decision to decision.
@@ -22,7 +22,7 @@ DAMPING = 0.05
 RADIAN_M = 0.3
 """Weight of a radian of the palm's turn in metres."""
 TURN_RAD = 0.3
-"""Largest turn of the palm to how it shall be in one Newton step [rad]."""
+"""Largest turn of the palm towards its target orientation in one Newton step [rad]."""
 PLACE_M = 0.2
 """Scale of the places that the network is told [m]."""
 POSTURE = 0.02
@@ -58,7 +58,7 @@ class Steering:
         self._channels = contract.inputs
 
     def numbers(self, inputs: Fields) -> np.ndarray:
-        """What the network gets for one sample of every input channel, (1, N) float32."""
+        """The network's input for one sample of every channel, (1, N) float32."""
         plain = flat(inputs, self._channels)
         if self._palm is None:
             return plain

@@ -32,7 +32,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Filters:
-    """What an episode must not do."""
+    """Limits whose violation discards an episode."""
 
     lag_m: float = 0.02
     """Farthest that joint targets may stay behind the commanded palm, for limits of joints and speeds [m]."""
@@ -98,7 +98,7 @@ class Driver:
         return f"touched `{touched}` in `{command.segment}`" if touched else ""
 
     def state(self) -> State:
-        """What an operator sees now."""
+        """The operator's observation now."""
         bundle, measured = self.environment.bundle, self.environment.measure()
         placed = zip(bundle.objects, measured.objects, strict=True)
         inner = zip(bundle.displacement_names, map(float, measured.displacement), strict=True)

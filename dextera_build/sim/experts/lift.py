@@ -29,7 +29,7 @@ class Grasp:
     closed: np.ndarray
     """(H,) targets of the finger joints that press [rad]."""
     name: str = ""
-    """What it is, for people."""
+    """Description for people."""
     way: str = ""
     """Grasps of the same way differ in detail."""
     above_m: float = 0.08

@@ -22,7 +22,7 @@ Progress = Callable[[int, int, str], None]
 
 
 class Practised:
-    """An operator that does what went best in rehearsal among what there is room for.
+    """The operator that did best in rehearsal, among those that the workspace has room for.
 
     Args:
         rehearsed: The best first.

@@ -49,7 +49,7 @@ class Candidate:
     """A way to do the task."""
 
     name: str
-    """What it is, for people."""
+    """Description for people."""
     way: str
     """Ways of the same kind differ in detail; one of a kind is enough."""
     operator: Planned

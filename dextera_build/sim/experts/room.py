@@ -1,4 +1,4 @@
-"""Whether the arm can follow a plan without coming near what it is not meant to touch."""
+"""Whether the arm can follow a plan clear of the obstacles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime.environment import Environment
 
 ENOUGH_RAD = 0.35
-"""More distance than this to the joint limits is no more comfortable [rad]."""
+"""Distance to the joint limits beyond which comfort does not grow [rad]."""
 TOUCH_M = 0.004
 """How deep the task's object may reach into the hand where contact is meant [m]."""
 CLEAR_M = 0.010

@@ -1,8 +1,8 @@
 """Object-centric trajectory synthesis: one demonstration, moved to where the object stands now (Eq. 4 of the paper).
 
-Segments that belong to a body keep the palm's pose relative to that body's frame F (Eq. 4a); what lies between is
+Segments that belong to a body keep the palm's pose relative to that body's frame F (Eq. 4a); the motion between is
 interpolated, positions by LERP (4b) and rotations by SLERP (4c), timed by speed and not by a fixed number of steps;
-noise (4d) disturbs what is executed and never the label. A pose that is interpolated so is no screw motion.
+noise (4d) disturbs the executed command and never the label. This is not a screw motion.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Manner:
     noise: Noise = field(default_factory=Noise)
     """Eq. 4d."""
     filters: Filters = field(default_factory=Filters)
-    """What an episode must not do."""
+    """Limits whose violation discards an episode."""
     timing: Timing = field(default_factory=Timing)
     """Speed of interpolated motion."""
     nearest: int = 3
@@ -252,7 +252,7 @@ def _near(one: np.ndarray, other: np.ndarray) -> bool:
 
 
 def synthesise(driver: Driver, sources: Episodes, start: Start, seed: int, manner: Manner) -> Episode:
-    """One synthetic episode from `start`, successful or with the reason why it was sorted out.
+    """One synthetic episode from `start`, successful or with the reason why it was discarded.
 
     Args:
         driver: Of the task's environment.

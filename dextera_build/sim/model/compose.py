@@ -18,7 +18,7 @@ ROBOT = "robot/"
 def with_robot(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) -> Folder:
     """The scene with the robot fixed to the world at `world_from_base`, as a new folder.
 
-    Cameras are taken out, because a task does not depend on who looks on (see `View`). Keyframe `home` is extended by
+    Cameras are taken out, because a task does not depend on its observers (see `View`). Keyframe `home` is extended by
     the robot at home.
 
     Args:
@@ -47,7 +47,7 @@ def with_robot(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) ->
     frame.attach_body(arm.body("base"), ROBOT, "")
     # Attaching does not hand on the files of the attached.
     spec.assets = {**spec.assets, **arm.assets}
-    # Controllers of such arms carry the robot's own weight; what it holds they do not know of.
+    # Controllers of such arms carry the robot's own weight; a payload is unknown to them.
     for body in spec.bodies:
         body.gravcomp = float(body.name.startswith(ROBOT))
     try:

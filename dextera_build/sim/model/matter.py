@@ -19,7 +19,7 @@ from dextera_build.sim.model import mjcf_contact
 BOX = 0.995
 """A convex piece that fills this much of its bounding box collides as a box, which rests more quietly than a mesh."""
 FRICTION = (mjcf_contact.TORSION_M, mjcf_contact.ROLLING_M)
-"""Torsional and rolling friction [m], as in the twin: nobody measured either."""
+"""Torsional and rolling friction [m], as in the twin; neither was measured."""
 
 
 class Stock:
@@ -83,7 +83,7 @@ class Stock:
 
 
 def weigh(body: Any, parts: Sequence[Part], mass_kg: float, pose: np.ndarray) -> None:
-    """Write a body's inertial: `mass_kg` spread evenly over what the parts fill together, at `pose` (T_body_part)."""
+    """Write a body's inertial: `mass_kg` spread evenly over the union of the parts, at `pose` (T_body_part)."""
     filled = solids.union([solids.Solid(part.mesh.vertices.astype(np.float64), part.mesh.faces) for part in parts])
     whole = massprops.of_mesh(filled.vertices, filled.faces)
     turn = pose[:3, :3]

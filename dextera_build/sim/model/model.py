@@ -28,7 +28,7 @@ def compile_folder(model: Folder) -> Any:
 
 
 def at_home(model: Any) -> Any:
-    """A `mujoco.MjData` at keyframe `home` where there is one, with everything derived from it computed."""
+    """A `mujoco.MjData` at keyframe `home`, if the model has one, with all derived quantities computed."""
     import mujoco
 
     data = mujoco.MjData(model)

@@ -1,4 +1,4 @@
-"""What a robot touches that it was not meant to touch."""
+"""Unintended contacts of a robot."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Touch:
         self._names = [self._name(geom) for geom in range(model.ngeom)]
 
     def unintended(self, contact: bool, press_n: float) -> str:
-        """What the robot presses on with more than `press_n` [N]; empty where all is well.
+        """Unintended contacts with more than `press_n` [N]; empty if there are none.
 
         Args:
             contact: Whether the task's object may be touched now.

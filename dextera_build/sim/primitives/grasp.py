@@ -1,4 +1,4 @@
-"""What holds an object, read off a simulator's contacts.
+"""The hold on an object, read from a simulator's contacts.
 
 On hardware an estimate of the same form takes its place.
 """
@@ -19,7 +19,7 @@ OPPOSING = -0.3
 NONE = GraspState()
 """Nothing is held."""
 SUPPORT = -1
-"""Entry of a finger map for what is not the hand."""
+"""Entry of a finger map for geoms outside the hand."""
 
 
 def finger_map(model: Any, tips: np.ndarray, palm: int) -> np.ndarray:

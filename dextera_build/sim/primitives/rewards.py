@@ -18,9 +18,9 @@ NEAR_M = 0.2
 FAR_M = 0.8
 """Distance beyond which nothing changes [m]."""
 REACH, HOLD, MOVE, DONE = 1.0, 1.0, 4.0, 5.0
-"""What the stages are worth: at the object, in the hand, moved to the goal, held there until it counts."""
+"""Rewards of the stages: at the object, in the hand, moved to the goal, held there until it counts."""
 DRAG = 0.4
-"""What it costs to drag an object as far as is allowed; little, for what is slippery has to be moved a little."""
+"""Cost of dragging an object by the allowed distance; small, because slippery objects move a little."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class ArticulateProgress:
     reach_m: float
     """Distance of the nearest fingertip from where it has to push [m]."""
     left: float
-    """Distance of the joints from their commands as a share of what it was at the start."""
+    """Distance of the joints from their commands as a share of its value at the start."""
     strayed: float
-    """How far the object was dragged as a share of what is allowed."""
+    """How far the object was dragged as a share of the allowance."""
     success: bool
     """The task is done."""
 
@@ -63,7 +63,7 @@ def lift(progress: LiftProgress) -> float:
 def articulate(progress: ArticulateProgress) -> float:
     """Value of a moment: reach, then bring the joints to their commands, then success.
 
-    The hand counts for less the nearer the joints are, so that it is free to let go of what has arrived. An object that
+    The hand counts for less the nearer the joints are, so that it may release a joint that has arrived. An object that
     is dragged along takes away from all.
     """
     moved = 1.0 - float(np.clip(progress.left, 0.0, 2.0))

@@ -1,4 +1,4 @@
-"""Success of the task primitives: pure functions of what can be measured in any world.
+"""Success of the task primitives: pure functions of quantities that can be measured in any world.
 
 Nothing here knows a simulator. A condition is judged once per control period; success means that it held without a
 break for `hold_s`, that it did not hold at the reset, and that the clock starts anew after any break.
@@ -16,7 +16,7 @@ from dextera_build.artifacts.task import TaskSpec
 
 @dataclass(frozen=True)
 class GraspState:
-    """What is known of the hold on the task's object in one control period."""
+    """The hold on the task's object in one control period."""
 
     fingers: int = 0
     """Fingers, the palm counted as one, that press on the object."""
@@ -97,7 +97,7 @@ class Judge:
     """Follows one episode and says when it has succeeded.
 
     Args:
-        task: What is to be done.
+        task: The objective.
         start: State at the reset.
     """
 

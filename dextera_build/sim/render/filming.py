@@ -37,7 +37,7 @@ class Replica:
         self._objects = self._addresses(list(episodes.object_names))
 
     def positions(self, episode: Episode) -> np.ndarray:
-        """MuJoCo positions (T, Q) of every step; what is not recorded stays as it was at the start.
+        """MuJoCo positions (T, Q) of every step; positions that are not recorded keep their values at the start.
 
         Raises:
             RuleError: The episode's start belongs to another model.

@@ -109,7 +109,7 @@ class Eye:
 
 
 def _use_chosen_platform() -> None:
-    # MuJoCo reads `MUJOCO_GL` once; whoever imported it before this package has left it without a platform.
+    # MuJoCo reads `MUJOCO_GL` once; if it was imported before this package, it has no platform.
     if os.environ.get("MUJOCO_GL") == "egl":
         from mujoco.egl import GLContext
         from mujoco.rendering.classic import gl_context

@@ -9,12 +9,12 @@ import numpy as np
 from dextera_build.artifacts.camera import Camera
 
 GAMMA = 2.2
-"""Exponent that stands for the sRGB curve when light is averaged."""
+"""Exponent that approximates the sRGB curve when light is averaged."""
 
 
 @dataclass(frozen=True)
 class Shot:
-    """What a faultless camera sees."""
+    """The picture of a faultless camera."""
 
     rgb: np.ndarray  # (H, W, 3) float64, sRGB 0..1
     depth: np.ndarray  # (H, W) float64, image-plane z [m]; 0 where nothing is

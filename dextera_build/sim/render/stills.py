@@ -31,7 +31,7 @@ class Stills:
         self._place = place
 
     def at(self, episode: Episode, rows: np.ndarray) -> np.ndarray:
-        """Pictures (len(rows), H, W, 3) uint8 of what was seen before action `rows[i]`, at most the last."""
+        """Pictures (len(rows), H, W, 3) uint8 of the scene before action `rows[i]`, at most the last."""
         # An episode without a step still has a start.
         positions = self._replica.positions(episode) if len(episode.joints) else episode.start.qpos[None]
         with Eye(self._replica.model, *self._place) as eye:

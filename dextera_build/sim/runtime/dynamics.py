@@ -13,7 +13,7 @@ from dextera_build.sim.model.compose import ROBOT
 
 
 class Dynamics:
-    """Keeps a model's own values, so that every start is applied to them and never to what an earlier start left.
+    """Keeps a model's own values, so that every start is applied to them and never to the values of an earlier start.
 
     Args:
         bundle: The task.

@@ -55,7 +55,7 @@ class Environment:
         self.model = compile_folder(bundle.model)
         self.data = mujoco.MjData(self.model)
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        # What rests and is touched by nothing that moves costs nothing: most objects, nearly all of the time.
+        # Sleeping bodies cost nothing: most objects, nearly all of the time.
         self.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
         self.substeps = max(1, round(1.0 / (self.task.control_hz * self.model.opt.timestep)))
         self.period_s = self.substeps * self.model.opt.timestep
@@ -107,7 +107,7 @@ class Environment:
         return Outcome(success, success or late, reason, target)
 
     def observe(self, rgb: np.ndarray | None = None) -> DeployableObservation:
-        """What a policy sees now."""
+        """The observation of a policy now."""
         return deployable(self.measure(rgb), self.previous_action, self.goal)
 
     def measure(self, rgb: np.ndarray | None = None) -> Measurement:

@@ -1,4 +1,4 @@
-"""Bring what a tracker saw at a reset into the twin (paper, cross-domain replay)."""
+"""Bring tracked poses at a reset into the twin (paper, cross-domain replay)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 
 STEP_M = 0.0005
-"""Objects that stand in something are raised in steps of this [m]."""
+"""Objects that penetrate something are raised in steps of this [m]."""
 RAISE_M = 0.02
 """... and by this at most [m]."""
 
@@ -32,10 +32,10 @@ class Tracker:
 
 
 def reconstruct(seen: Measurement, ctrl: np.ndarray, twin: Environment, tracker: Tracker, seed: int) -> Start:
-    """The start in the twin that looks like what was measured elsewhere, with the twin's own estimates of its dynamics.
+    """The start in the twin that matches measurements of another world, with the twin's own estimates of its dynamics.
 
     Bodies and joints mean the same in both worlds. The twin's surfaces are not the other world's, so an object that
-    would stand in another or in the table is raised until it does not.
+    would penetrate another or the table is raised until it does not.
 
     Args:
         seen: Joints and tracked objects, in the twin's order, poses in the base frame.
@@ -63,7 +63,7 @@ def reconstruct(seen: Measurement, ctrl: np.ndarray, twin: Environment, tracker:
 
 
 def _raise(model: Any, data: Any, names: list[str]) -> None:
-    """Lift objects out of what they stand in; a contact of two objects raises the one whose origin is higher."""
+    """Lift objects out of penetration; a contact of two objects raises the one whose origin is higher."""
     roots = {int(model.body(name).id): name for name in names}
     for _ in range(round(RAISE_M / STEP_M)):
         mujoco.mj_forward(model, data)

@@ -14,7 +14,7 @@ from dextera_build.sim.runtime.environment import Environment
 class Recorder:
     """Collects the rows of one episode.
 
-    Call `before(action, hand)` with what is about to be sent, step the environment, then `after(executed)`.
+    Call `before(action, hand)` with the command about to be sent, step the environment, then `after(executed)`.
 
     Args:
         environment: Just begun.
@@ -30,7 +30,7 @@ class Recorder:
         return len(self._rows["executed"])
 
     def before(self, action: np.ndarray, hand: np.ndarray | None = None) -> None:
-        """Take down what is observed now, the action (A,) [rad] meant for it and its palm pose (7,) in the base."""
+        """Record the observation, the action (A,) [rad] for it and its palm pose (7,) in the base."""
         environment, rows = self._environment, self._rows
         measured = environment.measure()
         rows["action"].append(np.asarray(action, np.float32))
@@ -41,11 +41,11 @@ class Recorder:
         rows["contact"].append(environment.contact_forces())
 
     def after(self, executed: np.ndarray) -> None:
-        """Take down what was sent."""
+        """Record the executed command."""
         self._rows["executed"].append(np.asarray(executed))
 
     def episode(self, origin: Origin, *, success: bool, reason: str = "", segments: Sequence[Segment] = ()) -> Episode:
-        """The episode so far. An action that is not finite is kept as 0, because its reason says what it was."""
+        """The episode so far. An action that is not finite is kept as 0, because its reason names it."""
         bundle = self._environment.bundle
         rows = {
             name: np.nan_to_num(np.array(values, np.float32).reshape(len(self), *_shape(name, bundle)))

@@ -22,7 +22,7 @@ Synthesise = Callable[[Start, int], Episode]
 
 @dataclass(frozen=True)
 class Replayed:
-    """What came of one reset."""
+    """The outcome of one reset."""
 
     episode: Episode | None = None
     """The replay in the other world, or None where the twin had nothing to send."""
@@ -31,11 +31,11 @@ class Replayed:
     rehearsal: Episode | None = None
     """The rollout in the twin that was sent."""
     reason: str = ""
-    """Why there is no replay."""
+    """Why there was no replay."""
 
 
 class Replay:
-    """Replays in one world what was found in a twin.
+    """Replays trajectories of a twin in another world.
 
     Args:
         twin: Where trajectories are synthesised.
@@ -79,7 +79,7 @@ class Replay:
         return Replayed(reason=f"no success in the twin: {reason}")
 
     def _measured(self) -> Measurement:
-        """What is tracked in the world, in the twin's order of objects and joints."""
+        """Tracked poses in the world, in the twin's order of objects and joints."""
         seen, here, there = self._world.measure(), self._twin.bundle.objects, self._world.bundle.objects
         rows = [list(there).index(name) for name in here]
         inner = [joint for thing in there.values() for joint in thing.joints]

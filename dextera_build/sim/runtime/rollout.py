@@ -18,7 +18,7 @@ Look = Callable[[], np.ndarray]
 
 
 class Acting(Protocol):
-    """What a policy offers."""
+    """The interface of a policy in a rollout."""
 
     def reset(self) -> None:
         """Forget the episode before."""

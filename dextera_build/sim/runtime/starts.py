@@ -81,7 +81,7 @@ def _dynamics(bundle: TaskBundle, random: np.random.Generator) -> dict[str, Any]
         spread = width * Z90 * thing.friction_sigma
         drawn = thing.friction + width * thing.friction_sigma * float(random.standard_normal())
         friction[name] = float(max(0.05, np.clip(drawn, thing.friction - spread, thing.friction + spread)))
-    # What stands in for hardware has one robot, not a distribution of them.
+    # The replacement of hardware has one robot, not a distribution of them.
     spread = GAINS * width if bundle.kind == "twin" else 0.0
     return {"mass_scale": mass, "friction": friction, "gain_scale": float(1 + spread * random.uniform(-1, 1))}
 

@@ -3,8 +3,8 @@
     gymnasium.make("dxb/CloseLaptop-KL-v0", bundle=bundle)
 
 after `register("dxb/CloseLaptop-KL-v0")`, or `TaskEnv(bundle)` directly. Observations are a flat `Dict` whose keys
-begin with their group: `deployable/joints` is what a robot can observe too, `privileged/contact` only a simulator knows
-and is there only when it was asked for.
+begin with their group: `deployable/joints` exists on a robot, too; `privileged/contact` is known to a simulator
+alone and included on request.
 """
 
 from __future__ import annotations

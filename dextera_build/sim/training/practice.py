@@ -28,7 +28,7 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
 
     Args:
         bundle: The task.
-        contract: What the policy expects and gives.
+        contract: Inputs and outputs of the policy.
         seed: Seed of the training.
         number: Which of several environments this is.
     """

@@ -1,4 +1,4 @@
-"""A twin's task with geometry and physics disturbed: what stands for another world where no reference world exists.
+"""A twin's task with geometry and physics disturbed: it replaces the other world where no reference world exists.
 
 Every object gets another size, mass, centre of mass, friction, contact stiffness and hinge friction; the robot gets
 other gains, friction, clock and delay. Names, frames, joints and the order of all of them stay.
@@ -140,7 +140,7 @@ def _draw(thing: TaskObject, sizes: Factors, most: Disturbance, random: np.rando
         mass=mass,
         friction=max(SLIPPERY, thing.friction + most.dynamics * thing.friction_sigma * float(friction)),
         rate=float(np.exp(most.contact_sigma * rate)),
-        # A hinge is made for what it carries, so a heavier lid comes with a stiffer one.
+        # Hinges are made for their load, so a heavier lid has a stiffer one.
         hinge=float(np.exp(most.hinge_sigma * hinge)) * mass * sizes[0],
         centre=most.centre_m * np.array(centre),
     )

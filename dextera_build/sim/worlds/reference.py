@@ -40,7 +40,7 @@ class Placed:
 
 @dataclass(frozen=True)
 class Joined:
-    """What a thing's hinge became."""
+    """A thing's hinge in the compiled model."""
 
     name: str
     """Joint."""
@@ -108,7 +108,7 @@ class _Builder:
         )
 
     def _clear(self) -> set[str]:
-        """Take out what the twin is made of, but for bodies, joints and robot; return the files that it needed."""
+        """Remove the twin's geometry, but not its bodies, joints and robot; return the files that it needed."""
         spec = self.spec
         roots = [self.spec.body(name) for name in self.bundle.objects]
         bodies = [spec.worldbody, *roots, *(below for root in roots for below in root.find_all("body"))]

@@ -1,4 +1,4 @@
-"""Let a scene go from keyframe `home` and measure what its bodies do."""
+"""Simulate a scene from keyframe `home` and measure the motion of its bodies."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Run:
-    """What the scene did."""
+    """Motion of the scene."""
 
     motions: tuple[Motion, ...]
     energy_j: np.ndarray  # (T,) kinetic energy, every `SAMPLE_S`

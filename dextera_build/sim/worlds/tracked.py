@@ -21,11 +21,11 @@ def twin_from_truth(bundle: TaskBundle, world: World) -> np.ndarray:
     It carries every error of the twin: of its support plane, and of the calibration that placed the robot.
 
     Raises:
-        RuleError: No robot stands in the world.
+        RuleError: The world has no robot.
     """
     if world.stand is None:
         raise RuleError(
-            "no robot stands in the reference world",
+            "the reference world has no robot",
             code="DXB-B240",
             hint="give `capture.world` option `robot` with the robot's place",
         )
@@ -43,7 +43,7 @@ def match(
         bundle: The task in the twin.
         things: Movable things of the reference world.
         twin_from_world: See `twin_from_truth`.
-        farthest_m: Pairs farther apart than this are no pairs [m].
+        farthest_m: Largest distance of a pair [m].
 
     Raises:
         RuleError: A body has no thing.
@@ -66,7 +66,7 @@ def match(
                 f"nothing in the reference world is `{body}` of the twin",
                 code="DXB-B241",
                 facts={"nearest thing": nearest, "things": listing(names)},
-                hint="check where the robot stands in both, or leave the asset out of the twin",
+                hint="compare the robot's pose in both, or leave the asset out of the twin",
             )
     return {body: pairs[body] for body in bodies}
 

@@ -134,7 +134,7 @@ def photograph(world: World, robot: RobotModel | None, *, supersample: int, soft
     """Render the world through its camera.
 
     Args:
-        world: What is there.
+        world: The world.
         robot: The robot, where the world has a place for one.
         supersample: Samples per pixel edge for the colours, which are averaged in linear light.
         soft: Shadows with penumbras and dark seams by ray casting; else without any shadow.

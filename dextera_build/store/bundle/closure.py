@@ -1,9 +1,8 @@
-"""Which blobs belong into a bundle: the same walk decides when it is made and when it is taken.
+"""Which blobs belong to a bundle; export and import use the same walk.
 
-A whole result brings all that its output refers to, previews, log and `result.json`. Any other node brings what
-explains it: its key document, the headers (not the bytes) of its output, and `result.json` where its result is known.
-The headers of what each node read come too, so that an input can be followed to the node, or to the digest of the
-project file, that it came from.
+A whole result needs everything that its output refers to, its previews, log and `result.json`. Any other node needs its
+key document, the headers of its output without their bytes, and `result.json` if its result is known. The headers of
+all inputs are included, so that an input can be traced to its node or project file.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ _KEY: dict[str, type | tuple[type, ...]] = {
 
 
 class Closure:
-    """Blobs that nodes need.
+    """The blobs that a set of nodes needs.
 
     Args:
         read: Gives the bytes of a document, which need not be what they claim to be.
@@ -51,10 +50,10 @@ class Closure:
         """Key -> result."""
 
     def add(self, address: str, node: Node) -> None:
-        """Take in all that a node brings.
+        """Add everything that a node needs.
 
         Raises:
-            BundleRefused: A document of it is not what it must be.
+            BundleRefused: One of its documents is malformed.
         """
         document = self._document(address, node)
         self.blobs.add(node.key)
@@ -75,7 +74,7 @@ class Closure:
         self._refs([node.output], whole=True)
 
     def _call(self, address: str, key: str, digest: str) -> None:
-        """Take in a recorded call: request, answer, and when and how it was asked."""
+        """Add a recorded call: request and answer."""
         what = f"a call of `{address}`"
         asked = documents.Reader(documents.parse(self._read(key), what), what)
         documents.Reader(asked.raw.get("request"), f"the request of {what}")
@@ -125,7 +124,7 @@ class Closure:
         return result
 
     def _refs(self, roots: Iterable[str], *, whole: bool) -> None:
-        """Headers below `roots` through all artifacts; with `whole` their bytes too."""
+        """Add all headers reachable from `roots`; with `whole` also the blobs that they name."""
         stack = list(roots)
         seen = set(stack)
         while stack:
@@ -145,10 +144,10 @@ class Closure:
 
 
 def of(contents: Contents, read: Read) -> Closure:
-    """All that the nodes of a bundle bring.
+    """The closure of all nodes of a bundle.
 
     Raises:
-        BundleRefused: A document is not what it must be.
+        BundleRefused: A document is malformed.
     """
     found = Closure(read)
     for address, node in contents.nodes():
@@ -157,7 +156,7 @@ def of(contents: Contents, read: Read) -> Closure:
 
 
 def read_header(data: bytes, digest: str) -> tuple[list[str], list[str]]:
-    """(artifacts, blobs) that a header which someone else wrote refers to.
+    """(artifacts, blobs) that an untrusted header refers to.
 
     Raises:
         BundleRefused: It is no header.
@@ -175,7 +174,7 @@ def read_header(data: bytes, digest: str) -> tuple[list[str], list[str]]:
 
 
 def read_result(data: bytes, address: str) -> ActionResult:
-    """The result that a `result.json` which someone else wrote spells.
+    """Parse an untrusted `result.json`.
 
     Raises:
         BundleRefused: It spells none.

@@ -1,4 +1,4 @@
-"""What a bundle holds, as its config says it: builds, their nodes, and which results are there."""
+"""The config of a bundle: its builds, their nodes, and which results it holds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dextera_build.store.bundle.errors import ill_formed
 
 FORM = 3
 Closure: TypeAlias = Literal["targets", "full"]
-"""`targets`: the bytes of the targets, and what is known of all other nodes. `full`: the bytes of every node."""
+"""`targets`: whole results of the targets, bare ones of all other nodes. `full`: whole results of every node."""
 _RECIPE = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*")
 
 
@@ -29,9 +29,9 @@ class Node:
     output: str
     """Digest of the output's header."""
     result: str | None
-    """Digest of its `result.json`; None where the bundle does not hold the result."""
+    """Digest of its `result.json`; None if the bundle does not hold the result."""
     is_whole: bool
-    """Whether the bundle holds all that the result names; else it is bare."""
+    """Whether the bundle holds all blobs of the result; otherwise it is bare."""
     seconds: float
     """How long the rule ran [s]."""
     depends_on: tuple[str, ...] = ()
@@ -68,11 +68,11 @@ class Contents:
             yield from ((f"{build.recipe}:{node.node}", node) for node in build.nodes)
 
     def targets(self) -> list[str]:
-        """Full addresses of what the bundle is for."""
+        """Full addresses of all targets."""
         return [f"{build.recipe}:{target}" for build in self.builds for target in build.targets]
 
     def spell(self) -> bytes:
-        """The one spelling."""
+        """Canonical JSON."""
         return digests.canonical(
             {
                 "form": FORM,
@@ -85,10 +85,10 @@ class Contents:
 
     @classmethod
     def read(cls, data: bytes) -> Contents:
-        """The contents that a config spells.
+        """Parse an untrusted config.
 
         Raises:
-            BundleRefused: It spells none.
+            BundleRefused: It is malformed.
         """
         what = "the config"
         reader = documents.Reader(documents.parse(data, what), what)

@@ -1,4 +1,4 @@
-"""JSON that someone else wrote: bounded in size and depth, every name once, nothing but plain data."""
+"""Untrusted JSON: bounded depth, no duplicate names, plain data only."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from dextera_build.store.bundle.errors import ill_formed
 from dextera_build.store.cas import is_digest
 
 DEEPEST = 64
-"""Levels of nesting that any of our documents may have."""
+"""Maximum nesting."""
 
 
 def parse(data: bytes, what: str) -> dict[str, Any]:
-    """The object that `data` spells.
+    """Parse a JSON object.
 
     Raises:
-        BundleRefused: It spells none, or in a form that two readers may read differently.
+        BundleRefused: It is not an object, or two parsers could read it differently.
     """
     try:
         found = json.loads(data, object_pairs_hook=_once, parse_constant=_no_constant)
@@ -33,7 +33,7 @@ def parse(data: bytes, what: str) -> dict[str, Any]:
 
 
 class Reader:
-    """Takes fields out of a parsed object and says which one is wrong.
+    """Reads fields of a parsed object, and names the one that is wrong.
 
     Args:
         raw: The object.

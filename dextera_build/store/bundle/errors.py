@@ -1,4 +1,4 @@
-"""Why a bundle is not taken: one error, and nothing of it enters the store but blobs that nothing names."""
+"""Why a bundle is refused. A refused bundle leaves at most unreferenced blobs in the store."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ class BundleRefused(StoreError):  # noqa: N818 - says what happened, as `Missing
     def __init__(
         self, message: str, *, code: str, facts: Mapping[str, object] | None = None, hint: str | None = None
     ) -> None:
-        # A message may quote what the bundle says, and that shall not speak to the terminal.
+        # Messages quote untrusted text, which must not control the terminal.
         super().__init__("".join(c if c.isprintable() else "?" for c in message), code=code, facts=facts, hint=hint)
 
 
 def not_a_bundle(name: str, why: str, hint: str | None = None) -> BundleRefused:
-    """What was named is no bundle at all."""
+    """The file or folder is not a bundle."""
     return BundleRefused(f"`{name}` is not a bundle: {why}", code="DXB-S301", hint=hint)
 
 
 def damaged(what: str, digest: str, why: str) -> BundleRefused:
-    """Bytes are not those that the bundle names."""
+    """A digest or size does not match."""
     return BundleRefused(
         f"the bundle is damaged: {what} {why}",
         code="DXB-S302",
@@ -41,7 +41,7 @@ def damaged(what: str, digest: str, why: str) -> BundleRefused:
 
 
 def lacking(what: str, digest: str) -> BundleRefused:
-    """Bytes that the bundle names are not in it."""
+    """A blob that the bundle names is missing."""
     return BundleRefused(
         f"the bundle lacks {what}",
         code="DXB-S303",
@@ -51,20 +51,20 @@ def lacking(what: str, digest: str) -> BundleRefused:
 
 
 def archive(name: str, why: str) -> BundleRefused:
-    """An archive holds what no archive of ours holds: a link, a way out of it, the same name twice."""
+    """An archive holds something that dxb never writes: a link, a path that leads out, a duplicate name."""
     return BundleRefused(f"an archive of the bundle is refused: `{name}` {why}", code="DXB-S304")
 
 
 def too_large(what: str, size: int, most: int) -> BundleRefused:
-    """Something exceeds what dxb reads."""
+    """A limit of dxb is exceeded."""
     return BundleRefused(f"{what} of the bundle is too large", code="DXB-S305", facts={"bytes": size, "most": most})
 
 
 def ill_formed(what: str, why: str) -> BundleRefused:
-    """A document does not have the form that it must have."""
+    """A document is malformed."""
     return BundleRefused(f"{what} of the bundle is refused: {why}", code="DXB-S306")
 
 
 def wrong_result(node: str, why: str) -> BundleRefused:
-    """A result is not that of its node."""
+    """A result belongs to another node."""
     return BundleRefused(f"the result of `{node}` in the bundle is refused: {why}", code="DXB-S307")

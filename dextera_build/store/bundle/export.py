@@ -1,4 +1,4 @@
-"""Writes a bundle of what a store holds, piece by piece as it is read."""
+"""Writes bundles of results in a store. Blobs are streamed, never held in memory."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Export:
 
     @property
     def digest(self) -> str:
-        """What the provenance is about."""
+        """The digest that the provenance is about."""
         return self.manifest.digest
 
     def get(self, digest: str) -> bytes:
@@ -73,7 +73,7 @@ class Export:
         return self._inside(digest) or self._store.blobs.get(digest)
 
     def attach(self, media_type: str, document: bytes, **annotations: str) -> None:
-        """Add the provenance, signed or not."""
+        """Add the provenance as the last layer."""
         layer = self._keep(media_type, document, "provenance.json", **annotations)
         self.manifest = replace(self.manifest, provenance=layer)
 
@@ -104,7 +104,7 @@ class Export:
                 _pour(chunks, descriptor)
 
     def _files(self) -> Iterator[tuple[str, int, Iterator[bytes]]]:
-        """Name, size and content of every file; the index, which makes it a layout, comes last."""
+        """Name, size and content of every file; the index comes last, so a torn folder is not a layout."""
         whole = self.manifest
         manifest = self._keep(oci.MANIFEST, whole.spell())
         parts = (whole.config, *whole.layers, *([whole.provenance] if whole.provenance else []), manifest)
@@ -130,7 +130,7 @@ class Export:
         return found
 
     def _read(self, digest: str) -> Iterator[bytes]:
-        """A blob in pieces, followed by the check of its digest."""
+        """The pieces of a blob; its digest is checked after the last one."""
         data, state = self._inside(digest), hashlib.sha256()
         if data:
             yield data
@@ -168,7 +168,7 @@ def _pour(chunks: Iterator[bytes], descriptor: int) -> None:
 
 
 def _make_room(path: Path) -> None:
-    """See that a folder is empty; the blobs of an attempt that was cut off before it wrote its index go.
+    """Make sure that a folder is empty; blobs of an interrupted export are removed.
 
     Raises:
         UsageError: It holds something else.
@@ -184,7 +184,7 @@ def _make_room(path: Path) -> None:
 
 
 def _are_blobs(folder: Path) -> bool:
-    """Whether a folder holds blobs of a layout, finished or not, and nothing else."""
+    """Whether a folder holds only blobs of a layout, finished or not."""
     with suppress(OSError):
         names = os.listdir(folder / "sha256")
         unfinished = f"{files.TEMPORARY}-"

@@ -1,4 +1,4 @@
-"""Takes a bundle into a store and believes nothing of it.
+"""Imports bundles into a store. Everything in a bundle is checked.
 
 Blobs are written under the digest of what came, whatever the bundle says; results are written last, by the same code
 that a build uses, after all of them were checked. What is refused leaves at most blobs behind that nothing names.
@@ -19,7 +19,7 @@ from dextera_build.store.bundle.layout import Layout
 from dextera_build.store.bundle.oci import Descriptor, Manifest
 from dextera_build.store.cas import is_digest
 from dextera_build.store.store import Store
-from dextera_build.store.traces.tree import publish
+from dextera_build.store.traces.lists import publish
 
 MOST_DOCUMENT = 64 << 20
 """Bytes of a key document, a header or a `result.json`."""
@@ -28,7 +28,7 @@ _KINDS = {oci.PACK, oci.BLOB, oci.RECIPE}
 
 @dataclass(frozen=True)
 class Opened:
-    """A bundle of which the manifest and the config were read and checked."""
+    """A bundle whose manifest and config were read and checked."""
 
     source: Layout
     manifest: Manifest
@@ -47,23 +47,23 @@ class Opened:
 
 @dataclass(frozen=True)
 class Taken:
-    """What came of taking a bundle."""
+    """The outcome of an import."""
 
     new: int
-    """Results that the store did not have, or not with their bytes."""
+    """Results that were missing from the store, or were bare there."""
     bare: int
-    """How many of these came without their bytes."""
+    """How many of them are bare."""
     known: int
-    """Results that it had, equal ones."""
+    """Results that the store already had."""
     other: tuple[str, ...]
-    """Nodes of which the store has another output under the same key; it keeps its own."""
+    """Nodes whose key has another output in the store, which keeps its own."""
 
 
 def open_bundle(source: Layout) -> Opened:
-    """Read what a bundle says of itself.
+    """Read the manifest and the config of a bundle.
 
     Raises:
-        BundleRefused: It is none, or says what cannot be.
+        BundleRefused: It is not a bundle, or is malformed.
     """
     manifest = Manifest.read(source.whole(source.manifest(), "the manifest", oci.MOST_MANIFEST))
     if manifest.config.media_type != oci.CONFIG:
@@ -82,10 +82,10 @@ def open_bundle(source: Layout) -> Opened:
 
 
 def take(bundle: Opened, store: Store) -> Taken:
-    """Put everything of a bundle into a store.
+    """Import all blobs and results of a bundle.
 
     Raises:
-        BundleRefused: Something in it is not what it must be; no result was written.
+        BundleRefused: Something in it is wrong; no result was written.
         StoreError: The disk is full, or the store cannot be written.
     """
     _refuse_without_room(bundle, store)
@@ -105,19 +105,19 @@ def take(bundle: Opened, store: Store) -> Taken:
 
 
 def _publish(contents: Contents, found: closure.Closure, store: Store) -> Taken:
-    """Write the results that the store does not have."""
+    """Write the results that the store lacks."""
     failpoints.reach("import.blobs")
     new = bare = known = 0
     other: list[str] = []
     done: set[str] = set()
-    # Two nodes may have one key, and the bundle the bytes of one of them.
+    # Nodes can share a key while the bundle is whole for only one of them, so whole ones go first.
     for address, node in sorted(contents.nodes(), key=lambda each: not each[1].is_whole):
         if node.result is None or node.key in done:
             continue
         done.add(node.key)
         here = store.actions.find(node.key)
         if here is None or (node.is_whole and not here.is_whole):
-            publish(store, node.key, found.results[node.key], bare=not node.is_whole)
+            publish(store, node.key, found.results[node.key], may_lack=not node.is_whole)
             new, bare = new + 1, bare + (not node.is_whole)
         elif here.result.output == node.output:
             known += 1
@@ -127,7 +127,7 @@ def _publish(contents: Contents, found: closure.Closure, store: Store) -> Taken:
 
 
 class _Inbox:
-    """Blobs of a bundle as they come."""
+    """Writes the blobs of a bundle to the store."""
 
     def __init__(self, bundle: Opened, store: Store) -> None:
         self.sizes: dict[str, int] = {}
@@ -136,10 +136,10 @@ class _Inbox:
         self._workshop = f"{store.blobs.root}/{files.TEMPORARY}"
 
     def layer(self, layer: Descriptor) -> None:
-        """Take the blobs of one layer."""
+        """Import the blobs of one layer."""
         chunks = self._source.stream(layer)
         if layer.media_type == oci.RECIPE:
-            for _ in chunks:  # read for the check alone: recipes are the project's own
+            for _ in chunks:  # only checked: the project has its own recipes
                 pass
         elif layer.media_type == oci.BLOB:
             self._take(layer.digest, layer.size, chunks)
@@ -151,7 +151,7 @@ class _Inbox:
                 self._take(digest, size, pieces)
 
     def read(self, digest: str) -> bytes:
-        """A small document that came with the bundle."""
+        """Read a small document of the bundle."""
         if digest not in self.sizes:
             raise lacking("a document that it names", digest)
         if self.sizes[digest] > MOST_DOCUMENT:
@@ -185,7 +185,7 @@ def _hash(digest: str, chunks: Iterator[bytes], descriptor: int | None) -> None:
 
 
 def _refuse_without_room(bundle: Opened, store: Store) -> None:
-    """A bundle may say any size; one that cannot fit is not begun."""
+    """Refuse a bundle that claims more bytes than the disk has left."""
     state = os.statvfs(store.root)
     if bundle.size > state.f_bavail * state.f_frsize:
         raise BundleRefused(

@@ -103,7 +103,7 @@ class Folder(Layout):
         self._root = os.path.abspath(path)
 
     def _pieces(self, name: str) -> Iterator[bytes]:
-        # A link would lead out of the folder, and a pipe would never end.
+        # Links could lead out of the folder, and a pipe would block.
         descriptor = -1
         try:
             descriptor = os.open(f"{self._root}/{name}", os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)

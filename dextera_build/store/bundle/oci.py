@@ -1,4 +1,4 @@
-"""The words of OCI: descriptors, manifests, and the media types of a bundle (image-spec 1.1)."""
+"""OCI image-spec 1.1: descriptors, manifests, and the media types of a bundle."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ MOST_LAYERS = 10_000
 
 @dataclass(frozen=True)
 class Descriptor:
-    """Names bytes: of which type, how many, with which digest."""
+    """Media type, digest and size of some bytes."""
 
     media_type: str
     digest: str
@@ -53,10 +53,10 @@ class Descriptor:
 
     @classmethod
     def read(cls, raw: object, what: str) -> Descriptor:
-        """The descriptor that stands in a document.
+        """Parse an untrusted descriptor.
 
         Raises:
-            BundleRefused: None does.
+            BundleRefused: It is malformed.
         """
         reader = documents.Reader(raw, what)
         algorithm, _, digest = reader.text("digest").partition(":")
@@ -70,7 +70,7 @@ class Descriptor:
         )
 
     def spell(self) -> dict[str, Any]:
-        """As it stands in a document."""
+        """As JSON."""
         found: dict[str, Any] = {"mediaType": self.media_type, "digest": f"sha256:{self.digest}", "size": self.size}
         if self.annotations:
             found["annotations"] = dict(self.annotations)
@@ -85,15 +85,15 @@ class Manifest:
     layers: tuple[Descriptor, ...]
     """Recipes and blobs."""
     provenance: Descriptor | None = None
-    """The last of its layers: a statement about all the rest."""
+    """The last layer: a statement about the manifest without it."""
     annotations: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def read(cls, data: bytes) -> Manifest:
-        """The manifest that `data` spells.
+        """Parse an untrusted manifest.
 
         Raises:
-            BundleRefused: It spells none, or not in the one spelling.
+            BundleRefused: It is malformed, or not canonical JSON.
         """
         reader = documents.Reader(documents.parse(data, "the manifest"), "the manifest")
         if reader.raw.get("schemaVersion") != 2 or reader.text("mediaType") != MANIFEST:
@@ -113,11 +113,11 @@ class Manifest:
 
     @property
     def digest(self) -> str:
-        """Digest of the manifest without its provenance: what that is about, and signatures cover."""
+        """Digest of the manifest without its provenance, which the provenance is about and signatures cover."""
         return digests.of_bytes(replace(self, provenance=None).spell())
 
     def spell(self) -> bytes:
-        """The one spelling of the manifest."""
+        """Canonical JSON."""
         raw: dict[str, Any] = {
             "schemaVersion": 2,
             "mediaType": MANIFEST,
@@ -137,10 +137,10 @@ def spell_index(manifest: Descriptor) -> bytes:
 
 
 def read_index(data: bytes) -> list[Descriptor]:
-    """The manifests that an image index names, each once.
+    """The manifests that an image index names, without duplicates.
 
     Raises:
-        BundleRefused: It is none.
+        BundleRefused: It is malformed.
     """
     reader = documents.Reader(documents.parse(data, "the index"), "the index")
     if reader.raw.get("schemaVersion") != 2:

@@ -1,4 +1,4 @@
-"""How blobs become layers: small ones in archives of bounded size, large ones each by itself.
+"""Assigns blobs to layers: small ones to archives of bounded size, each large one to a layer of its own.
 
 An archive holds the blobs whose digests begin with the same bits, so a blob that is added, or gone, changes the one
 archive that it belongs to and no other: a registry that has the last bundle takes little of the next.
@@ -14,7 +14,7 @@ from dextera_build.store.bundle import tar
 from dextera_build.store.bundle.oci import BLOB, PACK, TITLE, Descriptor
 
 LARGE = 16 << 20
-"""A blob from this size on is a layer of its own [bytes], as long as that does not make too many layers."""
+"""Smallest blob that gets a layer of its own [bytes], unless that would make too many layers."""
 _MANY = 1000
 _FOLDER = "cas/"
 
@@ -24,7 +24,7 @@ Open = Callable[[str], Iterator[bytes]]
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer: blobs, in the order in which they stand."""
+    """The blobs of one layer, in order."""
 
     blobs: tuple[tuple[str, int], ...]
     """(digest, size)."""
@@ -42,7 +42,7 @@ class Layer:
         yield tar.END
 
     def describe(self, read: Open, number: int) -> Descriptor:
-        """The descriptor; an archive is gone through once for its digest."""
+        """The descriptor; reads an archive once for its digest."""
         if self.alone:
             digest, size = self.blobs[0]
             return Descriptor(BLOB, digest, size, annotations={TITLE: _FOLDER + digest})

@@ -1,4 +1,4 @@
-"""How a bundle came about: an in-toto Statement (v1) about its manifest with an SLSA provenance predicate (v1)."""
+"""The provenance of a bundle: an in-toto Statement (v1) about its manifest with an SLSA provenance predicate (v1)."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ BUILDER = "urn:dextera:dxb"
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What is known of the builds beside their nodes."""
+    """Facts about the builds."""
 
     request: Mapping[str, Any] = field(default_factory=dict)
-    """What was asked for over the recipe: inputs, settings, backends, profile."""
+    """Options of the command line: inputs, settings, backends."""
     runs: tuple[str, ...] = ()
     """Ids of the runs that made the targets."""
     created: str = ""
@@ -78,7 +78,7 @@ def statement(manifest: str, contents: Contents, read: Callable[[str], bytes], k
 
 
 def subject_of(data: bytes) -> tuple[str, dict[str, Any]]:
-    """(digest of the manifest, the statement) of a statement that someone else wrote.
+    """(digest of the manifest, the statement) of an untrusted statement.
 
     Raises:
         BundleRefused: It is none, or of another kind.
@@ -97,7 +97,7 @@ def subject_of(data: bytes) -> tuple[str, dict[str, Any]]:
 
 
 def _dependencies(contents: Contents, read: Callable[[str], bytes]) -> Iterator[dict[str, Any]]:
-    """Recipes, project files, code of rules and packages, each once and in order."""
+    """Recipes, project files, rule code and packages, without duplicates and sorted."""
     found: dict[tuple[str, str, str], None] = {}
     for address, digest in contents.recipes.items():
         found["recipe", address, digest] = None

@@ -1,4 +1,4 @@
-"""ed25519 keys, and DSSE envelopes that they sign.
+"""ed25519 keys, and DSSE envelopes signed with them.
 
 Keys are files that `ssh-keygen` and `openssl` read and write: private ones as PEM (PKCS 8) or OpenSSH, public ones as a
 line `ssh-ed25519 AAAA... name` or PEM.
@@ -31,12 +31,12 @@ PASSPHRASE = "DXB_KEY_PASSPHRASE"
 
 @dataclass(frozen=True)
 class PublicKey:
-    """A key that signatures are checked with."""
+    """A public key."""
 
     id: str
     """`SHA256:...`, as `ssh-keygen -l` prints it."""
     name: str
-    """Whose it is, as the file says."""
+    """The owner, from the file."""
     raw: bytes
     """Its 32 bytes."""
     line: bytes
@@ -70,10 +70,10 @@ class Envelope:
 
     @classmethod
     def read(cls, data: bytes) -> Envelope:
-        """The envelope that `data` spells.
+        """Parse an untrusted envelope.
 
         Raises:
-            BundleRefused: It spells none.
+            BundleRefused: It is malformed.
         """
         what = "the signature"
         reader = documents.Reader(documents.parse(data, what), what)
@@ -87,7 +87,7 @@ class Envelope:
 
 
 def seal(payload: bytes, key: Path) -> tuple[bytes, PublicKey]:
-    """The envelope of a statement, signed by the private key in a file.
+    """Sign a statement with the private key in a file.
 
     Raises:
         UsageError: The file holds no such key.

@@ -61,7 +61,7 @@ def places(path: Path, most: int) -> Iterator[tuple[str, int, int]]:
     total = path.stat().st_size
     try:
         packed = tarfile.open(path, "r:", tarinfo=_FileOrFolder, errors="strict")  # noqa: SIM115 - closed below
-    except tarfile.TarError:
+    except (tarfile.TarError, ValueError):
         raise not_a_bundle(str(path), "it is no tar archive") from None
     try:
         with packed:
@@ -85,14 +85,14 @@ def files(chunks: Iterator[bytes]) -> Iterator[tuple[str, int, Iterator[bytes]]]
         BundleRefused: The archive ends too early, or holds something else.
     """
     try:
-        with tarfile.open(fileobj=_Stream(chunks), mode="r|", bufsize=_CHUNK, tarinfo=_File) as packed:
+        with tarfile.open(fileobj=_Stream(chunks), mode="r|", tarinfo=_File) as packed:
             for number, info in enumerate(packed):
                 if number >= MOST_FILES:
                     raise too_large("an archive", number + 1, MOST_FILES)
                 yield info.name, info.size, _content(packed, info)
     except (tarfile.TarError, ValueError, OverflowError) as error:
         raise archive("?", f"cannot be read ({error})") from None
-    for _ in chunks:  # whoever gives them checks their digest after the last one
+    for _ in chunks:  # `chunks` checks its digest after the last one
         pass
 
 
@@ -110,13 +110,20 @@ class _Stream(io.RawIOBase):
     """Pieces as a file that is read from its start to its end."""
 
     def __init__(self, chunks: Iterator[bytes]) -> None:
-        self._chunks, self._rest = chunks, b""
+        self._chunks = chunks
+        self._chunk, self._at = b"", 0
 
     def readable(self) -> bool:
         return True
 
     def read(self, size: int = -1) -> bytes:
-        while len(self._rest) < size and (chunk := next(self._chunks, b"")):
-            self._rest += chunk
-        found, self._rest = self._rest[:size], self._rest[size:]
-        return found
+        found: list[bytes] = []
+        while size > 0:
+            if self._at == len(self._chunk):
+                self._chunk, self._at = next(self._chunks, b""), 0
+                if not self._chunk:
+                    break
+            found.append(self._chunk[self._at : self._at + size])
+            self._at += len(found[-1])
+            size -= len(found[-1])
+        return b"".join(found)

@@ -1,4 +1,4 @@
-"""Who vouches for a bundle: its provenance, whose signature it carries, and whether that one is trusted."""
+"""Provenance and signatures of bundles, and whether their signers are trusted."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _MOST = 64 << 20
 
 @dataclass(frozen=True)
 class Voucher:
-    """What is known of where a bundle comes from."""
+    """The origin of a bundle."""
 
     state: State
-    """`trusted`: signed by a key that is trusted here. `unknown`: by another key, so nothing is known."""
+    """`trusted`: signed by a trusted key. `unknown`: signed by a key that is not trusted here."""
     signers: tuple[str, ...] = ()
     """Names of trusted keys, or ids of the others."""
     statement: dict[str, Any] = field(default_factory=dict)
@@ -82,7 +82,7 @@ def require(bundle: Opened, voucher: Voucher, keys: Sequence[PublicKey]) -> None
 
 
 def _signers(envelope: Envelope, keys: Sequence[PublicKey]) -> list[str]:
-    """Trusted keys that signed; a wrong signature in the name of one of them is not passed over."""
+    """Trusted keys that signed; a wrong signature in the name of a trusted key is an error."""
     names = []
     for identity, signature in envelope.signatures:
         for key in keys:

@@ -12,11 +12,11 @@ from typing import NoReturn, TypeAlias
 
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.response import Response
+from dextera_build.store.backoff import backoff
 from dextera_build.store.calls.question import Question, secret_in, without_secrets
 
 Send: TypeAlias = Callable[[float], bytes | Response]
 """Seconds it may take -> the answer."""
-_LONGEST_REST_S = 60.0
 _MOST_RETRY_AFTER_S = 300.0
 _SHOWN = 200
 _USAGE = {"prompt_tokens": "tokens", "completion_tokens": "tokens", "total_tokens": "tokens", "cost": "USD"}
@@ -58,7 +58,7 @@ def ask(asked: Question, send: Send, manner: Manner, log: Callable[[str], None])
         except _AgainError as fault:
             if number == manner.tries or (fault.after_s or 0.0) > _MOST_RETRY_AFTER_S:
                 _give_up(asked, fault, number)
-            rest = _rest(asked, manner, number) if fault.after_s is None else fault.after_s
+            rest = backoff(number, manner.wait_s, asked.key) if fault.after_s is None else fault.after_s
             log(f"{asked.shown}: {fault}; asked again in {rest:.1f} s, try {number + 1} of {manner.tries}")
             time.sleep(rest)
         else:
@@ -157,12 +157,6 @@ def _give_up(asked: Question, fault: _AgainError, tries: int) -> NoReturn:
         facts=facts,
         hint="build again later; what was answered so far is recorded",
     ) from None
-
-
-def _rest(asked: Question, manner: Manner, number: int) -> float:
-    """Spread over half of its length by the request, so that many that failed together do not come back together."""
-    spread = int(asked.key[:8], 16) / 2**32
-    return min(manner.wait_s * 2.0 ** (number - 1), _LONGEST_REST_S) * (0.5 + 0.5 * spread)
 
 
 def _retry_after(headers: Mapping[str, str]) -> float | None:

@@ -68,6 +68,7 @@ class Recorder:
             with self._store.locks.hold(asked.key):
                 found = self._settle(asked, send, manner)
         body, result, how = found
+        self._store.blobs.put(result.document)  # results of nodes name it, and carry it to other stores
         self._note(asked, result, how)
         return body
 
@@ -110,7 +111,6 @@ class Recorder:
         }
         output, document = self._kept(response.body), blobs.put(asked.document)
         result = ActionResult(output, f"call {asked.shown}", (), metrics, round(seconds, 6), None, document)
-        blobs.put(result.document)  # results of nodes name it, and carry it to other stores
         self._store.actions.put(asked.key, result)
         return result
 

@@ -1,7 +1,7 @@
-"""Keeps a remote that fails from costing more than a few time-outs.
+"""Limits what a failing remote costs a build to a few time-outs.
 
-What fails is tried once more. After a few faults in a row, or a refusal, the remote is left alone for the rest of the
-build, and that is said once. Reading and writing are two matters: a server that takes no results may still give some.
+A request that fails is repeated once. If it fails again, or is refused, the remote is not used for the rest of the
+build, and that is reported once. Reading and writing are given up separately: a read-only server can still be read.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ from dataclasses import dataclass
 from typing import BinaryIO, Literal, TypeVar
 
 from dextera_build.errors import DxbError, StoreError
+from dextera_build.store.backoff import backoff
 from dextera_build.store.remotes.remote import Digest, Remote, RemoteFault
 
 T = TypeVar("T")
 Doing = Literal["read", "write"]
 
-_FAULTS = 3
+_DAMAGED = 3  # blobs with other bytes, after which nothing is read any more
 _PAUSE_S = 0.2
-_SLOWEST = 16 << 10  # bytes a second; what is slower counts as standing still
+_SLOWEST = 16 << 10  # bytes a second; slower transfers count as stalled
 _UNDER_WAY = 4 << 20  # bytes that parallel transfers may hold before the first piece of any is handed on
 _PATIENCE = 3  # an answer may take so many times the time-out, however it drips
 _EACH_S = 0.05  # more for each blob of a long list
@@ -30,7 +31,7 @@ _OPENING_S = 30.0  # more before the first answer: a busy machine is slow to loa
 
 @dataclass(frozen=True)
 class GivenUp:
-    """A remote was left alone."""
+    """A remote is no longer used."""
 
     remote: str
     """Its name."""
@@ -57,7 +58,6 @@ class Guarded:
         self.given_up: list[GivenUp] = []
         self.reasons: dict[Doing, str] = {}
         self._may: dict[Doing, bool] = {"read": "r" in mode, "write": "w" in mode}
-        self._faults: dict[Doing, int] = {"read": 0, "write": 0}
         self._damaged = 0
         self._opener, self._remote = opener, None
         self._guard, self._opening = threading.Lock(), threading.Lock()
@@ -85,7 +85,7 @@ class Guarded:
     def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
         """As `Remote`; the second try asks for what has not come.
 
-        Sizes are what the remote says, so its time grows with what came and not with what it promised.
+        Sizes are claims of the remote, so its time grows with the bytes that came, not with those it announced.
         """
         came: set[Digest] = set()
 
@@ -105,7 +105,7 @@ class Guarded:
         self._call("write", lambda remote, _: remote.send(digests, give), octets, len(digests))
 
     def aside(self, work: Callable[[Remote], T]) -> T | None:
-        """What comes of a question asked in order to write; None where it fails, for who writes need not read."""
+        """The answer to a question that precedes an upload; None if it fails, since an upload can do without."""
         if not self._may["write"]:
             return None
         try:
@@ -114,20 +114,20 @@ class Guarded:
             return None
 
     def close(self) -> None:
-        """Ask the remote nothing more, and let connections go."""
+        """Stop using the remote, and close its connections."""
         self._may = {"read": False, "write": False}
         if self._remote is not None:
             self._remote.close()
 
     def blame(self, fault: RemoteFault) -> None:
-        """Bytes came that were not those asked for; a few times, and nothing is read any more."""
+        """Count a blob that came with other bytes; after a few of them nothing is read any more."""
         with self._guard:
             self._damaged += 1
-            if self._damaged >= _FAULTS:
+            if self._damaged >= _DAMAGED:
                 self._give_up("read", fault.reason)
 
     def watch(self) -> None:
-        """Give the remote up where a call takes longer than it may, and end that call."""
+        """Give the remote up if a call takes longer than it may, and end that call."""
         now = time.monotonic()
         with self._guard:
             late = any(now > deadline for deadline in self._under_way.values()) and any(self._may.values())
@@ -149,16 +149,14 @@ class Guarded:
             if not self._may[doing]:
                 raise RemoteFault(self.address, self.reasons.get(doing, "it is not used"))
             try:
-                done = self._watched(work, patience)
+                return self._watched(work, patience)
             except RemoteFault as fault:
-                # Where another call failed, too, the second try of each would only double the wait.
-                if last or fault.refused or self._faults[doing]:
-                    self._count(doing, fault)
+                if last or fault.refused:
+                    # A server that says no to one may say yes to the other; one that is away is away for both.
+                    with self._guard:
+                        self._give_up(doing if fault.refused else "both", fault.reason)
                     raise
-                time.sleep(_PAUSE_S)
-            else:
-                self._faults[doing] = 0
-                return done
+                time.sleep(backoff(1, _PAUSE_S))
         raise AssertionError("a second try returns or raises")
 
     def _watched(self, work: Callable[[Remote, int], T], patience_s: float) -> T:
@@ -172,7 +170,7 @@ class Guarded:
             return work(remote, number)
         except (RemoteFault, StoreError, KeyboardInterrupt, SystemExit, GeneratorExit):
             raise
-        # A library that raises what it does not declare must not end a build; one in Rust panics beside `Exception`.
+        # An undeclared exception of a library must not end a build; panics of Rust are no `Exception`.
         except BaseException as error:
             reason = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
             raise RemoteFault(self.address, reason) from error
@@ -190,13 +188,6 @@ class Guarded:
                     more = f" ({because})" if because else ""
                     raise RemoteFault(self.address, f"{error.message}{more}", refused=True) from None
             return self._remote
-
-    def _count(self, doing: Doing, fault: RemoteFault) -> None:
-        with self._guard:
-            self._faults[doing] += 1
-            if self._may[doing] and (fault.refused or self._faults[doing] >= _FAULTS):
-                # A server that says no to one may say yes to the other; one that is away is away for both.
-                self._give_up(doing if fault.refused else "both", fault.reason)
 
     def _give_up(self, doing: Literal["read", "write", "both"], reason: str) -> None:
         each: tuple[Doing, ...] = ("read", "write") if doing == "both" else (doing,)

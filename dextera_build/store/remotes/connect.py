@@ -11,7 +11,7 @@ from pathlib import Path
 from dextera_build.errors import MachineError, UsageError
 from dextera_build.store.remotes.breaker import Guarded
 from dextera_build.store.remotes.remote import Remote
-from dextera_build.store.remotes.spec import Spec, refuse_clear
+from dextera_build.store.remotes.spec import Spec, checked, refuse_clear
 
 
 def open_remote(spec: Spec) -> Remote:
@@ -21,7 +21,7 @@ def open_remote(spec: Spec) -> Remote:
         MachineError: A package is missing.
         UsageError: The address holds a variable that is not set, is malformed, or would send a password in the clear.
     """
-    address = _filled(spec.address, spec.name)
+    address = checked(_filled(spec.address, spec.name))  # a variable may have brought anything
     refuse_clear(address)
     scheme = address.partition("://")[0] if "://" in address else "file"
     try:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,8 @@ from dextera_build.store.remotes.remote import MOST_ENTRY, Digest, RemoteFault
 
 _CHUNK = 1 << 20
 _THREADS = 8
+_ABSENT = (FileNotFoundError, IsADirectoryError)
+"""A folder in the place of a file is damage, and is replaced with the next upload."""
 _ABANDONED_S = 86400.0
 """Age from which what somebody did not write to its end counts as left by a killed process [s]."""
 
@@ -44,7 +47,7 @@ class Directory:
                 if size > MOST_ENTRY:
                     raise RemoteFault(self.address, f"the entry of `{key[:12]}` has {size:,} bytes")
                 return file.read(size)
-        except FileNotFoundError:
+        except _ABSENT:
             return None
         except OSError as error:
             raise self._fault(error) from None
@@ -61,9 +64,10 @@ class Directory:
 
         def look(digest: Digest) -> None:
             try:
-                if os.stat(self._file("cas", digest.hash)).st_size == digest.size:
+                state = os.stat(self._file("cas", digest.hash))
+                if state.st_size == digest.size and stat.S_ISREG(state.st_mode):
                     return
-            except FileNotFoundError:
+            except _ABSENT:
                 pass
             except OSError as error:
                 raise self._fault(error) from None
@@ -97,7 +101,7 @@ class Directory:
     def _fetch_one(self, digest: Digest, take: Callable[[Digest, Iterator[bytes]], None]) -> None:
         try:
             file = open(self._file("cas", digest.hash), "rb")  # noqa: SIM115 - closed below; only opening may find nothing
-        except FileNotFoundError:
+        except _ABSENT:
             return
         except OSError as error:
             raise self._fault(error) from None

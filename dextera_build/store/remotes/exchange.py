@@ -1,4 +1,4 @@
-"""What one build has to do with remotes: it asks, and goes on; results come, and go, in the background."""
+"""Downloads and uploads of one build, in the background."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ class Upload:
 
 
 class Exchange:
-    """Remotes in the order in which they are asked. All methods are for the thread that schedules.
+    """Remotes in the order in which they are asked. Only the scheduling thread calls these methods.
 
     Args:
         store: The local end.
-        remotes: Whom to ask and to tell.
+        remotes: The remotes.
     """
 
     def __init__(self, store: Store, remotes: Sequence[Guarded]) -> None:
@@ -70,7 +70,7 @@ class Exchange:
 
     @property
     def reads(self) -> bool:
-        """Whether there is anyone left to ask."""
+        """Whether a remote may still be read."""
         return any(remote.may("read") for remote in self.remotes)
 
     @property
@@ -80,12 +80,12 @@ class Exchange:
         return len(self._to_send)
 
     def ask(self, key: str, *, whole: bool = True) -> None:
-        """Look for a result in the background, with its bytes or without; `arrived` has the answer some time."""
+        """Look for a result in the background, with or without its bytes; `arrived` returns the answer later."""
         self._asked.add(key)
         self._readers.start(lambda: self._answer(key, whole))
 
     def arrived(self, patience_s: float) -> list[Arrival]:
-        """Answers that are there, or come within `patience_s` [s]."""
+        """Answers that have come, or come within `patience_s` [s]."""
         found = []
         try:
             found.append(self._answers.get(timeout=patience_s) if patience_s else self._answers.get_nowait())
@@ -127,7 +127,7 @@ class Exchange:
         return self.uploading
 
     def close(self) -> list[Upload]:
-        """Let connections go, and say what was uploaded; what is not over is left."""
+        """Close connections, and return what was uploaded; uploads that are not over are abandoned."""
         self._hear()
         for name, key in self._to_send:
             self._leave(name, key, "the build ended before")

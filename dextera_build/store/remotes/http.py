@@ -50,7 +50,7 @@ class HttpCache:
         self._client = httpx.Client(
             auth=(parsed.username, parsed.password) if parsed.username else _netrc(parsed),
             params=parsed.params,
-            # What is compressed on the way has another size than its digest says.
+            # A compressed body would have another size than its digest says.
             headers={"Accept-Encoding": "identity"},
             timeout=httpx.Timeout(timeout_s, connect=min(_CONNECT_S, timeout_s), pool=None),
             limits=httpx.Limits(max_connections=_CONNECTIONS * 2, max_keepalive_connections=_CONNECTIONS),

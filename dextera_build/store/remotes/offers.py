@@ -1,4 +1,4 @@
-"""Results that clients of the cache server bring and take."""
+"""Results as the cache server gives and takes them."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from dextera_build.errors import StoreError
 from dextera_build.store import entry as entries
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.store import Store
-from dextera_build.store.traces.tree import publish
+from dextera_build.store.traces import lists
 
 
 class Offers:
-    """Results by key; only such whose blobs are all there.
+    """Results by key, if all their blobs are there.
 
     Args:
         store: Holds them.
@@ -40,10 +40,9 @@ class Offers:
         lacking = next((file for file in entry.files if self._store.blobs.size(file.digest) != file.size), None)
         if lacking is not None:
             return f"blob {lacking.digest} is not here; blobs come first"
-        if self._store.actions.get(key) is not None:
-            return ""
         try:
-            publish(self._store, key, entry.result, entry.document)
+            if self._store.actions.get(key) is None or lists.listed(self._store, entry.result):
+                lists.publish(self._store, key, entry.result, entry.document)
         except MissingBlob as error:
             return f"blob {error.digest} is not here; blobs come first"
         except StoreError:

@@ -1,7 +1,7 @@
-"""What a remote store is: results by key and blobs by digest on a machine that others use too.
+"""The interface of a remote: results by key and blobs by digest, shared by several machines.
 
-A remote is believed in nothing: whoever takes bytes from it checks them against their digest, and whatever goes wrong
-with it makes a build slower, never wrong and never failed.
+A remote is not trusted: bytes from it are checked against their digest. A remote that misbehaves makes a build slower,
+never wrong, and never makes it fail.
 """
 
 from __future__ import annotations

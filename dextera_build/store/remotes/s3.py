@@ -65,7 +65,7 @@ class ObjectStore:
         said = options or {}
         # Among the settings of the bucket these make the library panic.
         config: Any = {name: value for name, value in said.items() if name not in _CLIENT}
-        # One fault must not wait for ten tries inside the library: a build asks again by itself, or goes on without.
+        # The library must not retry ten times on its own: a build retries once, or goes on without the remote.
         retry: Any = {"max_retries": 1, "retry_timeout": patience}
         plain = any(value.startswith("http://") for name, value in config.items() if "endpoint" in name)
         client: Any = {"timeout": f"{max(timeout_s * 6, 60.0):g}s", "connect_timeout": f"{min(timeout_s, 5.0):g}s"}

@@ -81,7 +81,7 @@ class CacheServer(ThreadingHTTPServer):
         return f"{self._scheme}://[{shown}]:{port}" if ":" in shown else f"{self._scheme}://{shown}:{port}"
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A client that goes away in the middle is no news."""
+        """Ignored: clients may disconnect at any time."""
 
 
 class _Request(BaseHTTPRequestHandler):

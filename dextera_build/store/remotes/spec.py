@@ -116,7 +116,7 @@ def from_table(table: Mapping[str, Any], where: str) -> dict[str, Spec]:
                 facts={"from": where, "settings": listing(_SETTINGS), "more": f"for {listing(_BUCKETS)} alone"},
                 hint=did_you_mean(option, _SETTINGS),
             )
-        found[name] = Spec(name, _checked(address), _mode(str(mode), name), float(patience), options)
+        found[name] = Spec(name, checked(address), _mode(str(mode), name), float(patience), options)
     return found
 
 
@@ -131,7 +131,7 @@ def named(what: str, known: Mapping[str, Spec]) -> Spec:
 
 def _by_address(what: str, known: Mapping[str, Spec]) -> Spec:
     if "://" in what or what.startswith(("/", "./", "../", "~")):
-        return Spec(redact(what), _checked(what))
+        return Spec(redact(what), checked(what))
     raise UsageError(
         f"no remote is called `{what}`",
         code="DXB-U133",
@@ -146,7 +146,12 @@ def _mode(mode: str, name: str) -> str:
     return mode
 
 
-def _checked(address: str) -> str:
+def checked(address: str) -> str:
+    """The same address, where its form is that of a remote.
+
+    Raises:
+        UsageError: It is not.
+    """
     scheme, separator, rest = address.partition("://")
     if separator and (scheme not in SCHEMES or not rest.strip("/")):
         raise UsageError(

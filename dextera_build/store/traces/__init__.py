@@ -1,1 +1,1 @@
-"""What calls read by themselves: questions to the project's folder, their answers, and which results these lead to."""
+"""Discovered inputs: questions about the project's folder, their answers, and the results that they lead to."""

@@ -1,4 +1,4 @@
-"""Answers questions to a project's folder, and to nothing outside it; says to whoever watches what it looked at."""
+"""Answers questions about a project's folder, and about nothing outside it; records the paths for the snapshot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dextera_build.store.traces import names
 from dextera_build.store.traces.steps import NO, NONE, YES, is_plain
 
 UNKNOWN = "?"
-"""Stands for an answer that cannot be had; no answer is this."""
+"""Returned if there is no answer."""
 
 
 class Look:
@@ -50,7 +50,7 @@ class Look:
         return self._leaves.digest_leaf(Path(self.path(name))) if is_file else NONE
 
     def answer_or_unknown(self, kind: str, name: str) -> str:
-        """As `answer`, and `UNKNOWN` where there is no telling."""
+        """As `answer`, but `UNKNOWN` if there is none."""
         try:
             return self.answer(kind, name)
         except DxbError:
@@ -81,7 +81,7 @@ class Look:
         return path
 
     def place(self, kind: str, name: str) -> str:
-        """The path that the answer of a question hangs on; for a pattern, the folder in which all that matches lies."""
+        """The path that an answer depends on; for a pattern, the folder that holds every match."""
         below = names.base(name) if kind == "names" else name
         return os.path.join(self._root, below) if below else self._root
 

@@ -1,4 +1,4 @@
-"""What one call reads by itself, noted as it happens."""
+"""Records the discovered inputs of one call."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ class Recording:
         """Pattern -> what matched."""
         self._answers: dict[tuple[str, str], str] = {}
         self.error: DxbError | None = None
-        """Why a question had no answer; such a call has no result, whatever it makes of that."""
+        """Why a question had no answer; such a call fails, even if it catches the error."""
         self.closed = False
-        """Whether something was kept that depends on what was read so far."""
+        """Whether the call saved progress, which depends on what was read so far."""
 
     @property
     def steps(self) -> Steps:
-        """What was asked, and what was told."""
+        """Questions and answers."""
         return tuple((kind, name, answer) for (kind, name), answer in self._answers.items())
 
     @property
     def digest(self) -> str:
-        """Stands for all that was read so far."""
+        """Digest of what was read so far."""
         return digests.of_value([list(step) for step in self.steps])
 
     def file(self, path: str) -> str:

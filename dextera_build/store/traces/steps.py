@@ -1,4 +1,4 @@
-"""A trace: what a call asked of the project's folder by itself, in order, and what it was told.
+"""A trace: the questions that a call asked about the project's folder while it ran, in order, with the answers.
 
 A step is (kind, name, answer):
 
@@ -6,9 +6,8 @@ A step is (kind, name, answer):
     there   path      `yes` or `no`
     names   pattern   digest of the list of files that match
 
-The key document of a call that discovers holds its trace under `read`. As long as it is not known what the call will
-read, that is a beginning of the trace, and what the store holds under such a key is a `Reads`: the steps that came next
-when it ran. What it holds under the whole trace is the result.
+The key document of a call with discovered inputs holds its trace under `read`. With null instead of a trace it is the
+static document, which is known before the call runs.
 """
 
 from __future__ import annotations
@@ -25,54 +24,26 @@ Step: TypeAlias = tuple[str, str, str]
 Steps: TypeAlias = tuple[Step, ...]
 
 READ = "read"
-"""The field of a key document that holds the trace; a call that discovers nothing has none."""
+"""The field of a key document that holds the trace; absent for calls without discovered inputs."""
 NONE, YES, NO = "-", "yes", "no"
 MOST = 100_000
 """Steps of one trace."""
-_ARTIFACT = "Reads"
 _LONGEST = 4096
 
 
-def spelled(static: Mapping[str, Any], steps: Sequence[Step]) -> bytes:
-    """The key document of a call that read this."""
-    return digests.canonical({**static, READ: [list(step) for step in steps]})
+def spelled(static: Mapping[str, Any], steps: Sequence[Step] | None) -> bytes:
+    """The key document with these steps; None: the static document."""
+    return digests.canonical({**static, READ: None if steps is None else [list(step) for step in steps]})
 
 
-def parts_of(document: bytes) -> tuple[dict[str, Any], Steps] | None:
-    """What a key document says of the call, and its trace; None for one of a call that discovers nothing."""
-    if b'"read":[' not in document:
+def parts_of(document: bytes) -> tuple[dict[str, Any], Steps | None] | None:
+    """A key document and its trace (None: it is static); None for a call without discovered inputs."""
+    if b'"read":' not in document:
         return None
     found: dict[str, Any] = json.loads(document)
     if READ not in found:
         return None
-    return found, _checked(found[READ])
-
-
-def header_of(steps: Sequence[Step]) -> bytes:
-    """The header of what stands in the store under a key whose trace goes on."""
-    return digests.canonical({"artifact": _ARTIFACT, "fields": {"steps": [list(step) for step in steps]}})
-
-
-def steps_of(header: bytes) -> Steps | None:
-    """The steps that a header holds; None for that of an artifact.
-
-    Raises:
-        ValueError: It holds steps that no call can have made.
-    """
-    if not header.startswith(b'{"artifact":"Reads"'):
-        return None
-    found = _checked(json.loads(header)["fields"]["steps"])
-    if not found:
-        raise ValueError("a trace that goes on has steps")
-    return found
-
-
-def first_difference(one: Sequence[Step], other: Sequence[Step]) -> int:
-    """How many steps both begin with."""
-    return next(
-        (place for place, pair in enumerate(zip(one, other, strict=False)) if pair[0] != pair[1]),
-        min(len(one), len(other)),
-    )
+    return found, None if found[READ] is None else checked(found[READ])
 
 
 def label(kind: str, name: str) -> str:
@@ -92,7 +63,12 @@ def is_plain(name: str) -> bool:
     )
 
 
-def _checked(rows: Any) -> Steps:
+def checked(rows: Any) -> Steps:
+    """Parse a trace, which may come from anywhere.
+
+    Raises:
+        ValueError: No call can have made it.
+    """
     if not isinstance(rows, list) or len(rows) > MOST:
         raise ValueError("a trace is a list of steps")
     found = tuple(tuple(row) for row in rows)

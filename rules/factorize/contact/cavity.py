@@ -24,7 +24,7 @@ class Cavity:
 
 
 def find(mesh: Mesh, cells: int = 40) -> Cavity:
-    """Sample what a container would hold: free points with sky above, a floor below and walls around.
+    """Sample the content of a container: free points with sky above, a floor below and walls around.
 
     Args:
         mesh: Closed, object frame, z up.
@@ -62,7 +62,7 @@ def _sheltered(mesh: Mesh, points: np.ndarray) -> np.ndarray:
 
 
 def fill(cavity: Cavity, hulls: Sequence[Hull]) -> float | None:
-    """Part of the cavity that the pieces cover, 0..1; None where there is no cavity."""
+    """Part of the cavity that the pieces cover, 0..1; None without a cavity."""
     if not len(cavity.points):
         return None
     covered = np.zeros(len(cavity.points), bool)

@@ -62,7 +62,7 @@ def _container(solid: Manifold, inside: cavity.Cavity, options: CollisionOptions
     best: Pieces | None = None
     for attempt in range(options.attempts):
         sectors = 16 + 8 * attempt
-        # Four cuts per wedge and half of what is allowed; the other half is for joining.
+        # Four cuts per wedge and half of the allowance; the other half is for joining.
         cut = wedges.cut(small, sectors, 0.5 * allowed / (4 * sectors * 2**attempt))
         before = cavity.fill(inside, [_hull(piece, options.corners) for piece in cut]) or 0.0
         joined = wedges.join(cut, 0.9 * (allowed - before * inside.volume), options.pieces)

@@ -1,4 +1,4 @@
-"""factorize.parse: what is in the photograph, by name."""
+"""factorize.parse: the elements of the photograph, by name."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class ParseOptions(Options):
     """Options of factorize.parse."""
 
     match_iou: Fraction = 0.3
-    """Smallest overlap between a box of `scene.yaml` and what it names."""
+    """Smallest overlap between a box of `scene.yaml` and the proposal that it names."""
     model: str = ""
     """Model that a backend asks which asks a service (`vlm`)."""
 

@@ -1,4 +1,4 @@
-"""Elements by a vision-language model behind an OpenAI-compatible endpoint; what it answers is recorded."""
+"""Elements by a vision-language model behind an OpenAI-compatible endpoint; its answers are recorded."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ SCHEMA: dict[str, Any] = {
     "required": ["elements"],
     "additionalProperties": False,
 }
-"""What the service is told to answer; `Answer` checks it."""
+"""The schema that the service must answer with; `Answer` checks it."""
 
 
 class Thing(BaseModel):
@@ -70,7 +70,7 @@ class Thing(BaseModel):
 
 
 class Answer(BaseModel):
-    """What a model must answer."""
+    """The required answer of a model."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -78,7 +78,7 @@ class Answer(BaseModel):
 
 
 def propose(ctx: Context, capture: Capture, support: Support, model: str) -> tuple[Element, ...]:
-    """What the model names in the photograph, each thing with its box [px] there."""
+    """The elements that the model names, each with its box [px]."""
     if not model:
         ctx.fail("no model is named for the backend `vlm`", hint="set `model` of this node, or `--set NODE.model=NAME`")
     picture, (width, height) = _picture(capture)

@@ -1,4 +1,4 @@
-"""`scene.yaml`: what a person says is in the photograph, read strictly and matched to what geometry proposes."""
+"""`scene.yaml`: a person's list of elements, read strictly and matched to the proposals from geometry."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def read(data: bytes) -> list[Wanted]:
     """The elements of a `scene.yaml`.
 
     Raises:
-        RuleError: The file is not what it should be; names the line and column.
+        RuleError: The file is malformed; names the line and column.
     """
     import yaml
 
@@ -70,7 +70,7 @@ def read(data: bytes) -> list[Wanted]:
 
 
 def match(wanted: Sequence[Wanted], proposals: Sequence[Element], smallest_iou: float) -> tuple[Element, ...]:
-    """Each wanted element with the box of the proposal that it names; proposals that nobody named become static.
+    """Each wanted element with the box of the proposal that it names; unnamed proposals become static.
 
     A box is compared by its overlap, a phrase by the colour and shape words that it shares with a proposal.
 

@@ -26,7 +26,7 @@ class ArticulateOptions(Options):
     """Options of factorize.articulate."""
 
     hinge: DeclaredHinge | None = None
-    """The hinge where it is known; None finds the crease."""
+    """A known hinge; None finds the crease."""
     upper_rad: PositiveFloat = 2.29
     """Opening that the joint allows where nothing is in the way [rad]; notebooks stop near 131 degrees."""
     margin_rad: NonNegativeFloat = 0.1

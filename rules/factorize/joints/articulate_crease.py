@@ -35,7 +35,7 @@ def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts |
     """Cut the shape at its hinge and close it.
 
     Returns:
-        The links at joint position 0, or None where there is no crease or only one solid on both sides of it.
+        The links at joint position 0, or None without a crease, or with one solid on both sides of it.
     """
     hinge = _declared(shape.mesh, options) if options.hinge else find(shape.mesh)
     if hinge is None or hinge.angle >= np.pi * 1.1:
@@ -120,7 +120,7 @@ def _plan_area(lid: Mesh, hinge: Hinge) -> float:
 
 
 def _upper(overlap: Callable[[float], float], hinge: Hinge, options: ArticulateOptions) -> float:
-    """The widest opening up to which nothing is in the way; never less than what was observed and a margin."""
+    """The widest opening without a collision; at least the observed one and a margin."""
     least = hinge.angle + options.margin_rad
     free = least
     for position in np.linspace(least, max(options.upper_rad, least), _STEPS):

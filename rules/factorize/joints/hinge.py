@@ -57,7 +57,7 @@ def turned(axis: np.ndarray, origin: np.ndarray, angle: float) -> np.ndarray:
 
 
 def find(mesh: Mesh, least_angle: float = 0.3) -> Hinge | None:
-    """The crease between the two largest slabs of a mesh, or None where there are no two.
+    """The crease between the two largest slabs of a mesh, or None if the mesh has fewer.
 
     Two connected parts are two slabs; a mesh in one part is grouped by the directions of its faces.
 

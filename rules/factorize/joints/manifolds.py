@@ -36,7 +36,7 @@ def solid(mesh: Mesh) -> Manifold:
         )
     made = manifold3d.Manifold(data)
     if made.status() != manifold3d.Error.NoError or made.is_empty():
-        raise ValueError(f"the mesh is no closed manifold ({made.status().name})")
+        raise ValueError(f"the mesh is not a closed manifold ({made.status().name})")
     return made
 
 

@@ -1,4 +1,4 @@
-"""What a backend of factorize.articulate hands back."""
+"""The result of a backend of factorize.articulate."""
 
 from __future__ import annotations
 

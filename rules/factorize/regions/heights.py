@@ -26,7 +26,7 @@ class Relief:
 
 
 def relief(capture: Capture, support: Support) -> Relief:
-    """Heights above the support and what they say about each pixel."""
+    """Heights above the support, and the classes of pixels that follow from them."""
     depth = capture.depth.depth.astype(np.float64)
     valid = depth > 0
     camera_points = cameras.backproject(depth, capture.camera.matrix())

@@ -42,12 +42,12 @@ class Proposal:
     hinged: bool
     """Two plates that meet in a crease, like a laptop."""
     static: str
-    """`robot` for what is cut by the image border, too large or does not stand on the support; else empty."""
+    """`robot` for things that the image border cuts, that are too large or do not stand on the support; else empty."""
 
 
 @dataclass(frozen=True)
 class Scenery:
-    """All that rises above the support."""
+    """The pixels and objects above the support."""
 
     relief: heights.Relief
     objects: tuple[Proposal, ...]

@@ -12,7 +12,7 @@ from dextera_build.geometry import cameras, transforms
 REACH_PX = 12.0
 """How far to each side of the silhouette the fit looks [px]."""
 CONTACT_M = 0.018
-"""What is seen just below an object carries it only if it is no further in front or behind [m]."""
+"""A surface just below an object carries it if its depth differs by no more than this [m]."""
 LIFTED_M = 0.02
 """An object whose lowest seen border is not higher stands on the support [m]."""
 STEP_PX = 0.75
@@ -30,7 +30,7 @@ class Silhouette:
 
 @dataclass(frozen=True)
 class Evidence:
-    """One object as one camera saw it. Points and rays are in the world frame; z = 0 is what it stands on."""
+    """One object as one camera saw it. Points and rays are in the world frame; it stands on z = 0."""
 
     base: float  # height over the support of what the object stands on [m]; 0 for the support itself
     k: np.ndarray  # (3, 3) intrinsics of the crop [px]
@@ -154,7 +154,7 @@ def noise(depth: np.ndarray) -> np.ndarray:
 
 
 def trusted(mask: np.ndarray, depth: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-    """Mask pixels whose depth is no flying pixel: away from the outline, from gaps and from jumps of the depth."""
+    """Mask pixels without flying pixels: away from the outline, from gaps and from jumps of the depth."""
     from scipy import ndimage
 
     inner = ndimage.binary_erosion(mask, iterations=2) & (depth > 0)

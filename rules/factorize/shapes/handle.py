@@ -1,4 +1,4 @@
-"""A handle on a revolved body: what the mask shows beside the body, as a solid in the vertical plane of its root."""
+"""A handle on a revolved body: the part of the mask beside the body, as a solid in the vertical plane of its root."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The texture of a body: what the photograph shows, then what symmetry says, then the nearest seen colours."""
+"""The texture of a body: from the photograph, then by symmetry, then from the nearest seen colours."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class Model:
     lower: np.ndarray
     upper: np.ndarray
     expected: np.ndarray | None = None
-    """What a parameter is where nothing is seen of it."""
+    """Prior of a parameter."""
     spread: np.ndarray = field(default_factory=lambda: np.array(np.inf))
     """Standard deviation about `expected`; infinite where nothing is expected."""
     smooth: np.ndarray | None = None

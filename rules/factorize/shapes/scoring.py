@@ -12,9 +12,9 @@ from dextera_build.geometry.solids import Solid
 from .evidence import Evidence
 
 DEPTH_WEIGHT = 0.5
-"""What a wrong depth everywhere costs, beside an overlap of 1."""
+"""Cost of a wrong depth at every pixel, beside an overlap of 1."""
 FREE_WEIGHT = 0.5
-"""What it costs when the whole rendered surface floats in seen empty space."""
+"""Cost of a rendered surface that lies wholly in seen empty space."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Judgement:
     residual_m: float
     """Median absolute depth difference on common trusted pixels [m]."""
     free: float
-    """Part of the rendered pixels that stand in front of what the camera saw."""
+    """Part of the rendered pixels in front of the measured surface."""
 
 
 def judge(body: Solid, evidence: Evidence, complexity: float = 0.0) -> Judgement:

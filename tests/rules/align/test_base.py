@@ -35,7 +35,7 @@ def test_a_chosen_base_stands_upright_where_told(tmp_path: Path) -> None:
 
 
 def test_somebody_has_to_say_where_the_robot_stands(tmp_path: Path) -> None:
-    with pytest.raises(RuleError, match="nobody says where the robot stands") as error:
+    with pytest.raises(RuleError, match="the robot's base has no pose") as error:
         RuleRunner(tmp_path).run("align.base", support=SUPPORT)
     assert "`position_m`" in str(error.value.hint)
 

@@ -166,7 +166,7 @@ def test_a_placement_in_free_space_is_refused(runner):
     # A window in the middle of the box through which the camera looked.
     depth[int(rows.mean()) - 8 : int(rows.mean()) + 8, int(columns.mean()) - 8 : int(columns.mean()) + 8] += 0.1
     holed = seen.model_copy(update={"depth": DepthImage(depth=depth)})
-    with pytest.raises(RuleError, match=r"\d+% of the placed render stands in free space, 2% is allowed"):
+    with pytest.raises(RuleError, match=r"\d+% of the placed render lies in free space, 2% is allowed"):
         align(runner, object_views.body(BOX, TRUTH), holed, most_violation=0.02)
 
 

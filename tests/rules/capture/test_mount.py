@@ -53,7 +53,7 @@ def test_a_seed_is_a_draw(world: World, tmp_path: Path) -> None:
 
 
 def test_without_a_robot_nothing_is_found(world: World, tmp_path: Path) -> None:
-    with pytest.raises(RuleError, match="no robot stands in this world") as error:
+    with pytest.raises(RuleError, match="this world has no robot") as error:
         mount(tmp_path, world.model_copy(update={"stand": None}))
     assert error.value.hint
     robot = reference_tasks.robot().model_copy(update={"links": {"foot": "arm"}})

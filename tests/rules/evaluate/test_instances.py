@@ -150,5 +150,5 @@ def test_tables_of_different_form_are_refused(runner):
 
 
 def test_no_table_is_refused(runner):
-    with pytest.raises(RuleError, match="there is no table to sum up"):
+    with pytest.raises(RuleError, match="no table was given"):
         runner.run("evaluate.summary", tables=Collection[Table](items={}))

@@ -81,4 +81,4 @@ def test_worlds_that_do_not_belong_together_are_refused(runner, backend):
     assert refused(world=fewer).message == "the two worlds do not hold the same task: objects, joints"
     of_others = demos.model_copy(update={"task": "LiftCan"})
     assert refused(sources=of_others).message == "the data set does not fit the task bundle: another task"
-    assert refused(sources=demos.model_copy(update={"items": {}})).message == "there is no demonstration to replay"
+    assert refused(sources=demos.model_copy(update={"items": {}})).message == "no demonstrations were given"

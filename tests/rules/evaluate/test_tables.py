@@ -59,7 +59,7 @@ def test_tables_of_another_form_are_not_gathered(runner):
     parts = Collection[Table](items={"x": table((1.0,)), "y": table((2.0,), column="b")})
     with pytest.raises(RuleError, match="the columns of `y` differ from those of `x`"):
         runner.run("evaluate.gather", tables=parts)
-    with pytest.raises(RuleError, match="there is no table to gather"):
+    with pytest.raises(RuleError, match="no tables were given"):
         runner.run("evaluate.gather", tables=Collection[Table](items={}))
 
 

@@ -273,7 +273,7 @@ def test_it_reports_loss_and_curve(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "options", "message"),
     [
-        ({"items": {}}, {}, "there is no successful episode to learn from"),
+        ({"items": {}}, {}, "no episode succeeded, so there is nothing to learn from"),
         ({}, {"inputs": ()}, "`inputs` must name one channel or more, each once"),
         ({}, {"inputs": ("joints", "joints")}, "`inputs` must name one channel or more, each once"),
         ({}, {"inputs": ("joints", "contact")}, "there is no channel `contact` to learn from"),

@@ -247,7 +247,7 @@ def test_impossible_pairs_are_refused(twin: TaskBundle, world: World, tmp_path: 
     )
     with pytest.raises(RuleError, match="`notebook` is a thing without mass"):
         build(tmp_path, twin, massless)
-    with pytest.raises(RuleError, match="no robot stands in the reference world") as error:
+    with pytest.raises(RuleError, match="the reference world has no robot") as error:
         build(tmp_path, twin, world.model_copy(update={"stand": None}))
     assert error.value.hint
 
@@ -258,5 +258,5 @@ def test_only_a_twins_task_for_this_robot_has_a_reference(
     with pytest.raises(RuleError, match="this one is `reference`"):
         build(tmp_path, true, world)
     other = reference_tasks.robot().model_copy(update={"source": "another"})
-    with pytest.raises(RuleError, match="for another robot"):
+    with pytest.raises(RuleError, match="not the robot of the reference world"):
         RuleRunner(tmp_path).run("simulate.reference", bundle=twin, world=world, robot=other)

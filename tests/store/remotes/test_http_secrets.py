@@ -73,6 +73,15 @@ def test_so_does_one_from_the_environment(monkeypatch):
     assert "geheim" not in str(caught.value)
 
 
+def test_a_variable_may_not_bring_another_protocol(monkeypatch):
+    for address in ("ftp://anna:geheim@h/x", "HTTP://anna:geheim@192.0.2.1/x"):
+        monkeypatch.setenv("WHERE", address)
+        with pytest.raises(UsageError) as caught:
+            open_remote(Spec("lab", "${WHERE}"))
+        assert caught.value.code == "DXB-U131"
+        assert "geheim" not in caught.value.message
+
+
 def test_so_do_those_of_a_netrc_file(tmp_path: Path, monkeypatch):
     (tmp_path / "netrc").write_text("default login anna password geheim\n")
     monkeypatch.setenv("NETRC", str(tmp_path / "netrc"))

@@ -3,18 +3,10 @@
 from __future__ import annotations
 
 import inspect
-import re
-from collections.abc import Iterator
 from itertools import groupby
-from types import UnionType
-from typing import Any, Union, get_args, get_origin
 
-from pydantic import BaseModel
-from pydantic.fields import FieldInfo
-from pydantic_core import PydanticUndefined
-
-from dextera_build.artifacts.meanings import bounds, meanings
 from dextera_build.code.loader import Library, RuleFile
+from dextera_build.explain.rule_card import Option, options, type_name
 
 from .markdown import code, join, table
 
@@ -47,51 +39,18 @@ def section(found: RuleFile) -> str:
         _prose(inspect.getdoc(rule.function) or ""),
         f"Returns {code(type_name(rule.returns))}. Version {rule.version}{needs}.",
         table(["input", "type", ""], slots),
-        table(["option", "type", "default", "meaning"], list(options(rule.options))),
+        table(["option", "type", "default", "meaning"], [_row(option) for option in options(rule.options)]),
         table(["backend", "what it does", "profiles", "extra"], backends),
     )
 
 
-def options(kind: type[BaseModel], prefix: str = "") -> Iterator[list[str]]:
-    """Rows of an options class; fields of nested groups stand below them as `group.field`."""
-    said = meanings(kind)
-    for name, field in kind.model_fields.items():
-        form = ", ".join(filter(None, (code(type_name(field.annotation)), code(bounds(field)))))
-        yield [code(prefix + name), form, _default(field), said.get(name, "")]
-        for inner in _groups(field.annotation):
-            yield from options(inner, f"{prefix}{name}.")
-
-
-def type_name(annotation: Any) -> str:
-    """A type as a recipe's author reads it: `Collection[Asset]`, `tuple[float, ...]`."""
-    if isinstance(annotation, type) and not get_args(annotation):
-        return annotation.__name__
-    if hasattr(annotation, "__metadata__"):
-        return type_name(annotation.__origin__)
-    parts = ["..." if part is Ellipsis else type_name(part) for part in get_args(annotation)]
-    if get_origin(annotation) in (tuple, dict):
-        return f"{get_origin(annotation).__name__}[{', '.join(parts)}]"
-    if get_origin(annotation) in (Union, UnionType):
-        return " | ".join(parts)
-    return re.sub(r"[A-Za-z_][\w.]*\.(\w+)", r"\1", str(annotation)).replace("NoneType", "None").replace("~", "")
+def _row(option: Option) -> list[str]:
+    form = ", ".join(map(code, filter(None, (option.type, option.bounds))))
+    return [code(option.name), form, code(option.default) if option.has_default else option.default, option.meaning]
 
 
 def _names(found: RuleFile) -> str:
     return ", ".join(code(name) for name in found.backends)
-
-
-def _groups(annotation: Any) -> list[type[BaseModel]]:
-    parts = get_args(annotation) or (annotation,)
-    return [part for part in parts if isinstance(part, type) and issubclass(part, BaseModel)]
-
-
-def _default(field: FieldInfo) -> str:
-    if field.is_required():
-        return "required"
-    value = field.get_default(call_default_factory=True)
-    if value is PydanticUndefined or isinstance(value, BaseModel):
-        return ""
-    return code(f'"{value}"' if isinstance(value, str) else value)
 
 
 def _prose(text: str) -> str:

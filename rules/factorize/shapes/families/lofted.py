@@ -54,8 +54,8 @@ def model(layout: Layout, name: str, starts: list[np.ndarray], wall_m: float) ->
     Args:
         layout: Meaning of the parameters.
         name: Of the family.
-        starts: First guesses; what is not seen stays near the first.
-        wall_m: Wall thickness where it is not seen [m].
+        starts: First guesses; unseen parameters stay near the first.
+        wall_m: Wall thickness of unseen walls [m].
     """
     knots, inf = layout.knots, np.inf
     steps, low, high, spread = [0.003, 0.003], [-inf, -inf], [inf, inf], [inf, inf]

@@ -1,4 +1,4 @@
-"""Bodies of no family: what was seen, and the same again behind a vertical plane of symmetry.
+"""Bodies of no family: the seen surface, mirrored at a vertical plane of symmetry.
 
 Known are the seen surface and the outline of the mask: the body is the largest that fits behind the one and within the
 other and equals its mirror image. Guessed are the plane (upright, within some 50 degrees of facing the camera; its
@@ -33,7 +33,7 @@ YAWS_DEG = (0.0, -20.0, 20.0, -40.0, 40.0)
 RATIOS = (0.6, 0.9, 1.4, 2.1)
 """Depths over widths of the body that are tried."""
 UNLIKELY = 0.04
-"""What a depth costs that is e times the width, or as much smaller, beside an overlap of 1."""
+"""Cost of a depth e times larger or smaller than the width, beside an overlap of 1."""
 SEARCHED_PX = 90
 """Resolution at which planes are compared [px]."""
 COARSE, FINE = 12, 48
@@ -49,7 +49,7 @@ SPECK_M = 1e-4
 
 @dataclass(frozen=True)
 class Front:
-    """All that may be full: the seen surface and everything behind it, within the outline of the mask."""
+    """The space that may be full: the seen surface and everything behind it, within the outline of the mask."""
 
     coarse: Manifold
     fine: Manifold

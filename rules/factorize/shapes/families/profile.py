@@ -82,7 +82,7 @@ class Layout:
         return float(p[4 if self.oval else 2])
 
     def profile(self, p: np.ndarray) -> Profile:
-        """The profile that the parameters stand for."""
+        """The profile with these parameters."""
         height, runs = self.height(p), self.split(p)
         heights = np.linspace(0.0, height, self.knots)
         a = b = runs[1]

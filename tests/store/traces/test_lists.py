@@ -1,22 +1,27 @@
-"""A tree of traces: a call is found iff one that was recorded would read the same today."""
+"""Traces of a call: a result is found iff a recorded run would read the same today."""
 
 from __future__ import annotations
 
 import tempfile
+import time
 from pathlib import Path
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dextera_build import digest
+from dextera_build.errors import RuleError
+from dextera_build.store.choose import Limits
+from dextera_build.store.collect import collect
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
+from dextera_build.store.traces import lists
 from dextera_build.store.traces import steps as traces
-from dextera_build.store.traces import tree
 from dextera_build.store.traces.steps import Steps
-from tests.store.stores import entry
+from tests.store.stores import DAY, age_all, entry, held
 
-_STATIC = {"rule": "tiny.rule", "inputs": [], "read": []}
+_STATIC = {"rule": "tiny.rule", "inputs": [], "read": None}
 _FILES = ("a", "b", "c", "d")
 World = dict[str, str]
 
@@ -41,12 +46,12 @@ def _run(program: int, world: World) -> Steps:
 def _publish(store: Store, steps: Steps) -> str:
     document = store.blobs.put(traces.spelled(_STATIC, steps))
     output = store.blobs.put(digest.canonical({"artifact": "Text", "fields": {"text": repr(steps)}}))
-    tree.publish(store, document, ActionResult(output, "", (), {}, 1.0, None, document))
+    lists.publish(store, document, ActionResult(output, "", (), {}, 1.0, None, document))
     return output
 
 
-def _find(store: Store, world: World) -> tree.Found:
-    return tree.find(store, _STATIC, lambda kind, name: world[name])
+def _find(store: Store, world: World) -> lists.Found:
+    return lists.find(store, _STATIC, lambda kind, name: world[name])
 
 
 _WORLDS = st.fixed_dictionaries(
@@ -65,7 +70,7 @@ def test_a_hit_iff_a_recorded_run_would_read_the_same(program: int, worlds: list
             found = _find(store, world)
             assert (found.held.result.output if found.held else None) == recorded.get(steps)
             if found.held is None:
-                assert steps[: len(found.steps)] == found.steps
+                assert found.steps is None
                 recorded[steps] = _publish(store, steps)
             assert _find(store, world).held is not None
 
@@ -103,7 +108,7 @@ def test_two_stores_that_give_all_to_one_another_find_the_same(
             assert _find(stores[0], world).held is not None
 
 
-def test_a_call_that_asks_in_another_order_takes_the_place_of_the_old_way(tmp_path: Path) -> None:
+def test_of_two_traces_that_fit_the_newest_counts(tmp_path: Path) -> None:
     store, world = Store(tmp_path), {name: _content(name, 0) for name in _FILES}
     first = tuple(("file", name, world[name]) for name in "abc")
     other = tuple(("file", name, world[name]) for name in "acb")
@@ -115,7 +120,46 @@ def test_a_call_that_asks_in_another_order_takes_the_place_of_the_old_way(tmp_pa
         assert found.held.result.output == output
 
 
-def test_a_call_that_read_nothing_has_its_result_at_the_root(tmp_path: Path) -> None:
+def test_the_oldest_traces_are_forgotten(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    worlds = [{"a": _content("a", number)} for number in range(lists.MOST + 3)]
+    for world in worlds:
+        _publish(store, (("file", "a", world["a"]),))
+    assert [_find(store, world).held is not None for world in worlds] == [False] * 3 + [True] * lists.MOST
+
+
+def test_long_traces_take_no_more_room_than_one_may(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(traces, "MOST", 5)
+    one, two = (tuple(("there", f"{name}{number}", traces.NO) for number in range(3)) for name in "ab")
+    assert lists.merged([one], [two]) == [one]
+    assert lists.merged([one], [two[:2]]) == [one, two[:2]]
+
+
+def test_a_trace_that_two_builders_wrote_over_is_a_miss(tmp_path: Path) -> None:
+    """Promise: who races may run once more, and is told nothing wrong."""
+    store = Store(tmp_path)
+    world, other = ({"a": _content("a", number)} for number in (0, 1))
+    _publish(store, (("file", "a", world["a"]),))
+    path = entry(store, digest.of_bytes(traces.spelled(_STATIC, None)))
+    before = path.read_bytes()
+    output = _publish(store, (("file", "a", other["a"]),))
+    assert _find(store, other).held.result.output == output  # type: ignore[union-attr]
+    path.unlink()
+    path.write_bytes(before)
+    assert _find(store, other).held is None
+    assert _find(store, world).held is not None
+
+
+def test_a_question_that_cannot_be_asked_fits_nothing(tmp_path: Path) -> None:
+    def answer(kind: str, name: str) -> str:
+        raise RuleError("no", code="DXB-B351")
+
+    store = Store(tmp_path)
+    _publish(store, (("file", "a", _content("a", 0)),))
+    assert lists.find(store, _STATIC, answer).held is None
+
+
+def test_a_call_that_read_nothing_is_found(tmp_path: Path) -> None:
     store = Store(tmp_path)
     assert _find(store, {}).held is None
     output = _publish(store, ())
@@ -136,31 +180,27 @@ def test_steps_that_no_call_can_have_made_are_a_miss(tmp_path: Path) -> None:
         [["there", "a", "perhaps"]],
         [["run", "a", traces.YES]],
         [["there", "a"]],
-        [],
         "there",
         [[1, 2, 3]],
+        5,
     ]
     for number, steps in enumerate(hostile):
         store = Store(tmp_path / str(number))
-        document = store.blobs.put(traces.spelled(_STATIC, ()))
-        header = store.blobs.put(digest.canonical({"artifact": "Reads", "fields": {"steps": steps}}))
+        document = store.blobs.put(traces.spelled(_STATIC, None))
+        header = store.blobs.put(digest.canonical({"artifact": "Reads", "fields": {"traces": [steps]}}))
         store.actions.put(document, ActionResult(header, "", (), {}, 0.0, None, document))
-        assert tree.find(store, _STATIC, answer).held is None
+        assert lists.find(store, _STATIC, answer).held is None
         # What runs then is found again.
         _publish(store, (("there", "a", traces.YES),))
-        assert tree.find(store, _STATIC, answer).held is not None
+        assert lists.find(store, _STATIC, answer).held is not None
     assert set(asked) <= {"a"}
 
 
-def test_a_result_holds_on_to_the_way_that_leads_to_it(tmp_path: Path) -> None:
+def test_a_result_holds_on_to_the_list_that_leads_to_it(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    worlds = [
-        {name: _content(name, int(sign)) for name, sign in zip("ab", signs, strict=True)} for signs in ("00", "01")
-    ]
-    for world in worlds:
-        steps = tuple(("file", name, world[name]) for name in "ab")
-        key = digest.of_bytes(traces.spelled(_STATIC, steps))
-        _publish(store, steps)
-        found = store.actions.entry(key)
-        assert found is not None
-        assert digest.of_bytes(traces.spelled(_STATIC, ())) in {file.digest for file in found.files}
+    world = {name: _content(name, 0) for name in "ab"}
+    steps = tuple(("file", name, world[name]) for name in "ab")
+    _publish(store, steps)
+    age_all(store, time.time() - 9 * DAY)
+    collect(store, held(digest.of_bytes(traces.spelled(_STATIC, steps))), Limits(size=0), dry=False)
+    assert _find(store, world).held is not None

@@ -1,0 +1,84 @@
+"""What error codes mean, read from the places in the code that make the errors; nothing else lists them."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from dextera_build import errors
+from dextera_build.code.loader import PACKAGE, bundled
+
+
+@dataclass(frozen=True)
+class Made:
+    """An error as one place in the code makes it; an ellipsis stands for what is filled in."""
+
+    code: str
+    message: str
+    facts: tuple[str, ...] = ()
+    """Names of what it says beside its message."""
+    hint: str = ""
+
+
+def made(code: str = "DXB-") -> Iterator[Made]:
+    """Every place that makes an error whose code begins with `code`."""
+    for file in sorted([*PACKAGE.rglob("*.py"), *bundled("rules").rglob("*.py")]):
+        if "docs" not in file.parts and ("_bundled" not in file.parts or file.is_relative_to(bundled("rules"))):
+            text = file.read_text()
+            if code in text:
+                yield from (error for error in _read(ast.parse(text)) if error.code.startswith(code))
+
+
+def family(letter: str) -> type[errors.DxbError]:
+    """The class of the errors whose codes begin with `DXB-<letter>`."""
+    known = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, errors.DxbError)]
+    return next((kind for kind in known if kind.family == letter), errors.DxbError)
+
+
+def _read(tree: ast.Module) -> Iterator[Made]:
+    constants = _constants(tree)
+    stack: list[tuple[ast.AST, str]] = [(tree, ast.get_docstring(tree) or "")]
+    while stack:
+        node, about = stack.pop()
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            about = (ast.get_docstring(node) or about).partition("\n")[0]
+        stack += [(child, about) for child in ast.iter_child_nodes(node)]
+        if isinstance(node, ast.Call) and node.args:
+            text = _text(node.args[0])
+            said = {word.arg: word.value for word in node.keywords}
+            facts = said.get("facts")
+            names = tuple(_text(key) for key in facts.keys if key) if isinstance(facts, ast.Dict) else ()
+            hint = _text(said["hint"]) if "hint" in said else ""
+            hint = hint if re.search(r"\w", hint) else ""
+            # Where all of a message is filled in, what the function says of itself stands instead.
+            message = text if re.search(r"\w", text) else about
+            yield from (Made(code, message, names, hint) for code in _codes(node, constants))
+
+
+def _constants(tree: ast.Module) -> dict[str, ast.expr]:
+    assigned = [node for node in ast.walk(tree) if isinstance(node, ast.Assign)]
+    return {name.id: node.value for node in assigned for name in node.targets if isinstance(name, ast.Name)}
+
+
+def _codes(call: ast.Call, constants: dict[str, ast.expr]) -> Iterator[str]:
+    for value in (word.value for word in call.keywords if word.arg == "code"):
+        # `code=CODE` and `code=self.CODE` stand for a constant of the same file.
+        found = constants.get(getattr(value, "id", getattr(value, "attr", "")), value)
+        if isinstance(found, ast.Constant) and str(found.value).startswith("DXB-"):
+            yield str(found.value)
+
+
+def _text(node: ast.expr) -> str:
+    return re.sub("…+", "…", _pieces(node))
+
+
+def _pieces(node: ast.expr) -> str:
+    if isinstance(node, ast.Constant):
+        return str(node.value)
+    if isinstance(node, ast.JoinedStr):
+        return "".join(str(part.value) if isinstance(part, ast.Constant) else "…" for part in node.values)
+    if isinstance(node, ast.BinOp):
+        return _pieces(node.left) + _pieces(node.right)
+    return "…"

@@ -1,0 +1,108 @@
+"""What a rule takes and gives: inputs, options with bounds and defaults, backends with their needs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import UnionType
+from typing import Any, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from dextera_build.artifacts.meanings import bounds, meanings
+from dextera_build.code.loader import BackendFile, RuleFile
+
+Row = dict[str, str]
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option of a rule, as text."""
+
+    name: str
+    """Fields of nested groups are `group.field`."""
+    type: str
+    bounds: str
+    default: str
+    """`required` where there is none, "" for a group."""
+    meaning: str
+    """With its unit."""
+
+    @property
+    def has_default(self) -> bool:
+        """Whether `default` is a value."""
+        return self.default not in ("", "required")
+
+
+def rows(found: RuleFile) -> list[Row]:
+    """A rule as rows of a table: kind, name, type, default, bounds, meaning."""
+    rule = found.rule
+    told = [_row("rule", found.path, f"version {rule.version}", meaning=rule.summary)]
+    told += [
+        _row("input", slot.name, type_name(slot.annotation), "optional" if slot.optional else "required")
+        for slot in rule.slots.values()
+    ]
+    told.append(_row("output", "", type_name(rule.returns)))
+    for option in options(rule.options):
+        told.append(_row("option", option.name, option.type, option.default, option.bounds, option.meaning))
+    return told + [
+        _row("backend", name, _needs(backend), meaning=backend.facts.summary)
+        for name, backend in found.backends.items()
+    ]
+
+
+def _row(kind: str, name: str, form: str, default: str = "", limits: str = "", meaning: str = "") -> Row:
+    meaning = " ".join(meaning.split())
+    return {"kind": kind, "name": name, "type": form, "default": default, "bounds": limits, "meaning": meaning}
+
+
+def _needs(backend: BackendFile) -> str:
+    """Profiles that choose a backend, and what it needs to run."""
+    facts, missing = backend.facts, backend.missing()
+    told = [", ".join(facts.profiles) or "no profile"]
+    told += [f"extra {facts.extra}"] if facts.extra else []
+    told += [f"{facts.gpu_gb:g} GiB of GPU memory"] if facts.gpu_gb else []
+    told += [f"weights {', '.join(weights.partition('@')[0] for weights in facts.weights)}"] if facts.weights else []
+    told += [f"not installed: {', '.join(missing)}"] if missing else []
+    return "; ".join(told)
+
+
+def options(kind: type[BaseModel], prefix: str = "") -> Iterator[Option]:
+    """An options class; fields of nested groups stand below them as `group.field`."""
+    said = meanings(kind)
+    for name, field in kind.model_fields.items():
+        form, limits = type_name(field.annotation), bounds(field)
+        yield Option(prefix + name, form, limits, _default(field), said.get(name, ""))
+        for inner in _groups(field.annotation):
+            yield from options(inner, f"{prefix}{name}.")
+
+
+def type_name(annotation: Any) -> str:
+    """A type as a recipe's author reads it: `Collection[Asset]`, `tuple[float, ...]`."""
+    if isinstance(annotation, type) and not get_args(annotation):
+        return annotation.__name__
+    if hasattr(annotation, "__metadata__"):
+        return type_name(annotation.__origin__)
+    parts = ["..." if part is Ellipsis else type_name(part) for part in get_args(annotation)]
+    if get_origin(annotation) in (tuple, dict):
+        return f"{get_origin(annotation).__name__}[{', '.join(parts)}]"
+    if get_origin(annotation) in (Union, UnionType):
+        return " | ".join(parts)
+    return re.sub(r"[A-Za-z_][\w.]*\.(\w+)", r"\1", str(annotation)).replace("NoneType", "None").replace("~", "")
+
+
+def _groups(annotation: Any) -> list[type[BaseModel]]:
+    parts = get_args(annotation) or (annotation,)
+    return [part for part in parts if isinstance(part, type) and issubclass(part, BaseModel)]
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "required"
+    value = field.get_default(call_default_factory=True)
+    if value is PydanticUndefined or isinstance(value, BaseModel):
+        return ""
+    return f'"{value}"' if isinstance(value, str) else str(value)

@@ -1,0 +1,46 @@
+"""`dxb help`: verbs, error codes, rules."""
+
+from __future__ import annotations
+
+import pytest
+
+from dextera_build.cli.main import main
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
+    assert main(["help", *words]) == code
+    told = capsys.readouterr()
+    return told.err if code else told.out
+
+
+def test_an_error_code_says_what_it_means_and_what_to_do(capsys: pytest.CaptureFixture[str]) -> None:
+    told = said(capsys, "DXB-U195")
+    assert told.startswith("DXB-U195: The command line is wrong (exit 2).\n\na build on a cluster needs a remote")
+    assert "\n   what to do: in `dxb.toml`: [remotes] shared = " in told
+    assert said(capsys, "u195") == told
+
+
+def test_a_rule_says_what_it_takes_and_gives(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [line.split("\t") for line in said(capsys, "factorize.mesh").splitlines()]
+    assert [row[0] for row in rows[:3]] == ["rule", "input", "output"]
+    (wall,) = (row for row in rows if row[1] == "wall_m")
+    assert wall[:5] == ["option", "wall_m", "float", "0.003", "> 0"]
+    assert wall[5].endswith("[m].")
+    assert main(["show", "factorize.mesh"]) == 0
+    assert [line.split("\t") for line in capsys.readouterr().out.splitlines()] == rows
+
+
+@pytest.mark.parametrize(("word", "usage"), [("why", "usage: dxb why "), ("push", "usage: dxb cache push ")])
+def test_a_verb_has_its_own_help(word: str, usage: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        main(["help", word])
+    assert capsys.readouterr().out.startswith(usage)
+
+
+def test_without_a_word_it_is_the_overview(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "\nproject:\n" in said(capsys)
+
+
+def test_what_is_nothing_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "there is no error `DXB-Z999`" in said(capsys, "DXB-Z999", code=2)
+    assert "did you mean `dxb help factorize.mesh`?" in said(capsys, "factorize.mesch", code=2)
