@@ -14,7 +14,7 @@ from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.robot import RobotModel
 
 Primitive = Literal["lift", "articulate"]
-"""Kind of objective; what counts as success is stated in `dextera_build.sim.primitives.success`."""
+"""Kind of objective; its success and reward are stated in `dextera_build.sim.primitives`."""
 WorldKind = Literal["twin", "reference", "perturbed"]
 """`twin`: built from the capture. `reference`: a simulated world with its own truth and physics, the stand-in for
 hardware. `perturbed`: the twin with geometry and physics disturbed, where no reference world exists. None is real."""

@@ -264,6 +264,7 @@ def test_a_build_after_a_change_renews_the_pins_and_a_locked_one_looks_at_everyt
     assert ended == {"a": "cached", "b": "ran", "c": "ran", "d": "cached"}
     renewed = (built.root / "dxb.lock").read_bytes()
     assert renewed != pinned
+    assert set((build(built)[1] or {}).values()) == {"cached"}  # the pins changed after they were read
     assert build(built)[1] is None
     assert built.dxb("build", "two", "--locked").code == 0
     built.write("two.txt", "more")

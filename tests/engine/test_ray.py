@@ -265,7 +265,7 @@ def test_a_rule_that_reads_the_project_by_itself_stays_on_one_machine(here: _Her
 
 
 def test_a_shared_remote_that_does_not_answer_is_said(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(staging, "_RESTS_S", (0.0,))
+    monkeypatch.setattr(staging, "_WAIT_S", 0.0)
     away = staging.Staging(store, open_remote(Spec("shared", "http://127.0.0.1:1", "rw")))
     with pytest.raises(MachineError, match="the remote that the cluster shares does not work: no connection") as caught:
         away.bring(["0" * 64])

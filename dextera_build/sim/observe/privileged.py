@@ -1,4 +1,4 @@
-"""Read what only a simulator knows off its state; for teachers, critics and rewards alone.
+"""Quantities that only a simulator knows, read from its state; for teachers, critics and rewards alone.
 
 Velocities are those of a frame's origin: linear [m/s], then angular [rad/s], both in the robot's base frame. MuJoCo's
 own `qvel` of a free joint would mix frames (linear in the world, angular in the body), so `mj_objectVelocity` is asked.

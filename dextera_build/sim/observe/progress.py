@@ -1,4 +1,4 @@
-"""How far an episode has come, read off the simulator; only rewards see it, never a policy."""
+"""How far an episode has come, read from the simulator; only rewards see it, never a policy."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import numpy as np
 
 from dextera_build.geometry import transforms
 from dextera_build.sim.control.mechanism import Mechanism
-from dextera_build.sim.primitives import rewards
-from dextera_build.sim.primitives.success import STRAY_M
+from dextera_build.sim.primitives import articulate, lift
 from dextera_build.sim.runtime.environment import Environment
 
 SHARE = 0.95
@@ -36,21 +35,21 @@ class Progress:
         self._links = {} if self._lift else {name: _Link(self._model, name) for name in environment.task.joints}
 
     def value(self, success: bool) -> float:
-        """Value of this moment; see `rewards`."""
+        """Value of this moment; see `dextera_build.sim.primitives`."""
         if self._lift:
-            return rewards.lift(self.lifting(success))
-        return rewards.articulate(self.articulating(success))
+            return lift.value(self.lifting(success))
+        return articulate.value(self.articulating(success))
 
-    def lifting(self, success: bool) -> rewards.LiftProgress:
+    def lifting(self, success: bool) -> lift.Progress:
         """How far a lift has come."""
         environment = self._environment
         state, start = environment.state(), environment.judge.start
         local = (self._reached() - state.world_from_object[:3, 3]) @ state.world_from_object[:3, :3]
         reach = np.linalg.norm(local[:, None] - self._points[None], axis=2).min(axis=1).mean()
         rise = float(state.world_from_object[2, 3] - start.world_from_object[2, 3]) / environment.task.height_m
-        return rewards.LiftProgress(float(reach), state.grasp, rise, success)
+        return lift.Progress(float(reach), state.grasp, rise, success)
 
-    def articulating(self, success: bool) -> rewards.ArticulateProgress:
+    def articulating(self, success: bool) -> articulate.Progress:
         """How far an articulation has come: the joint that is farthest from its command, and the tip nearest to it."""
         environment, data = self._environment, self._environment.data
         start, left, reach = environment.judge.start.joints, 0.0, np.inf
@@ -62,7 +61,7 @@ class Progress:
                 reach = float(self._links[name].distances(data, goal - now, self._reached()).min())
         root = environment.judge.start.world_from_object[:3, 3]
         dragged = float(np.linalg.norm(data.body(environment.task.object).xpos - root))
-        return rewards.ArticulateProgress(reach, left, dragged / STRAY_M, success)
+        return articulate.Progress(reach, left, dragged / articulate.STRAY_M, success)
 
     def _reached(self) -> np.ndarray:
         return np.asarray(self._environment.data.site_xpos[self._tips])

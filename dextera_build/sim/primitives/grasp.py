@@ -10,7 +10,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.sim.primitives.success import GraspState
+from dextera_build.sim.primitives.state import GraspState
 
 PRESS_N = 0.05
 """A finger that presses with less than this does not count [N]."""

@@ -14,7 +14,8 @@ from dextera_build.policy.observation import DeployableObservation, Measurement,
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.model import compile_folder
 from dextera_build.sim.primitives import grasp
-from dextera_build.sim.primitives.success import Judge, TaskState
+from dextera_build.sim.primitives.state import TaskState
+from dextera_build.sim.primitives.success import Judge
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.dynamics import Dynamics
 

@@ -113,7 +113,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
     @property
     def value(self) -> float:
-        """Value of the present moment, whose change is the reward; see `dextera_build.sim.primitives.rewards`."""
+        """Value of the present moment, whose change is the reward; see `dextera_build.sim.primitives.stages`."""
         return self._value
 
     @property

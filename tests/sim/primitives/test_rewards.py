@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dextera_build.sim.observe.progress import Progress
-from dextera_build.sim.primitives import rewards
-from dextera_build.sim.primitives.rewards import ArticulateProgress, LiftProgress
-from dextera_build.sim.primitives.success import GraspState
+from dextera_build.sim.primitives import articulate, lift
+from dextera_build.sim.primitives.state import GraspState
 from dextera_build.sim.runtime.environment import Environment
 from tests import task_bundles
 
@@ -20,14 +19,14 @@ shares = st.floats(0.0, 1.0)
 
 
 def lifting(reach_m: float = 0.0, grasp: GraspState = HELD, rise: float = 0.0, success: bool = False) -> float:
-    return rewards.lift(LiftProgress(reach_m, grasp, rise, success))
+    return lift.value(lift.Progress(reach_m, grasp, rise, success))
 
 
 @given(metres, metres)
 def test_nearer_is_better_everywhere(one, other):
     low, high = sorted((one, other))
     assert lifting(low) >= lifting(high)
-    value = [rewards.articulate(ArticulateProgress(distance, 1.0, 0.0, False)) for distance in (low, high)]
+    value = [articulate.value(articulate.Progress(distance, 1.0, 0.0, False)) for distance in (low, high)]
     assert value[0] >= value[1]
 
 
@@ -42,14 +41,14 @@ def test_later_stages_are_worth_more(rise, left):
     none = GraspState()
     assert lifting(0.0, none) < lifting(0.0, HELD, rise) <= lifting(0.0, HELD, 1.0) < lifting(0.0, HELD, 1.0, True)
     moved = [
-        rewards.articulate(ArticulateProgress(0.0, way, 0.0, done))
+        articulate.value(articulate.Progress(0.0, way, 0.0, done))
         for way, done in ((1.0, False), (left, False), (0.0, True))
     ]
     assert moved[0] <= moved[1] < moved[2]
 
 
 def test_dragging_the_object_along_costs():
-    values = [rewards.articulate(ArticulateProgress(0.1, 0.5, strayed, False)) for strayed in (0.0, 0.5, 1.0)]
+    values = [articulate.value(articulate.Progress(0.1, 0.5, strayed, False)) for strayed in (0.0, 0.5, 1.0)]
     assert values[0] > values[1] > values[2]
 
 

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dextera_build.artifacts.task import TaskSpec
-from dextera_build.sim.primitives import success
-from dextera_build.sim.primitives.success import GraspState, Judge, TaskState, holds
+from dextera_build.sim.primitives import lift
+from dextera_build.sim.primitives.state import GraspState, TaskState
+from dextera_build.sim.primitives.success import Judge, holds
 from tests import factories
 
 PERIOD_S = 0.05
@@ -142,4 +143,4 @@ def test_thresholds_stand_once_for_every_world():
     """A task says how far and how long; how a hold or a rest is told is the same wherever it runs."""
     fields = set(TaskSpec.model_fields)
     assert not fields & {"slip_m_s", "rest", "stray_m", "tilt_rad", "limit_rad"}
-    assert success.SLIP_M_S > 0
+    assert lift.SLIP_M_S > 0

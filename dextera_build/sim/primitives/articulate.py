@@ -1,0 +1,62 @@
+"""Primitive `articulate`: joints of an object are at commanded positions, and the object stays where it stood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.task import TaskSpec
+from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, near
+from dextera_build.sim.primitives.state import TaskState
+
+LIMIT_RAD = 0.05
+"""A joint farther beyond its limit than this was forced [rad or m]."""
+REST = 0.25
+"""A joint that moves faster than this has not arrived but passes through [rad/s or m/s]."""
+STRAY_M = 0.15
+"""An articulated object whose base was carried farther than this was thrown or dragged, not operated [m]."""
+TILT_RAD = 0.5
+"""... or tipped by more than this [rad]."""
+DRAG = 0.4
+"""Cost of dragging an object by the allowed distance; small, because slippery objects move a little."""
+
+
+def succeeded(task: TaskSpec, start: TaskState, now: TaskState) -> bool:
+    """Whether every selected joint is within tolerance of its command, at rest and not forced past a limit."""
+    moved = now.world_from_object[:3, 3] - start.world_from_object[:3, 3]
+    upright = float(now.world_from_object[:3, 2] @ start.world_from_object[:3, 2])
+    # Comparisons are put so that NaN fails them.
+    stands = float(np.linalg.norm(moved)) <= STRAY_M and upright >= np.cos(TILT_RAD)
+    return bool(stands) and all(_arrived(task, now, name) for name in task.joints)
+
+
+def _arrived(task: TaskSpec, now: TaskState, name: str) -> bool:
+    position, (lower, upper) = now.joints[name], now.ranges[name]
+    near = abs(position - task.joints[name]) <= task.tolerance and abs(now.speeds[name]) <= REST
+    return near and lower - LIMIT_RAD <= position <= upper + LIMIT_RAD
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far moving joints has come."""
+
+    reach_m: float
+    """Distance of the nearest fingertip from where it has to push [m]."""
+    left: float
+    """Distance of the joints from their commands as a share of its value at the start."""
+    strayed: float
+    """How far the object was dragged as a share of the allowance."""
+    success: bool
+    """The task is done."""
+
+
+def value(progress: Progress) -> float:
+    """Value of a moment: reach, then bring the joints to their commands, then success.
+
+    The hand counts for less the nearer the joints are, so that it may release a joint that has arrived. An object that
+    is dragged along takes away from all.
+    """
+    moved = 1.0 - float(np.clip(progress.left, 0.0, 2.0))
+    reach = 1.0 - (1.0 - near(progress.reach_m)) * min(1.0, progress.left)
+    return REACH * reach - DRAG * min(2.0, progress.strayed) + MOVE * moved + DONE * float(progress.success)
