@@ -111,6 +111,6 @@ def _setup(project: Project, rules: list[RuleFacts]) -> Setup:
         runner=RUNNER,
         shared=shared,
         environment=_environment(project),
-        stand=sources.stand({name: version for rule in rules for name, version in rule.packages.items()}),
+        versions=sources.versions({name: version for rule in rules for name, version in rule.packages.items()}),
         compare="dextera_build.code.sources:differences",
     )
