@@ -40,8 +40,7 @@ EXECUTORS = ("local", "ray")
 PROFILES = ("stub", "cpu", "gpu", "cloud")
 CONSOLES = ("live", "plain", "jsonl", "none")
 """What a build may show; `auto`, the default, chooses between the first two."""
-_OVER = ("environment", "command line")
-"""Origins of settings that are no file's."""
+_OVER = ("environment", "command line")  # origins of settings that are no file's
 _ON, _OFF = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
 """What a setting that is true or false may be spelled as, in a file or in the environment."""
 _BARE = "settings stand here without `tool.dxb`: `[resources]`, not `[tool.dxb.resources]`"
@@ -242,11 +241,7 @@ class Project:
 
     @property
     def used_remotes(self) -> list[Spec]:
-        """The remotes that a build uses, in the order in which they are asked.
-
-        Raises:
-            UsageError: The settings name none that can be, or none that may be.
-        """
+        """The remotes that a build uses, in the order in which they are asked; raises what `allowed` raises."""
         return self.allowed(self.remotes.used if self.config else [])
 
     def allowed(self, remotes: list[Spec]) -> list[Spec]:

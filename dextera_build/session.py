@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build import digest as digests
 from dextera_build.errors import RuleError, StoreError, UsageError, did_you_mean, listing
 from dextera_build.project import Project
+from dextera_build.redact import redact
 from dextera_build.store import files
 
 # A build of which nothing changed loads none of these.
@@ -27,17 +27,18 @@ if TYPE_CHECKING:
 
 NO_BYTES = "its bytes are not in the store"
 """What is said of a bare result."""
-absent_stores: dict[str, str] = {}
-"""Folder of a store that a verb wanted to read and that does not exist, as messages show it -> origin of its name."""
+warnings: dict[str, None] = {}
+"""What sessions of this process found that a person has to know; the command line prints it."""
 
 
 def reading(project: Project) -> Store:
-    """The store of a project for a verb that only reads; a missing folder is noted in `absent_stores`, not made."""
+    """The store of a project for a verb that only reads; a missing folder is not made, and noted in `warnings`."""
     from dextera_build.store.store import Store
 
     store = Store(project.cache, make=False)
     if not store.root.is_dir():
-        absent_stores[project.shown(store.root)] = project.config["cache"].origin
+        folder, origin = project.shown(store.root), project.config["cache"].origin
+        warnings[f"there is no store at `{folder}` yet (from: {origin})"] = None
     return store
 
 
@@ -101,7 +102,8 @@ class Session:
         said = [profile, sorted(inputs.items()), settings, sorted(added.backends.items())]
         words = [profile, *added.settings, *map("=".join, added.backends.items())]
         words += [f"{name}={os.path.basename(path)}" for name, path in inputs.items()]
-        readable = re.sub(r"[^A-Za-z0-9._=+]+", "-", "+".join(filter(None, words)))[:_LONGEST].strip("-.")
+        text = "+".join(redact(word) for word in words if word)
+        readable = re.sub(r"[^A-Za-z0-9._=+]+", "-", text)[:_LONGEST].strip("-.")
         return f"@{readable}-{digests.of_value(said)[:8]}"
 
     def note_last(self) -> None:
@@ -144,8 +146,7 @@ class Session:
         made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
         self.project.forget_recipes()
         if self.project.console != "jsonl":
-            for text in self.project.library.warnings.values():
-                print(f"warning: {text}", file=sys.stderr)
+            warnings.update(dict.fromkeys(self.project.library.warnings.values()))
         return made
 
     @cached_property
@@ -184,7 +185,7 @@ class Session:
             raise UsageError(
                 f"`{self.recipe}:{node}` was never built here",
                 code="DXB-U109",
-                facts={"built": listing(known, most=30)},
+                facts={**({"request": self.variant[1:]} if self.variant else {}), "built": listing(known, most=30)},
                 hint=did_you_mean(node, known) or f"`dxb build '{self.recipe}:{node}'`",
             )
         return self.history[node]

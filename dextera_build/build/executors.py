@@ -59,10 +59,10 @@ def _environment(project: Project) -> dict[str, str]:
 
 def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Executor]:
     from pathlib import Path
-    from shutil import copyfile
     from tempfile import TemporaryDirectory
 
     from dextera_build.code import sources
+    from dextera_build.code.modules import read
     from dextera_build.engine.executors.ray import RayExecutor
     from dextera_build.engine.executors.ray_cluster import RayCluster
 
@@ -87,7 +87,8 @@ def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Exe
         for name, file in sources.files(project.root).items():
             target = Path(code, name)
             target.parent.mkdir(parents=True, exist_ok=True)
-            copyfile(file, target)
+            # Of code the bytes that were digested, for it may have been edited since.
+            target.write_bytes(read(file) if file.suffix == ".py" else file.read_bytes())
         cluster = RayCluster(address, Path(code))
         discovering = {rule.path for rule in rules if rule.discovers}
         with RayExecutor(cluster, session.store, setup, said=said, models=models, discovering=discovering) as workers:
@@ -110,6 +111,6 @@ def _setup(project: Project, rules: list[RuleFacts]) -> Setup:
         runner=RUNNER,
         shared=shared,
         environment=_environment(project),
-        stand=sources.stand({name: version for rule in rules for name, version in rule.packages.items()}),
+        versions=sources.versions({name: version for rule in rules for name, version in rule.packages.items()}),
         compare="dextera_build.code.sources:differences",
     )

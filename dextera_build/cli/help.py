@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
 def _meaning(code: str) -> str:
     from dextera_build.explain import error_codes
 
-    found = list(dict.fromkeys(error_codes.made(code)))
+    found = list(dict.fromkeys(error_codes.sites(code)))
     if not found:
         hint = "codes are `DXB-`, a letter and three digits, as in `DXB-R104`"
         raise UsageError(f"there is no error `{code}`", code="DXB-U196", hint=hint)

@@ -89,11 +89,9 @@ def _run(words: list[str]) -> int:
         code: int = importlib.import_module(f"dextera_build.cli.{args.verb}").run(args)
     finally:
         if "dextera_build.session" in sys.modules:
-            from dextera_build.session import absent_stores
+            from dextera_build.cli.shown import warn
 
-            for folder, origin in absent_stores.items():
-                print(f"warning: there is no store at `{folder}` yet (from: {origin})", file=sys.stderr)
-            absent_stores.clear()
+            warn()
     return code
 
 

@@ -22,7 +22,7 @@ from dextera_build.build.build import Order, build
 from dextera_build.build.lock import Locking
 from dextera_build.cli import options
 from dextera_build.cli.errors import render, wants_colour
-from dextera_build.cli.shown import Shown, tell
+from dextera_build.cli.shown import Shown, tell, warn
 from dextera_build.errors import DxbError, MachineError, UsageError
 from dextera_build.project import LOCK
 from dextera_build.report.wording import duration, states
@@ -75,6 +75,8 @@ def _one(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch: W
             built = build(session, order, locking, shown, snapshots.seen(session, watch))
     except DxbError as error:
         return _refused(project, error, watch)
+    finally:
+        warn()
     tell(built, quiet=True)
     return None, states(Counter(node.status for node in built.run_result.nodes.values()))
 

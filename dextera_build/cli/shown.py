@@ -66,13 +66,25 @@ def tell(built: Built, *, quiet: bool = False) -> None:
         print(f"the disk is full: {built.lost} events of run {built.run} are not in its log", file=sys.stderr)
     for node, folder in built.placed.kept.items():
         kept = folder.removeprefix(f"{os.getcwd()}/")
-        print(f"`{node}` was changed where it lay and is written anew; what it held is in {kept}", file=sys.stderr)
+        print(
+            f"files of `{node}` in out/ were changed: they are written again, and the changed ones are in {kept}",
+            file=sys.stderr,
+        )
     if built.placed.removed:
         from dextera_build.report.wording import some
 
         print(f"out of date and removed from out/: {some(built.placed.removed)}", file=sys.stderr)
     if built.notice and not quiet:
         print(built.notice, file=sys.stderr)
+
+
+def warn() -> None:
+    """Print what sessions found that a person has to know, once."""
+    from dextera_build.session import warnings
+
+    for text in warnings:
+        print(f"warning: {text}", file=sys.stderr)
+    warnings.clear()
 
 
 def lines(paths: Mapping[str, str]) -> str:

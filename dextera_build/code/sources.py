@@ -28,7 +28,7 @@ def files(project: Path) -> dict[str, Path]:
     return found
 
 
-def stand(packages: Mapping[str, str]) -> dict[str, str]:
+def versions(packages: Mapping[str, str]) -> dict[str, str]:
     """What must be the same on every machine: name -> version or digest.
 
     Args:
@@ -39,9 +39,9 @@ def stand(packages: Mapping[str, str]) -> dict[str, str]:
 
 
 def differences(wanted: Mapping[str, str]) -> dict[str, tuple[str, str]]:
-    """What of `wanted`, which `stand` gave elsewhere, is otherwise here: name -> (there, here)."""
+    """What of `wanted`, which `versions` gave elsewhere, is otherwise here: name -> (there, here)."""
     packages = {name: version_of(name) or "none" for name in wanted if name not in ("dextera-build", "python")}
-    here = stand(packages)
+    here = versions(packages)
     return {name: (there, here[name]) for name, there in wanted.items() if here[name] != there}
 
 

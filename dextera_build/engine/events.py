@@ -137,8 +137,8 @@ class NodeFinished(Event):
     """What became of a node: the event that tells of it, and its record in the result of the run.
 
     `waits` on a node says that it never ran because `blocked_by` failed. `result` is the digest of the node's
-    `result.json`, `log` that of what it printed (also when it failed). A node may finish twice in a run, when its bytes
-    turn out to be lost; the last word counts. A group that cannot be opened fails like a node, with rule `each`.
+    result document, `log` that of what it printed (also when it failed). A node may finish twice in a run, when its
+    bytes turn out to be lost; the last word counts. A group that cannot be opened fails like a node, with rule `each`.
     `files` are the slots (`photo`, or `photos[left]` of a listed collection) that read a file or folder, with its
     path: from the project's folder where it lies inside. `usage` is what a node used that ran; see `usage.Usage`.
     """

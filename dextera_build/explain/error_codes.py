@@ -12,7 +12,7 @@ from dextera_build.code.loader import PACKAGE, bundled
 
 
 @dataclass(frozen=True)
-class Made:
+class ErrorSite:
     """An error as one place in the code makes it; an ellipsis stands for what is filled in."""
 
     code: str
@@ -22,7 +22,7 @@ class Made:
     hint: str = ""
 
 
-def made(code: str = "DXB-") -> Iterator[Made]:
+def sites(code: str = "DXB-") -> Iterator[ErrorSite]:
     """Every place that makes an error whose code begins with `code`."""
     for file in sorted([*PACKAGE.rglob("*.py"), *bundled("rules").rglob("*.py")]):
         if "docs" not in file.parts and ("_bundled" not in file.parts or file.is_relative_to(bundled("rules"))):
@@ -37,7 +37,7 @@ def family(letter: str) -> type[errors.DxbError]:
     return next((kind for kind in known if kind.family == letter), errors.DxbError)
 
 
-def _read(tree: ast.Module) -> Iterator[Made]:
+def _read(tree: ast.Module) -> Iterator[ErrorSite]:
     constants = _constants(tree)
     stack: list[tuple[ast.AST, str]] = [(tree, ast.get_docstring(tree) or "")]
     while stack:
@@ -54,7 +54,7 @@ def _read(tree: ast.Module) -> Iterator[Made]:
             hint = hint if re.search(r"\w", hint) else ""
             # Where all of a message is filled in, what the function says of itself stands instead.
             message = text if re.search(r"\w", text) else about
-            yield from (Made(code, message, names, hint) for code in _codes(node, constants))
+            yield from (ErrorSite(code, message, names, hint) for code in _codes(node, constants))
 
 
 def _constants(tree: ast.Module) -> dict[str, ast.expr]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import stat
 import time
-from collections.abc import Iterable
 from typing import TypeAlias
 
 Signature: TypeAlias = tuple[int, int, int, int]
@@ -100,12 +99,6 @@ class Watch:
         """Note a folder of the module search path."""
         if path not in self.paths:
             self.paths[path] = modules(path)
-
-    def blobs(self, paths: Iterable[str | os.PathLike[str]]) -> None:
-        """Note files that dxb wrote and that a later build relies on."""
-        for path in paths:
-            name = os.fspath(path)
-            self.present[name] = of(os.stat(name))
 
     def settled(self) -> bool:
         """Whether every file is what it was at the first look, and none may change without a trace."""

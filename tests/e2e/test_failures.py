@@ -52,7 +52,7 @@ def test_a_dead_or_faulty_worker_fails_its_node_alone(space, do, code, text, las
     assert f"error[DXB-{code}]" in answer.err
     assert text in answer.err
     assert "Traceback" not in answer.err
-    assert ("at     rules/toy/slow.py:" in answer.err) == (do == "raise")
+    assert ("rules/toy/slow.py:" in answer.err) == (do == "raise")
     log = space.dxb("log", "say/bad", "bad").out.splitlines()
     assert (log[0], log[-1]) == (f"printed {do}", last)
     assert ("Traceback (most recent call last):" in log) == (do == "raise")

@@ -105,7 +105,10 @@ def test_an_output_file_that_was_changed_is_written_again_and_the_change_is_kept
         again = built.dxb("build", "say/words")
         assert out.read_bytes() == b"ONE!!! TWO!!!"
         kept = f"cache/out/say/words/{aside}"
-        assert f"`all` was changed where it lay and is written anew; what it held is in {kept}\n" in again.err
+        assert (
+            f"files of `all` in out/ were changed: they are written again, and the changed ones are in {kept}\n"
+            in again.err
+        )
         assert (built.root / kept / "all").read_bytes() == b"mine"
     out.write_bytes(b"mine, too")
     built.edit("recipes/say/words.yaml", "one two", "one four")
@@ -117,12 +120,12 @@ def test_an_output_file_that_was_changed_is_written_again_and_the_change_is_kept
 def test_a_new_time_alone_is_no_change_of_an_output_file(built):
     out = built.root / built.dxb("build", "say/words").out.strip().partition("\t")[2]
     os.utime(out, (1, 1))
-    assert "was changed" not in built.dxb("build", "say/words").err
+    assert "were changed" not in built.dxb("build", "say/words").err
     assert out.read_bytes() == b"ONE!!! TWO!!!"
     assert not out.parent.with_name("all~").exists()
     os.utime(out, (1, 1))
     built.edit("recipes/say/words.yaml", "one two", "one four")
-    assert "was changed" not in built.dxb("build", "say/words").err
+    assert "were changed" not in built.dxb("build", "say/words").err
     assert out.read_bytes() == b"FOUR!!! ONE!!!"
     assert not out.parent.with_name("all~").exists()
 

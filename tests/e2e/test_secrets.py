@@ -73,8 +73,8 @@ def test_nothing_that_a_build_left_holds_a_secret(space: Space, host: str, close
         more = ("--set", f"word[one].loud.times={number + 4}")
         gave_up = dxb("build", "say/words", *more, "--cache", f"local:rw,{address}:rw", "--console", "plain")
         assert "***" in gave_up.err
-        dxb("push", "say/words", *more, "--to", address, codes=(0, 1))
-        dxb("pull", "say/words", "--set", "start.text=never made", "--from", address, codes=(1, 2))
+        dxb("cache", "push", "say/words", *more, "--to", address, codes=(0, 1))
+        dxb("cache", "pull", "say/words", "--set", "word[one].loud.times=17", "--from", address, codes=(1,))
         dxb("plan", "say/words", "--cache", f"local:rw,{address}:r")
         dxb("show", "--config", "--cache", f"local:rw,{address}:r")
         dxb("doctor", "--cache", f"local:rw,{address}:r", codes=(0, 1, 4))
@@ -88,9 +88,9 @@ def test_nothing_that_a_build_left_holds_a_secret(space: Space, host: str, close
         f"s3://anna:{SECRET}@bucket/x?sig={SECRET}",
     ):
         dxb("build", "say/words", "--force", "say/words:all", "--cache", f"local:rw,{wrong}:r", codes=(0, 2))
-        dxb("pull", "say/words", "--from", wrong, codes=(0, 1, 2))
-    dxb("push", "say/words", "--to", works)
-    dxb("pull", "say/words", "--from", works, DXB_CACHE="two")
+        dxb("cache", "pull", "say/words", "--from", wrong, codes=(0, 1, 2))
+    dxb("cache", "push", "say/words", "--to", works)
+    dxb("cache", "pull", "say/words", "--from", works, DXB_CACHE="two")
     dxb("bundle", "create", "say/words", "-o", "words.tar")
     dxb("report", "-o", "report.html")
     dxb("log")
@@ -105,7 +105,7 @@ def test_a_variable_in_an_address_stays_a_variable(space: Space, host: str) -> N
     answers = [
         space.dxb("build", "say/words", "--cache", "local:rw,lab:rw", env=VARIABLES),
         space.dxb("show", "--config", env=VARIABLES),
-        space.dxb("push", "say/words", "--to", "lab", env=VARIABLES),
+        space.dxb("cache", "push", "say/words", "--to", "lab", env=VARIABLES),
     ]
     assert [answer.code for answer in answers] == [0, 0, 0]
     assert "7 results uploaded" in answers[0].err

@@ -82,7 +82,7 @@ def test_a_cluster_without_a_machine_is_said() -> None:
     assert caught.value.code == "DXB-E354"
 
 
-class _Keeper:
+class _FakeActor:
     """What the fake cluster hands out for an actor."""
 
     def __init__(self) -> None:
@@ -95,20 +95,20 @@ class _Here:
     def __init__(self) -> None:
         self.trouble: list[Exception] = []
         self.full = False
-        """Whether no task finds a place as long as a keeper is idle."""
+        """Whether no task finds a place as long as an actor is idle."""
         self.there: dict[str, dict[str, float]] = {"here": {"CPU": 2.0, "memory": 8.0 * GIB}}
-        self.keepers: list[_Keeper] = []
+        self.actors: list[_FakeActor] = []
         self.places: list[object] = []
 
     def nodes(self) -> Mapping[str, Mapping[str, float]]:
         return dict(self.there)
 
-    def keeper(self, shape: Shape) -> _Keeper:
-        self.keepers.append(_Keeper())
-        return self.keepers[-1]
+    def actor(self, shape: Shape) -> _FakeActor:
+        self.actors.append(_FakeActor())
+        return self.actors[-1]
 
-    def dismiss(self, keeper: _Keeper) -> None:
-        keeper.dismissed = True
+    def dismiss(self, actor: _FakeActor) -> None:
+        actor.dismissed = True
 
     def begin(self, setup: Setup, task: Task, fresh: bool, place: object) -> Iterator[Word]:
         self.places.append(place)
@@ -116,7 +116,7 @@ class _Here:
 
     def hear(self, calls: Iterable[Iterator[Word]], timeout_s: float) -> Iterator[tuple[Any, Word | Exception]]:
         for number, each in enumerate(list(calls)):
-            waits = self.full and any(not keeper.dismissed for keeper in self.keepers) and number == 0
+            waits = self.full and any(not actor.dismissed for actor in self.actors) and number == 0
             if not (waits and isinstance(self.places[-1], tuple)) and self.there:
                 yield each, self.trouble.pop() if self.trouble else next(each)
 
@@ -209,7 +209,7 @@ MODEL = facts(path="tiny.model")
 def test_calls_of_a_model_share_a_worker_that_is_kept(pool: RayExecutor, here: _Here, store: Store) -> None:
     plan = graph(call("a", rule=MODEL), call("b", rule=MODEL, x=out("a")), call("c", x=out("b")))
     assert build_graph(plan, plan.targets["default"], store=store, executor=pool, listen=Record()).ok
-    assert here.places[:2] == here.keepers * 2
+    assert here.places[:2] == here.actors * 2
     assert here.places[2:] == [shape(CPU=1.0, memory=GIB)]
 
 
@@ -217,7 +217,7 @@ def test_a_kept_worker_makes_room_for_a_call_that_waits(pool: RayExecutor, here:
     here.full = True
     plan = graph(call("a", rule=MODEL), call("b", x=out("a")))
     assert build_graph(plan, plan.targets["default"], store=store, executor=pool, listen=Record()).ok
-    assert [keeper.dismissed for keeper in here.keepers] == [True]
+    assert [actor.dismissed for actor in here.actors] == [True]
 
 
 def test_a_call_does_not_wait_for_machines_that_are_gone(pool: RayExecutor, here: _Here, store: Store) -> None:
@@ -241,7 +241,7 @@ def test_bytes_that_the_node_damaged_are_fetched_again(pool: RayExecutor, store:
 
 
 def test_a_node_with_other_code_is_refused(here: _Here, store: Store, shared: Spec) -> None:
-    setup = Setup(RUNNER, shared, stand={"dextera-build": "abc"}, compare="tests.engine.test_ray:other_code")
+    setup = Setup(RUNNER, shared, versions={"dextera-build": "abc"}, compare="tests.engine.test_ray:other_code")
     with RayExecutor(here, store, setup) as pool:
         result = build_graph(PLAN, PLAN.targets["default"], store=store, executor=pool, listen=Record())
     error = result.nodes["a"].error
@@ -251,8 +251,8 @@ def test_a_node_with_other_code_is_refused(here: _Here, store: Store, shared: Sp
     assert error.facts["`dextera-build`"] == "driver abc, node xyz"
 
 
-def other_code(stand: Mapping[str, str]) -> dict[str, tuple[str, str]]:
-    return {name: (version, "xyz") for name, version in stand.items()}
+def other_code(wanted: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    return {name: (version, "xyz") for name, version in wanted.items()}
 
 
 def test_a_rule_that_reads_the_project_by_itself_stays_on_one_machine(here: _Here, store: Store, shared: Spec) -> None:
@@ -265,7 +265,7 @@ def test_a_rule_that_reads_the_project_by_itself_stays_on_one_machine(here: _Her
 
 
 def test_a_shared_remote_that_does_not_answer_is_said(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(staging, "_RESTS_S", (0.0,))
+    monkeypatch.setattr(staging, "_WAIT_S", 0.0)
     away = staging.Staging(store, open_remote(Spec("shared", "http://127.0.0.1:1", "rw")))
     with pytest.raises(MachineError, match="the remote that the cluster shares does not work: no connection") as caught:
         away.bring(["0" * 64])

@@ -21,6 +21,7 @@ from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.history import Entry, History
 from dextera_build.engine.snapshot import load_if_fresh, read_head, save
 from dextera_build.errors import RecipeError, UsageError
+from dextera_build.store import signature
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, every, graph, group, inline, item, leaf, out
@@ -202,7 +203,7 @@ def watch(folder: Path) -> Watch:
         found.file(folder / f"{number}.py")
     found.file(folder / "absent.toml")
     found.folder(folder)
-    found.blobs([folder / "blob"])
+    found.present = {str(folder / "blob"): signature.of(os.stat(folder / "blob"))}
     return found
 
 

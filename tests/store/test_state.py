@@ -118,7 +118,7 @@ user@host: /mnt/far fuse.sshfs rw 0 0
 @pytest.mark.parametrize(
     ("place", "shared"),
     [
-        ("/work/cache", False),
+        ("/data/cache", False),
         ("/home/a/cache", True),
         ("/home/fast disk/cache", False),
         ("/homes/a", False),

@@ -31,7 +31,7 @@ _GRACE_S = 1.5
 _KILLED = "9 (SIGKILL)"
 
 Model: TypeAlias = str
-"""What a keeper keeps loaded."""
+"""What an actor keeps loaded."""
 
 
 @dataclass
@@ -40,7 +40,7 @@ class _Call:
 
     task: Task
     shape: Shape
-    keeper: Any = None
+    actor: Any = None
     queued: float = field(default_factory=time.monotonic)
     began: bool = False
 
@@ -75,7 +75,7 @@ class RayExecutor:
         self._calls: dict[Any, _Call] = {}
         """By what Ray knows them as."""
         self._idle: list[tuple[Model, Shape, Any]] = []
-        """Keepers without a call."""
+        """ModelActors without a call."""
         self._tries: dict[int, int] = {}
         self._reports: list[Report] = []
         self._looked = time.monotonic()
@@ -115,10 +115,10 @@ class RayExecutor:
     def stop(self) -> None:
         """End all calls and what they run."""
         for handle, call in self._calls.items():
-            if call.keeper is None:
+            if call.actor is None:
                 self._cluster.cancel(handle)
             else:
-                self._cluster.dismiss(call.keeper)
+                self._cluster.dismiss(call.actor)
         deadline = time.monotonic() + _GRACE_S
         while self._calls and (left := deadline - time.monotonic()) > 0:
             for handle, word in self._cluster.hear(self._calls, left):
@@ -141,9 +141,9 @@ class RayExecutor:
             idle = next((each for each in self._idle if each[:2] == (model, shape)), None)
             if idle is not None:
                 self._idle.remove(idle)
-            call.keeper = idle[2] if idle is not None else self._cluster.keeper(shape)
+            call.actor = idle[2] if idle is not None else self._cluster.actor(shape)
         self._tries[task.ticket] = self._tries.get(task.ticket, 0) + 1
-        self._calls[self._cluster.begin(self._setup, task, self._is_fresh(task), call.keeper or shape)] = call
+        self._calls[self._cluster.begin(self._setup, task, self._is_fresh(task), call.actor or shape)] = call
 
     def _is_fresh(self, task: Task) -> bool:
         """Whether nothing that an earlier build kept may be used.
@@ -175,8 +175,8 @@ class RayExecutor:
 
     def _end(self, call: _Call, report: Ended) -> None:
         task, error = call.task, report.error
-        if call.keeper is not None:
-            self._idle.append((self._models[task.rule, task.backend], call.shape, call.keeper))
+        if call.actor is not None:
+            self._idle.append((self._models[task.rule, task.backend], call.shape, call.actor))
         if error is not None and error.facts.get("signal") == _KILLED and self._tries[task.ticket] < _TRIES:
             # On a cluster that is mostly somebody else's memory; what the call does wrong itself has another signal.
             self._again(task, "its process was killed")
@@ -190,8 +190,8 @@ class RayExecutor:
         self._reports.append(report)
 
     def _lost(self, call: _Call, error: Exception) -> None:
-        if call.keeper is not None:
-            self._cluster.dismiss(call.keeper)
+        if call.actor is not None:
+            self._cluster.dismiss(call.actor)
         error = getattr(error, "cause", None) or error  # else Ray's text begins with where it came from
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         ticket = call.task.ticket
@@ -206,11 +206,11 @@ class RayExecutor:
         self.submit(task)
 
     def _look(self) -> None:
-        """See to calls that wait for a place: idle keepers make room, and no call waits for a machine that is gone."""
+        """See to calls that wait for a place: idle actors make room, and no call waits for a machine that is gone."""
         waiting = {handle: call for handle, call in self._calls.items() if not call.began}
         if any(time.monotonic() >= call.queued + _LOOK_S for call in waiting.values()):
-            for _, _, keeper in self._idle:
-                self._cluster.dismiss(keeper)
+            for _, _, actor in self._idle:
+                self._cluster.dismiss(actor)
             self._idle.clear()
         self._update()
         for handle, call in waiting.items():

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from dextera_build.engine.executors.ray_worker import Keeper, Setup, Word, carry_out
+from dextera_build.engine.executors.ray_worker import ModelActor, Setup, Word, carry_out
 from dextera_build.engine.executors.shapes import Shape, options
 from dextera_build.engine.tasks import Task
 from dextera_build.errors import MachineError, UsageError
@@ -53,23 +53,23 @@ class RayCluster:
                 signal.signal(signal.SIGTERM, ours)
         # A call is repeated by the build, which says so in the log of the node.
         self._call = ray.remote(num_returns="streaming", max_retries=0)(carry_out)
-        self._keeper = ray.remote(max_restarts=0)(Keeper)
+        self._actor = ray.remote(max_restarts=0)(ModelActor)
 
     def nodes(self) -> Mapping[str, Mapping[str, float]]:
         """Living node -> resource -> how much it has in all."""
         return {node["NodeID"]: node["Resources"] for node in self._ray.nodes() if node["Alive"]}
 
-    def keeper(self, shape: Shape) -> Any:
+    def actor(self, shape: Shape) -> Any:
         """A worker that stays, with what it reserves, until it is dismissed: an actor."""
-        return self._keeper.options(**options(shape)).remote()
+        return self._actor.options(**options(shape)).remote()
 
-    def dismiss(self, keeper: Any) -> None:
-        """End a keeper and what it runs."""
+    def dismiss(self, actor: Any) -> None:
+        """End an actor and what it runs."""
         with suppress(Exception):  # it is dead
-            self._ray.kill(keeper, no_restart=True)
+            self._ray.kill(actor, no_restart=True)
 
     def begin(self, setup: Setup, task: Task, fresh: bool, place: Any) -> Any:
-        """Queue a call, with `place` as its shape or for the keeper `place`."""
+        """Queue a call, with `place` as its shape or for the actor `place`."""
         if isinstance(place, tuple):
             return self._call.options(**options(place)).remote(setup, task, fresh)
         return place.run.options(num_returns="streaming").remote(setup, task, fresh)

@@ -45,14 +45,14 @@ class Setup:
     shared: Spec
     """The remote for blobs."""
     environment: Mapping[str, str] = field(default_factory=dict)
-    stand: Mapping[str, str] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=dict)
     """What must be the same on a node as at the driver: name -> version or digest."""
     compare: str = ""
-    """`module:function` from `stand` to what differs here; "" where nothing is to be compared."""
+    """`module:function` from `versions` to what differs here; "" where nothing is to be compared."""
 
 
-class Place:
-    """A node's store, and a pool of one process that is kept between calls.
+class NodeWorker:
+    """Runs calls on a node: its store, and a pool of one process that is kept between calls.
 
     Args:
         setup: What the build says.
@@ -60,7 +60,7 @@ class Place:
 
     def __init__(self, setup: Setup) -> None:
         if setup.compare:
-            _refuse_difference(_named(setup.compare)(setup.stand))
+            _refuse_difference(_named(setup.compare)(setup.versions))
         self._store = Store(folder())
         # Until this process ends, so that no collection takes what was just downloaded.
         self._announced = self._store.running.announced()
@@ -112,25 +112,25 @@ class Place:
         return replace(end, reply={name: told for name, told in end.reply.items() if name != "sizes"})
 
 
-_here: list[Place] = []
-"""The place of this process; Ray uses a process for one build alone."""
+_here: list[NodeWorker] = []
+"""The one of this process; Ray uses a process for one build alone."""
 
 
 def carry_out(setup: Setup, task: Task, fresh: bool) -> Iterator[Word]:
-    """Run a call in the place of this process, and say what becomes of it."""
+    """Run a call in this process, and say what becomes of it."""
     yield BEGAN
     began = time.monotonic()
     try:
         if not _here:
-            _here.append(Place(setup))
+            _here.append(NodeWorker(setup))
         for report in _here[0].run(task, fresh):  # Ray sends into what is delegated to, and a `map` takes nothing
             yield spell(report)
     except DxbError as error:
         yield spell(Ended(task.ticket, time.monotonic() - began, b"", error=error))
 
 
-class Keeper:
-    """A worker that Ray keeps for calls of one model, so that its weights stay loaded."""
+class ModelActor:
+    """An actor for calls of one model, so that its weights stay loaded."""
 
     def run(self, setup: Setup, task: Task, fresh: bool) -> Iterator[Word]:
         """See `carry_out`."""

@@ -8,6 +8,7 @@ from io import BytesIO
 from typing import Any, BinaryIO, TypeVar
 
 from dextera_build.errors import MachineError, StoreError
+from dextera_build.store.backoff import backoff
 from dextera_build.store.cas import MissingBlob
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.remotes.remote import Digest, Remote, RemoteFault
@@ -15,8 +16,9 @@ from dextera_build.store.store import Store
 
 T = TypeVar("T")
 
-_RESTS_S = (0.2, 1.0, 3.0)
-"""Pauses between tries of a remote that does not answer [s]."""
+_TRIES = 4
+_WAIT_S = 0.5
+"""Before the second try of a remote that does not answer [s]."""
 
 
 class Staging:
@@ -114,18 +116,18 @@ class Staging:
         return blobs.open(digest.hash) if blobs.verify(digest.hash) else BytesIO(blobs.get(digest.hash))
 
     def _patiently(self, ask: Callable[[], T]) -> T:
-        for rest_s in (*_RESTS_S, None):
+        for tries in range(1, _TRIES + 1):
             try:
                 return ask()
             except RemoteFault as fault:
-                if rest_s is None or fault.refused:
+                if tries == _TRIES or fault.refused:
                     raise MachineError(
                         f"the remote that the cluster shares does not work: {fault.reason}",
                         code="DXB-E355",
                         facts={"remote": fault.address},
                         hint="every machine of the cluster must be able to read and write it under this address",
                     ) from None
-                time.sleep(rest_s)
+                time.sleep(backoff(tries, _WAIT_S))
         raise AssertionError
 
 

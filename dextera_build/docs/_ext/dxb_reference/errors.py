@@ -10,7 +10,7 @@ from .markdown import code, escaped, join, table
 def page() -> str:
     """One table per family of codes."""
     found: dict[str, dict[str, set[str]]] = {}
-    for error in error_codes.made():
+    for error in error_codes.sites():
         found.setdefault(error.code.split("-")[1][0], {}).setdefault(error.code, set()).add(error.message)
     return join(*(_family(letter, found[letter]) for letter in sorted(found)))
 
