@@ -153,6 +153,7 @@ def test_get_show_and_report_answer_for_the_request_that_was_built_last(counts: 
     never = counts.dxb("get", "g:a0", "--set", "a0.add=7")
     assert never.code == 2
     assert "was never built" in never.err
+    assert "request   a0.add=7-" in never.err
 
 
 @pytest.mark.parametrize("name", ["a0", "more/x"])
