@@ -110,8 +110,6 @@ def _sizes(
     drawn = np.exp(most.size_sigma * _normal(random, 3))
     even = bool(thing.joints) or not _is_straight(spec.body(name))
     if given is not None:
-        if min(given) <= 0.0:
-            raise RuleError(f"`{name}` cannot be scaled by {given}", code="DXB-B245", hint="give factors above 0")
         if even and len(set(given)) > 1:
             raise RuleError(
                 f"`{name}` has joints, so it can be scaled only evenly",

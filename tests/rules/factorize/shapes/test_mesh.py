@@ -16,6 +16,7 @@ from dextera_build.rule import Context
 from dextera_build.testing import RuleRunner
 from rules.factorize.shapes import evidence, handle, hypotheses, mesh_stub, paint, scoring
 from rules.factorize.shapes.families import revolution
+from rules.factorize.shapes.families.box import lying_solid
 from tests.rules.factorize import synthetic_views as synthetic
 
 
@@ -89,7 +90,7 @@ def test_an_upright_and_a_lying_cylinder(tmp_path):
     upright = shape_of(synthetic.view(can(0.033, 0.12), synthetic.Eye()), tmp_path)
     assert upright.hypothesis == "cylinder"
     assert upright.mesh.extent == pytest.approx([0.066, 0.066, 0.12], abs=0.003)
-    body = hypotheses.hypothesis_box.lying_solid(np.array([0, 0, 0.5, 0.035, 0.15]))
+    body = lying_solid(np.array([0, 0, 0.5, 0.035, 0.15]))
     lying = shape_of(synthetic.view(body, synthetic.Eye()), tmp_path)
     assert lying.hypothesis == "lying_cylinder"
     assert lying.mesh.extent == pytest.approx([0.15, 0.07, 0.07], abs=0.003)
