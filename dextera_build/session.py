@@ -5,16 +5,15 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
-from dextera_build.errors import RuleError, StoreError, UsageError, did_you_mean, listing
+from dextera_build.engine.snapshot import LAST
+from dextera_build.errors import RuleError, UsageError, did_you_mean, listing
 from dextera_build.project import Project
 from dextera_build.redact import redact
-from dextera_build.store import files
 
 # A build of which nothing changed loads none of these.
 if TYPE_CHECKING:
@@ -109,20 +108,16 @@ class Session:
     def note_last(self) -> None:
         """Remember that this request is the one of its recipe that was built last."""
         if self._built_last() != self.variant:
-            with suppress(StoreError):
-                files.write(self.last_path, self.variant.encode(), 0o644)
+            self.store.state.put(LAST, {self.last_name: self.variant.encode()})
 
     @cached_property
-    def last_path(self) -> str:
-        """The file that says which request was built last; absent where that is the recipe's own."""
-        name = digests.of_value([str(self.project.root), self.recipe])[:16]
-        return f"{self.project.cache}/local/last/{name}"
+    def last_name(self) -> str:
+        """The name under which the store remembers which request of the recipe was built last."""
+        return digests.of_value([str(self.project.root), self.recipe])[:16]
 
     def _built_last(self) -> str:
-        try:
-            return files.read(self.last_path).decode()
-        except (OSError, UnicodeDecodeError):
-            return ""
+        found = self.store.state.get(LAST, self.last_name)
+        return found.decode(errors="replace") if found else ""
 
     def plan(self) -> Plan:
         """The recipe, resolved, with what the request adds.

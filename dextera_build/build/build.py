@@ -15,14 +15,13 @@ from dextera_build.session import Session, addresses
 if TYPE_CHECKING:
     from dextera_build.build.export import Out
     from dextera_build.build.lock import Locking
-    from dextera_build.build.snapshots import Seen
     from dextera_build.engine.dryrun import Planned
     from dextera_build.engine.events import Listener
     from dextera_build.engine.graph import Address
     from dextera_build.engine.records import RunResult
-    from dextera_build.engine.snapshot import Head
     from dextera_build.recipe.plan import Plan
     from dextera_build.store.remotes.exchange import Exchange
+    from dextera_build.store.signature import Watch
 
 
 @dataclass(frozen=True)
@@ -54,15 +53,13 @@ class Built:
     placed: Placed = field(default_factory=Placed)
     """The targets in `out/`."""
     result: RunResult | None = None
-    """What became of every node; None where a snapshot answered, so that nothing was looked at."""
+    """What became of every node."""
     run: str = ""
     """Id of the run; "" where there was none, or the store cannot be written."""
     lost: int = 0
     """How many events had no room in the log of the run."""
     notice: str = ""
     """What changed in `dxb.lock`."""
-    head: Head | None = None
-    """The snapshot that answers the same request from now on, where there is one."""
 
     @property
     def ok(self) -> bool:
@@ -76,20 +73,7 @@ class Built:
         return self.result
 
 
-def answer(session: Session, order: Order, locking: Locking) -> Built | None:
-    """The answer to a request of which nothing changed since it was built last; None: it has to be built."""
-    if order.force or session.project.asks_again:
-        return None
-    head = snapshots.load(session, order, locking)
-    if head is None:
-        return None
-    session.note_last()
-    nodes, *lines = head["lines"]
-    placed = Placed(dict(line.split("\t", 1) for line in lines))
-    return Built(int(nodes), placed, notice=locking.write(), head=head)
-
-
-def build(session: Session, order: Order, locking: Locking, listen: Listener, seen: Seen | None = None) -> Built:
+def build(session: Session, order: Order, locking: Locking, listen: Listener, watch: Watch | None = None) -> Built:
     """Plan a recipe, run what is stale, place the targets, and remember all of it.
 
     Args:
@@ -97,7 +81,7 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, se
         order: What is wanted.
         locking: Keeps `dxb.lock` up to date, or refuses what differs from it; written here.
         listen: Takes every event.
-        seen: Notes what is read, also where an error ends the build.
+        watch: Notes what is read, also where an error ends the build, and what was placed.
 
     Raises:
         UsageError: A name does not exist.
@@ -109,10 +93,10 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, se
     from dextera_build.build.export import Out
 
     store = session.store
-    seen = seen or snapshots.seen(session)
-    store.leaves.watch, store.actions.presence = seen.watch, seen.presence
+    store.leaves.watch = watch
     plan = session.plan()
-    snapshots.note(session.project, seen.watch, plan)
+    if watch is not None:
+        snapshots.note(session.project, watch, plan)
     wanted = [address for target in order.targets for address in addresses(plan.graph, target)]
     _refuse_unknown_force(order, plan)
     locking.refuse(session, plan, wanted)
@@ -128,8 +112,9 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, se
             if not built.ok:
                 return built
             locking.note(session, plan, wanted, built.run_result)
-            built = replace(built, notice=locking.write())
-            return replace(built, head=snapshots.save(session, order, locking, seen, built))
+            if watch is not None:
+                watch.present |= built.placed.present
+            return replace(built, notice=locking.write())
 
 
 @dataclass(frozen=True)
@@ -197,9 +182,9 @@ class _Build:
         from dextera_build.engine.dryrun import plan as dry
         from dextera_build.engine.graph import Address, parse_address
 
-        # The snapshot of this build does not rest on what is looked at here.
+        # The answer does not rest on what is looked at here.
         store, graph = self.session.store, self.plan.graph
-        store.leaves.watch = store.actions.presence = None
+        store.leaves.watch = None
         there = {call for call, _ in graph.calls()}
         calls = dict.fromkeys(call for node in others if (call := parse_address(node).call) in there)
         try:

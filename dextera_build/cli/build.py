@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from typing import TYPE_CHECKING
 
-from dextera_build.build import build, snapshots
+from dextera_build.build import build
 from dextera_build.build.build import Order
 from dextera_build.cli import options
 from dextera_build.cli.shown import Shown, lines, tell
+from dextera_build.engine import snapshot
+from dextera_build.engine.snapshot import Recipe
 from dextera_build.session import Session, addresses
 
 if TYPE_CHECKING:
     from dextera_build.build.build import Built
     from dextera_build.build.lock import Locking
-    from dextera_build.cli.notes import Notes
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,47 +43,47 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Build every recipe that is named, one after the other."""
     from dextera_build.build.lock import Locking
-    from dextera_build.cli.notes import Notes
+    from dextera_build.project import deciding_files
+    from dextera_build.store.signature import Watch
 
-    started = time.perf_counter()
-    notes = Notes(args.words)
+    watch = Watch()
+    for path in deciding_files():
+        watch.file(path)
     project, added = options.project(args), options.added(args)
     project.refuse_wrong_settings()
     locking = Locking(project, lock=args.lock, locked=args.locked, added=added)
-    code = 0
-    recipes = options.by_recipe(args.targets)
-    for recipe, targets in recipes.items():
+    keeps = not (args.force or args.lock or args.locked or args.check or project.asks_again)
+    keeps = keeps and project.console != "jsonl"
+    if keeps and snapshot.answer(args.words, str(project.cache)):
+        return 0
+    code, answers, found = 0, "", list[Recipe]()
+    for recipe, targets in options.by_recipe(args.targets).items():
         session = Session(project, recipe, added, makes=not args.check)
-        code = max(code, _build(args, session, _order(args, targets), locking, notes, started))
-        started = time.perf_counter()
+        order = Order(targets, args.keep_going, args.force, args.whole, tuple(sys.argv[1:]))
+        if args.check:
+            code = max(code, _check(session, order, locking))
+            continue
+        with Shown(project.console, verbose=args.verbose) as shown:
+            built = build.build(session, order, locking, shown, watch)
+        tell(built, quiet=project.console in ("none", "jsonl"))
+        answers += lines(built.placed.paths)
+        print(lines(built.placed.paths), end="")
+        if built.ok:
+            found.append(_said(session, built))
+        code = max(code, 0 if built.ok else 1)
         if code and not args.keep_going:
             break
-    kind = project.console
-    if not (code or args.force or args.lock or args.locked or project.asks_again or kind == "jsonl"):
-        notes.write(len(recipes), told=kind != "none")
+    if keeps and not code:
+        snapshot.save(session.store.state, args.words, watch, found, answers, told=project.console != "none")
     return code
 
 
-def _order(args: argparse.Namespace, targets: list[str]) -> Order:
-    return Order(targets, args.keep_going, args.force, args.whole, tuple(sys.argv[1:]))
-
-
-def _build(
-    args: argparse.Namespace, session: Session, order: Order, locking: Locking, notes: Notes, started: float
-) -> int:
-    kind = session.project.console
-    built = build.answer(session, order, locking)
-    if built is not None:
-        _say_nothing_ran(session, built, time.perf_counter() - started)
-    elif args.check:
-        return _check(session, order, locking)
-    else:
-        with Shown(kind, verbose=args.verbose) as shown:
-            built = build.build(session, order, locking, shown)
-    notes.add(session, snapshots.place(session, order, locking), built.head)
-    tell(built, quiet=kind in ("none", "jsonl"))
-    print(lines(built.placed.paths), end="")
-    return 0 if built.ok else 1
+def _said(session: Session, built: Built) -> Recipe:
+    """What a snapshot says of a recipe that was built."""
+    nodes, root = built.run_result.nodes, session.store.actions.root
+    keys = [nodes[node].key or "" for node in built.placed.paths]
+    entries = [f"{root}/{key[:2]}/{key[2:]}" for key in keys]
+    return Recipe(session.recipe, built.nodes, session.last_name, session.variant, entries)
 
 
 def _check(session: Session, order: Order, locking: Locking) -> int:
@@ -93,14 +93,3 @@ def _check(session: Session, order: Order, locking: Locking) -> int:
     wanted = [address for target in order.targets for address in addresses(plan.graph, target)]
     locking.refuse(session, plan, wanted)
     return check(session, plan.graph, wanted)
-
-
-def _say_nothing_ran(session: Session, built: Built, seconds: float) -> None:
-    kind = session.project.console
-    if kind == "jsonl":
-        from dextera_build.engine.events import RunFinished
-
-        print(RunFinished(time.time(), True, seconds, {"cached": built.nodes}, 0.0).to_line(), file=sys.stderr)
-    elif kind != "none":
-        many = "s" * (built.nodes != 1)
-        print(f"{session.recipe} is up to date   {built.nodes} node{many}   {seconds:.2f} s", file=sys.stderr)

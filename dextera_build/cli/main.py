@@ -8,7 +8,8 @@ not as locked under `--locked`, 4 the machine lacks something, 70 a fault in dxb
 import os
 import sys
 
-from dextera_build.cli import quick, streams
+from dextera_build.cli import streams
+from dextera_build.engine import snapshot
 
 # A build that does nothing ends before anything else of dxb is loaded, so all of that is imported where it is used.
 TYPE_CHECKING = False
@@ -52,7 +53,7 @@ def entry() -> "NoReturn":
 def _guarded(words: "list[str]") -> int:
     """Run one command and say what went wrong; only a stream that cannot be written is left to the caller."""
     try:
-        return 0 if quick.answer(words) else _run(words)
+        return 0 if snapshot.answer(words) else _run(words)
     except KeyboardInterrupt:
         print("interrupted; what was finished is kept, the next build goes on from there", file=sys.stderr)
         return 130

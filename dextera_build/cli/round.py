@@ -72,7 +72,7 @@ def _one(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch: W
         locking = Locking(project, lock=False, locked=False, added=added)
         order = Order(targets, keep_going=args.keep_going, argv=tuple(sys.argv[1:]))
         with Shown(project.console, verbose=args.verbose) as shown:
-            built = build(session, order, locking, shown, snapshots.seen(session, watch))
+            built = build(session, order, locking, shown, watch)
     except DxbError as error:
         return _refused(project, error, watch)
     finally:

@@ -55,12 +55,11 @@ def collect(store: Store, *, size: int | None = None, age_s: float | None = None
     said = collect_store(store, look, Limits(size, since), dry=dry)
     logs = _old_logs(store, held.runs, _RUN_S if age_s is None else age_s)
     said.add("runs", [_bytes(path) for path in logs], "logs of old runs that made nothing that is held")
-    said.add("snapshots", [_bytes(path) for path in held.snapshots], "requests that nobody made for a month")
     if not dry:
-        for path in (*logs, *held.snapshots):
+        for path in logs:
             with suppress(OSError):
                 failpoints.reach("collect.log")
-                shutil.rmtree(path) if path.is_dir() else path.unlink()
+                shutil.rmtree(path)
     return Answer(said, tuple(held.vanished))
 
 

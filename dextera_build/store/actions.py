@@ -17,7 +17,6 @@ from dextera_build.store import cas, failpoints, files
 from dextera_build.store import entry as entries
 from dextera_build.store.cas import Blobs, MissingBlob
 from dextera_build.store.entry import ActionResult, Entry, File
-from dextera_build.store.presence import Presence
 from dextera_build.store.references import UNREADABLE, References
 from dextera_build.store.streams import Recent
 
@@ -47,8 +46,6 @@ class Actions:
         self._base = f"{root}/"
         self._workshop = f"{root}/{files.TEMPORARY}"
         self._blobs = blobs
-        self.presence: Presence | None = None
-        """If set, every file that a result relies on is noted there."""
         self.references = References(blobs, recent)
 
     def get(self, key: str) -> ActionResult | None:
@@ -79,7 +76,6 @@ class Actions:
         is_whole = not entry.is_bare and len(there) == len(entry.files)
         if not is_whole and self.references.headers(entry.result.output) is None:
             return None
-        self.rely(key, there)
         return Found(entry.result, is_whole)
 
     def put(
@@ -118,13 +114,7 @@ class Actions:
             failpoints.reach("result.blobs")
             files.write(self._file(key), entry.spell(), workshop=self._workshop)
             failpoints.reach("result.published")
-        self.rely(key, entry.files)
         return not entry.is_bare
-
-    def rely(self, key: str, needs: Iterable[File]) -> None:
-        """Note that a build relies on the result of `key`, which it has just found or made."""
-        if self.presence is not None:
-            self.presence.note(key, needs)
 
     def made(
         self,

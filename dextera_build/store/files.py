@@ -125,26 +125,6 @@ def clear(folder: str, age_s: float = 60.0) -> None:
                 os.unlink(entry.path)
 
 
-def append(path: str, size: int, data: bytes) -> None:
-    """Put `data` behind the first `size` bytes of a file; whoever reads knows by other means how much of it counts.
-
-    Raises:
-        StoreError: The disk is full, or the file cannot be written.
-    """
-    try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_CLOEXEC)
-        try:
-            os.ftruncate(descriptor, size)
-            failpoints.reach("rows.cut")
-            os.lseek(descriptor, size, os.SEEK_SET)
-            write_all(descriptor, data)
-            failpoints.reach("rows.added")
-        finally:
-            os.close(descriptor)
-    except OSError as error:
-        raise store_error(error, path) from None
-
-
 def write_all(descriptor: int, data: bytes | bytearray | memoryview) -> None:
     """Write all of `data`, however small the pieces that the system takes."""
     done = os.write(descriptor, data)

@@ -116,11 +116,13 @@ class State:
 
     def _open(self, how: str, *, writes: bool) -> "sqlite3.Connection":
         import sqlite3
-        from urllib.parse import quote
 
         if writes and not os.path.exists(self._path):
             self._make()
-        place = f"file:{quote(os.fsencode(self._path))}{how}"
+        path = os.fsencode(self._path)
+        for sign in b"%?#":
+            path = path.replace(bytes([sign]), b"%%%02x" % sign)
+        place = b"file:" + path + how.encode()
         base = sqlite3.connect(place, _PATIENCE_S, isolation_level=None, uri=True)
         try:
             if writes:

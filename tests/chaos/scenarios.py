@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -104,8 +103,6 @@ def _built(space: Space) -> None:
 
 def _built_long_ago(space: Space) -> None:
     _built(space)
-    # Without the note that answers the same command line before the snapshot is looked at.
-    shutil.rmtree(space.root / ".cache", ignore_errors=True)
 
 
 def _edited(space: Space) -> None:

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine import eventlog, snapshot
+from dextera_build.engine import eventlog
 from dextera_build.engine.eventlog import EventLog
 from dextera_build.engine.events import fan_out
 from dextera_build.engine.execute import RunResult, build
 from dextera_build.engine.graph import Graph
+from dextera_build.store.state import State
 from dextera_build.store.store import Store
 from dextera_build.store.verify import verify
 from tests.chaos.children import dxb
@@ -80,28 +81,19 @@ def test_damage_at_any_byte_of_a_store_costs_a_rebuild_at_most(tmp_path: Path, s
 
 
 @pytest.mark.parametrize("step", STEPS)
-def test_damage_at_any_byte_of_a_snapshot_is_seen(tmp_path: Path, step: int) -> None:
-    """Promise: no damaged byte of a snapshot becomes an answer."""
+def test_damage_at_any_byte_of_the_local_state_is_seen(tmp_path: Path, step: int) -> None:
+    """Promise: no damaged byte of what a machine remembers becomes an answer."""
     space = project(tmp_path / "project")
     for _ in range(3):  # a build of files that are not at rest yet leaves no snapshot
         assert dxb(space.root, *PLAIN).code == 0
-    (head,) = (path for path in (space.root / "cache/local/snapshots").iterdir() if not path.suffix)
-    request = snapshot.read_head(head)["request"]
-
-    def fresh() -> object:
-        found = snapshot.load_if_fresh(head, request)
-        return found and found["lines"]
-
-    right = fresh()
-    assert right
-    shard = next(iter(snapshot.read_head(head)["shards"])).partition("/")[2]
-    for path in (head, Path(f"{head}.rows")):
-        data, whole = path.read_bytes(), head.read_bytes()
-        for place, damaged in variants(data, step, 7):
-            if path != head:
-                (space.root / "cache/cas" / shard).touch()  # the store moved, so that the rows are looked at
-                replace(head, whole)
-            replace(path, damaged)
-            assert fresh() in (None, right), (path, place)
-        replace(path, data)
-        replace(head, whole)
+    path = space.root / "cache/local/state.db"
+    data = path.read_bytes()
+    right = {kind: State(str(path)).all(kind) for kind in State(str(path)).kinds()}
+    assert right.keys() >= {"snapshot", "leaf"}
+    for place, damaged in variants(data, 40 * step, 7):
+        replace(path, damaged)
+        for kind, rows in right.items():
+            assert State(str(path)).all(kind).items() <= rows.items(), (kind, place)
+        replace(path, damaged)
+        answer = dxb(space.root, "get", "say/words:all") if place % 5 == 0 else None
+        assert answer is None or answer.code == 0 or "error[DXB-" in answer.err, place

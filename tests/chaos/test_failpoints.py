@@ -21,8 +21,6 @@ WHERE = {
     "file.made": "first",
     "file.written": "first",
     "file.moved": "first",
-    "rows.cut": "edited",
-    "rows.added": "edited",
     "blob.aside": "damaged blobs",
     "result.blobs": "first",
     "result.published": "first",
@@ -30,9 +28,6 @@ WHERE = {
     "result.diverged": "shaken",
     "use.noted": "aged",
     "leaves.save": "first",
-    "snapshot.used": "again",
-    "snapshot.forgotten": "first",
-    "snapshot.rows": "first",
     "snapshot.saved": "first",
     "history.saved": "went on",
     "workspace.note": "first",
@@ -61,7 +56,7 @@ WHERE = {
     "import.blobs": "import",
 }
 """Failpoint -> a scenario in which it is reached."""
-QUICK = ("file.written", "result.blobs", "result.published", "snapshot.rows", "export.stamp", "log.event")
+QUICK = ("file.written", "result.blobs", "result.published", "export.stamp", "log.event")
 """Those that the fast tests stop at; all others take minutes."""
 FAILING = [name for name, point in POINTS.items() if point.fails]
 

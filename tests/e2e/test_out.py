@@ -134,7 +134,7 @@ def test_get_show_and_report_answer_for_the_request_that_was_built_last(counts: 
     assert (got(), got(*five), got("--profile", "cpu")) == (b"8", b"8", b"3")
     assert "option add\t5" in shown()
     assert "add=5" in reported()
-    for _ in range(2):  # cached, by the snapshot, and later by the note of the command line
+    for _ in range(2):  # by the snapshot
         again = counts.dxb("build", "g:a0")
         assert "up to date" in again.err
         assert (got(), got(*five)) == (b"3", b"8")

@@ -51,7 +51,7 @@ def test_a_reader_of_errors_that_goes_away_is_said_on_the_other_stream(slow: Spa
 
 @pytest.mark.parametrize(("to", "why"), [(">&-", "Bad file descriptor"), ("> /dev/full", "No space left on device")])
 def test_results_that_cannot_be_printed_are_no_success(slow: Space, to: str, why: str) -> None:
-    for _ in range(3):  # what was built stays; the answer of a snapshot and of a note cannot be printed either
+    for _ in range(3):  # what was built stays; the answer of a snapshot cannot be printed either
         answer = shell(slow, f"dxb build slow {to}")
         assert answer.code == 1
         assert answer.err.endswith(f"error: standard output cannot be written: {why}\n")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import threading
 import time
@@ -12,14 +11,13 @@ from pathlib import Path
 import pytest
 
 from dextera_build import digest
-from dextera_build.engine import eventlog
+from dextera_build.engine import eventlog, snapshot
 from dextera_build.engine.dryrun import Planned, plan
 from dextera_build.engine.eventlog import EventLog
 from dextera_build.engine.events import Event, NodeFinished, RunStarted, fan_out
 from dextera_build.engine.execute import RunInfo, build
 from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.history import Entry, History
-from dextera_build.engine.snapshot import load_if_fresh, read_head, save
 from dextera_build.errors import RecipeError, UsageError
 from dextera_build.store import signature
 from dextera_build.store.signature import Watch
@@ -197,39 +195,50 @@ def files(tmp_path: Path) -> Path:
     return folder
 
 
+WORDS = ["build", "a"]
+
+
 def watch(folder: Path) -> Watch:
     found = Watch()
     for number in range(5):
         found.file(folder / f"{number}.py")
     found.file(folder / "absent.toml")
     found.folder(folder)
-    found.present = {str(folder / "blob"): signature.of(os.stat(folder / "blob"))}
+    found.present[str(folder / "blob")] = signature.of((folder / "blob").stat())
     return found
 
 
-REQUEST = {"targets": ["scene"], "profile": "cpu", "flags": (1, 2)}
+def saved(store: Store, seen: Watch) -> bool:
+    recipe = snapshot.Recipe("a", 3, "name", "", [str(store.root)])
+    return snapshot.save(store.state, WORDS, seen, [recipe], "scene\tout/scene.xml\n", told=True)
 
 
-def test_a_snapshot_holds_as_long_as_nothing_changes(files: Path, tmp_path: Path) -> None:
-    path = tmp_path / "local" / "snapshot.json"
-    assert load_if_fresh(path, REQUEST) is None
-    assert save(path, REQUEST, watch(files), ["scene\tout/scene.xml"])
-    found = load_if_fresh(path, REQUEST)
-    assert found is not None
-    assert found["lines"] == ["scene\tout/scene.xml"]
-    assert load_if_fresh(path, {**REQUEST, "profile": "stub"}) is None
+def answers(store: Store, words: Sequence[str] = WORDS) -> bool:
+    return snapshot.answer(words, str(store.root))
+
+
+def test_a_snapshot_holds_as_long_as_nothing_changes(
+    store: Store, files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert not answers(store)
+    assert saved(store, watch(files))
+    assert answers(store)
+    said = capsys.readouterr()
+    assert said.out == "scene\tout/scene.xml\n"
+    assert said.err.startswith("a is up to date   3 nodes")
+    assert not answers(store, [*WORDS, "--profile", "stub"])
     (files / "__pycache__").mkdir()  # not content
-    assert load_if_fresh(path, REQUEST) is not None
+    assert answers(store)
 
 
-@pytest.mark.parametrize("change", ["edit", "touch", "delete", "add", "appear", "replace", "lose a blob"])
-def test_any_change_ends_it(files: Path, tmp_path: Path, change: str) -> None:
-    path = tmp_path / "snapshot.json"
-    assert save(path, REQUEST, watch(files), [])
+@pytest.mark.parametrize("change", ["edit", "touch", "delete", "add", "appear", "replace", "lose", "edit an output"])
+def test_any_change_ends_it(store: Store, files: Path, tmp_path: Path, change: str) -> None:
+    assert saved(store, watch(files))
     target = files / "3.py"
-    if change == "edit":
+    if change in ("edit", "edit an output"):
+        target = target if change == "edit" else files / "blob"
         before = target.stat()
-        target.write_text("4")
+        target.write_text("4" * before.st_size)
         os.utime(target, ns=(before.st_atime_ns, before.st_mtime_ns))
     elif change == "touch":
         target.touch()
@@ -244,34 +253,44 @@ def test_any_change_ends_it(files: Path, tmp_path: Path, change: str) -> None:
         os.replace(tmp_path / "other", target)
     else:
         (files / "blob").unlink()
-    assert load_if_fresh(path, REQUEST) is None
+    assert not answers(store)
 
 
-def test_what_is_not_at_rest_is_not_trusted(files: Path, tmp_path: Path) -> None:
-    path = tmp_path / "snapshot.json"
-    assert save(path, REQUEST, watch(files), [])
+def test_an_entry_that_is_gone_ends_it(store: Store, files: Path, tmp_path: Path) -> None:
+    entry = tmp_path / "entry"
+    entry.write_text("")
+    recipe = snapshot.Recipe("a", 3, "name", "", [str(entry)])
+    assert snapshot.save(store.state, WORDS, watch(files), [recipe], "", told=False)
+    assert answers(store)
+    entry.unlink()
+    assert not answers(store)
+
+
+def test_what_is_not_at_rest_is_not_trusted(store: Store, files: Path) -> None:
     (files / "1.py").write_text("just now")
     soon = time.time_ns() + 60_000_000_001  # however slowly the test goes on, it was written no earlier than the look
     os.utime(files / "1.py", ns=(soon, soon))
-    assert not save(path, REQUEST, watch(files), [])
-    assert not path.exists()  # nor is the one before
+    assert not saved(store, watch(files))
     os.utime(files / "1.py", ns=(1, 1))
     time.sleep(0.05)
     seen = watch(files)
     (files / "2.py").write_text("while building")
-    assert not save(path, REQUEST, seen, [])
+    assert not saved(store, seen)
+    assert not answers(store)
 
 
-def sealed(head: dict[str, object]) -> str:
-    text = json.dumps(head)
-    return f"{digest.of_bytes(text.encode())}\n{text}"
+def test_a_folder_that_just_moved_is_listed(store: Store, files: Path) -> None:
+    seen = watch(files)
+    os.utime(files)  # so soon that a name that comes now may leave the same time stamp
+    assert saved(store, seen)
+    state = files.stat()
+    (files / "6.py").write_text("")
+    os.utime(files, ns=(state.st_atime_ns, state.st_mtime_ns))
+    assert not answers(store)
 
 
-def test_a_broken_snapshot_is_none(files: Path, tmp_path: Path) -> None:
-    path = tmp_path / "snapshot.json"
-    save(path, REQUEST, watch(files), [])
-    whole = read_head(path)
-    for junk in ("", "{", "[]", sealed({**whole, "form": 0}), sealed({**whole, "files": 3}), f"{'0' * 64}\n{{}}"):
-        path.chmod(0o644)
-        path.write_text(junk)
-        assert load_if_fresh(path, REQUEST) is None
+@pytest.mark.parametrize("junk", [b"", b"{", b"\0" * 9, b"a\0b\0c\0d", b"a\0\x001\0b"])
+def test_a_row_of_another_form_is_no_answer(store: Store, files: Path, junk: bytes) -> None:
+    assert saved(store, watch(files))
+    store.state.put(snapshot.KIND, dict.fromkeys(store.state.all(snapshot.KIND), junk))
+    assert not answers(store)

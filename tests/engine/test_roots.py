@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from pathlib import Path
 
 import pytest
 
-from dextera_build.engine import roots, snapshot
+from dextera_build.engine import roots
 from dextera_build.engine.collection import collect
 from dextera_build.engine.execute import RunInfo, build
 from dextera_build.engine.history import Entry, History
-from dextera_build.store.presence import Presence
-from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, graph, inline, out
 
@@ -73,43 +70,9 @@ def test_a_lock_file_of_any_form_holds_its_keys(store: Store, tmp_path: Path, te
     assert roots.find(store).keys == {str(tmp_path): keys | {KEY}}
 
 
-def snapshot_of(store: Store, project: Path) -> tuple[Path, dict[str, object], set[str]]:
-    """A real snapshot that alone remembers what it rests on."""
-    store.actions.presence = Presence(str(store.root))
-    keys = run(store, project)
-    (store.local / "state.db").unlink()
-    path, request = store.local / "snapshots" / "one", {"root": str(project)}
-    assert snapshot.save(path, request, Watch(), ["line"], (str(store.root), store.actions.presence))
-    (path.parent / "one.plan").write_bytes(b"\xff" * 80)
-    return path, request, keys
-
-
-def test_a_snapshot_holds_its_results_for_a_month(store: Store, tmp_path: Path) -> None:
-    path, _, keys = snapshot_of(store, tmp_path)
-    assert roots.find(store).keys == {str(tmp_path): keys}
-    collect(store, size=0, dry=False)
-    assert set(store.actions.keys()) == keys
-    then = time.time() - 31 * 86400
-    os.utime(path, (then, then))
-    found = roots.find(store)
-    assert (found.keys, set(found.snapshots)) == ({str(tmp_path): set()}, set(path.parent.iterdir()))
-    collect(store, dry=False)
-    assert list(path.parent.iterdir()) == []
-
-
-def test_a_snapshot_that_is_used_holds_on_for_another_month(store: Store, tmp_path: Path) -> None:
-    path, request, keys = snapshot_of(store, tmp_path)
-    then = time.time() - 31 * 86400
-    os.utime(path, (then, then))
-    assert snapshot.load_if_fresh(path, {"root": "another"}) is None
-    assert roots.find(store).keys == {str(tmp_path): set()}
-    assert snapshot.load_if_fresh(path, request) is not None
-    assert roots.find(store).keys == {str(tmp_path): keys}
-
-
 def test_torn_files_hold_nothing_and_stop_nothing(store: Store, tmp_path: Path) -> None:
     run(store, tmp_path)
-    for name in ("snapshots/torn", "workspaces/torn"):
+    for name in ("workspaces/torn",):
         (store.local / name).parent.mkdir(exist_ok=True)
         (store.local / name).write_bytes(b'{"nodes": \xff')
     assert set(roots.find(store).keys) == {str(tmp_path)}

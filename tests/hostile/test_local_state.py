@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dextera_build.engine import eventlog, events, roots, snapshot
+from dextera_build.engine import eventlog, events, roots
 from dextera_build.engine.graph import Address
 from dextera_build.engine.history import Entry, History
 from dextera_build.engine.survey import survey
@@ -23,7 +23,6 @@ from tests.store.bundle.conftest import small
 MANY = settings(
     max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
 )
-FEW = settings(MANY, max_examples=25)
 ENTRY = Entry("0" * 64, "1" * 64, "0001", 1.0, 2.0, {"memory_bytes": 3})
 
 
@@ -188,15 +187,3 @@ def test_changed_documents_are_read_or_forgotten(tmp_path, data):
     eventlog.latest(store, "a/b")
     list(store.divergent.all())
     roots.find(store)
-
-
-@FEW
-@given(data=st.data())
-def test_a_torn_snapshot_is_none(tmp_path, data):
-    path = tmp_path / "snapshot"
-    if not (tmp_path / "good").exists():
-        snapshot.save(path, {"root": "x"}, snapshot.Watch(), ["line"])
-        shutil.copy(path, tmp_path / "good")
-    path.write_bytes(torn((tmp_path / "good").read_bytes(), data))
-    found = snapshot.load_if_fresh(path, {"root": "x"})
-    assert found is None or found["lines"] == ["line"]
