@@ -12,21 +12,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from dextera_build import project as settings_of
 from dextera_build.build import build as building
 from dextera_build.build.lock import Locking
-from dextera_build.cli.options import wish
-from dextera_build.engine.events import Listener
 from dextera_build.errors import UsageError, did_you_mean, listing
+from dextera_build.project import project as settings_of
+from dextera_build.recipe.addresses import parse_target
+from dextera_build.runs.events import Listener
 from dextera_build.session import Added, Session, addresses
-from dextera_build.store import header
+from dextera_build.store import headers
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
-    from dextera_build.engine.dryrun import Planned
-    from dextera_build.engine.events import NodeFinished
+    from dextera_build.engine.dry import Planned
     from dextera_build.errors import DxbError
     from dextera_build.explain.causes import Cause
+    from dextera_build.runs.events import NodeFinished
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Result:
                 hint=did_you_mean(node, known),
             )
         kind: Any = self._session.project.library.find(record.rule).rule.returns
-        with header.reading(f"`{node}`"):
+        with headers.reading(f"`{node}`"):
             decoded: Artifact = kind.decode(record.output, self._session.store.reader)
         return decoded
 
@@ -158,7 +158,7 @@ class Project(settings_of.Project):
         profile: str | None = None,
     ) -> list[Planned]:
         """What `build` would do with each node, without doing it; the arguments are those of `build`."""
-        from dextera_build.engine.dryrun import plan as dry
+        from dextera_build.engine.dry import plan as dry
 
         here = self._with(profile, None)
         session, names = here._open(recipe, targets, _added(inputs, settings, backends))
@@ -176,12 +176,12 @@ class Project(settings_of.Project):
         profile: str | None = None,
     ) -> Why:
         """Why `twin/laptop_scene:body[mug].mesh` is stale, or when it was built; the arguments are those of `build`."""
-        from dextera_build.cli.why import explain
+        from dextera_build.explain.why import explain
 
         here = self._with(profile, None)
-        named = wish(node)
+        named = parse_target(node)
         session = Session(here, named.recipe, _added(inputs, settings, backends))
-        sentence, causes = explain(session, named.target)
+        sentence, causes = explain(session, named.node)
         return Why(node, sentence, tuple(causes))
 
     def get(
@@ -201,9 +201,9 @@ class Project(settings_of.Project):
             UsageError: It was never built here.
             RuleError: It was, but the store no longer holds it.
         """
-        named = wish(node)
+        named = parse_target(node)
         here = self._with(profile, None)
-        return Session(here, named.recipe, _added(inputs, settings, backends), last=True).artifact(named.target)
+        return Session(here, named.recipe, _added(inputs, settings, backends), last=True).artifact(named.node)
 
     def _with(self, profile: str | None, jobs: int | None) -> Project:
         if profile is None and jobs is None:
@@ -216,9 +216,9 @@ class Project(settings_of.Project):
     def _open(
         self, recipe: str, targets: tuple[str, ...], added: Added, *, makes: bool = False
     ) -> tuple[Session, list[str]]:
-        named = wish(recipe)
+        named = parse_target(recipe)
         session = Session(self, named.recipe, added, makes=makes)
-        return session, [*([named.target] if named.target or not targets else []), *targets]
+        return session, [*([named.node] if named.node or not targets else []), *targets]
 
 
 def _added(

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, ParamSpec, Protocol, 
 from pydantic import BaseModel, ConfigDict, Field
 
 from dextera_build.artifacts.base import Artifact, File
+from dextera_build.calls.response import Response as Response
 from dextera_build.errors import RuleError
-from dextera_build.response import Response as Response
 
 if TYPE_CHECKING:
     import numpy as np

@@ -10,17 +10,17 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
-from dextera_build.engine.snapshot import LAST
 from dextera_build.errors import RuleError, UsageError, did_you_mean, listing
-from dextera_build.project import Project
+from dextera_build.project.project import Project
 from dextera_build.redact import redact
+from dextera_build.runs.snapshot import LAST
 
 # A build of which nothing changed loads none of these.
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
     from dextera_build.engine.graph import Address, Graph
-    from dextera_build.engine.history import Entry, History
     from dextera_build.recipe.plan import Plan
+    from dextera_build.runs.history import Entry, History
     from dextera_build.store.store import Store
 
 
@@ -147,7 +147,7 @@ class Session:
     @cached_property
     def past_builds(self) -> History:
         """What this machine remembers of the recipe."""
-        from dextera_build.engine.history import History
+        from dextera_build.runs.history import History
 
         return History(self.store, self.recipe, str(self.project.root), self.variant)
 
@@ -159,10 +159,10 @@ class Session:
     @cached_property
     def last_nodes(self) -> list[str]:
         """Nodes that the recipe's last run brought up to date; what only older runs knew is not among them."""
-        from dextera_build.engine import eventlog
+        from dextera_build.runs import log
 
-        run = eventlog.latest(self.store, self.recipe, self.variant)
-        events = eventlog.read(self.store, run) if run else []
+        run = log.latest(self.store, self.recipe, self.variant)
+        events = log.read(self.store, run) if run else []
         return [
             event["node"]
             for event in events
@@ -203,10 +203,10 @@ class Session:
     def artifact(self, node: str) -> Artifact:
         """What a node returned last, decoded."""
         document = self.document(node)
-        from dextera_build.store import header
+        from dextera_build.store import headers
 
         kind: Any = self.project.library.find(str(document["rule"])).rule.returns
-        with header.reading(f"`{node}`"):
+        with headers.reading(f"`{node}`"):
             decoded: Artifact = kind.decode(self.output(node), self.store.reader)
         return decoded
 

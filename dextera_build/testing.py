@@ -9,8 +9,8 @@ from typing import Any
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
+from dextera_build.build.runner import ProjectReads
 from dextera_build.code.loader import Library, RuleFile, choose_backend
-from dextera_build.code.runner import ProjectReads
 from dextera_build.rule import Context, Outcome
 from dextera_build.store.store import Store
 

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 import dextera_build
-from dextera_build import Project, lockfile
+from dextera_build import Project
 from dextera_build.errors import RuleError, StaleError, UsageError
+from dextera_build.project import lockfile
 from tests.e2e.conftest import space  # noqa: F401 - a fixture
 
 PAGE = Path(__file__).parent.parent / "dextera_build" / "docs" / "python_api.md"

@@ -15,12 +15,12 @@ from dextera_build.session import Session, addresses
 if TYPE_CHECKING:
     from dextera_build.build.export import Out
     from dextera_build.build.lock import Locking
-    from dextera_build.engine.dryrun import Planned
-    from dextera_build.engine.events import Listener
+    from dextera_build.engine.dry import Planned
     from dextera_build.engine.graph import Address
     from dextera_build.engine.records import RunResult
     from dextera_build.recipe.plan import Plan
-    from dextera_build.store.remotes.exchange import Exchange
+    from dextera_build.remotes.exchange import Exchange
+    from dextera_build.runs.events import Listener
     from dextera_build.store.signature import Watch
 
 
@@ -128,9 +128,9 @@ class _Build:
     def run(self) -> Built:
         """Run what is stale, with the executor and the remotes of the settings, and an event log."""
         from dextera_build.build.executors import executor
-        from dextera_build.engine.eventlog import EventLog
-        from dextera_build.engine.events import fan_out
-        from dextera_build.engine.execute import RunInfo, build
+        from dextera_build.engine.run import RunInfo, build
+        from dextera_build.runs.events import fan_out
+        from dextera_build.runs.log import EventLog
 
         session, order, project = self.session, self.order, self.session.project
         brings = order.bring_from is not None
@@ -157,7 +157,7 @@ class _Build:
 
     def place(self, out: Out, built: Built) -> Built:
         """Place the targets; where bytes of one were damaged on disk, build once more."""
-        from dextera_build.store.cas import MissingBlob
+        from dextera_build.store.blobs import MissingBlob
 
         result = built.run_result
         try:
@@ -179,7 +179,7 @@ class _Build:
         others = {node: output for node, output in out.nodes().items() if node not in result.targets}
         if not others:
             return []
-        from dextera_build.engine.dryrun import plan as dry
+        from dextera_build.engine.dry import plan as dry
         from dextera_build.engine.graph import Address, parse_address
 
         # The answer does not rest on what is looked at here.

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 from dextera_build.errors import UsageError, listing
 
 if TYPE_CHECKING:
-    from dextera_build.engine.executors.ray_worker import Setup
     from dextera_build.engine.graph import RuleFacts
-    from dextera_build.engine.tasks import Executor
-    from dextera_build.project import Project
+    from dextera_build.project.project import Project
     from dextera_build.session import Session
+    from dextera_build.workers.protocol import Executor
+    from dextera_build.workers.ray_worker import Setup
 
-RUNNER = "dextera_build.code.entry:run_task"
+RUNNER = "dextera_build.build.worker_entry:run_task"
 
 
 @contextmanager
@@ -33,7 +33,7 @@ def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False
         yield from _ray(session, address, list(rules))
     else:
         from dextera_build.code.modules import shared
-        from dextera_build.engine.executors.local import LocalExecutor
+        from dextera_build.workers.pool import LocalExecutor
 
         project = session.project
         wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
@@ -63,8 +63,8 @@ def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Exe
 
     from dextera_build.code import sources
     from dextera_build.code.modules import read
-    from dextera_build.engine.executors.ray import RayExecutor
-    from dextera_build.engine.executors.ray_cluster import RayCluster
+    from dextera_build.workers.ray import RayExecutor
+    from dextera_build.workers.ray_cluster import RayCluster
 
     project = session.project
     if project.asks_again:
@@ -97,7 +97,7 @@ def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Exe
 
 def _setup(project: Project, rules: list[RuleFacts]) -> Setup:
     from dextera_build.code import sources
-    from dextera_build.engine.executors.ray_worker import Setup
+    from dextera_build.workers.ray_worker import Setup
 
     shared = next((spec for spec in project.used_remotes if spec.mode == "rw"), None)
     if shared is None:

@@ -17,11 +17,11 @@ from dextera_build import digest as digests
 from dextera_build.build.snapshots import Placed, Signatures
 from dextera_build.errors import DxbError
 from dextera_build.session import Session
-from dextera_build.store import durable, failpoints, files, header, sharing, signature
+from dextera_build.store import durable, failpoints, files, headers, permissions, signature
 from dextera_build.store.signature import Signature
 
 if TYPE_CHECKING:
-    from dextera_build.engine.execute import RunResult
+    from dextera_build.engine.run import RunResult
 
 TABLE = ".placed"
 """File beside the folders of the nodes: what dxb wrote there."""
@@ -107,10 +107,10 @@ class Out:
     def _replace(
         self, table: dict[str, _Copy], stale: Mapping[str, str], gone: Iterable[str], result: RunResult
     ) -> None:
-        sharing.make_folder(self.base)
+        permissions.make_folder(self.base)
         self._sweep()
         self._scratch = f"{self.base}/{files.TEMPORARY}-{files.unique()}"
-        sharing.make_folder(self._scratch)
+        permissions.make_folder(self._scratch)
         try:
             made = {node: self._write(node, _Copy(stale[node], result.nodes[node].rule)) for node in stale}
             failpoints.reach("export.written")
@@ -132,13 +132,13 @@ class Out:
         folder = f"{self._scratch}/{_name(node)}"
         os.mkdir(folder)
         main = self._restore(folder, node, copy)
-        sharing.share_tree(folder)
+        permissions.share_tree(folder)
         written = {name: signature.of(os.stat(f"{folder}/{name}")) for name in _files(folder)}
         return replace(copy, main=main, files=written)
 
     def _restore(self, folder: str, node: str, copy: _Copy) -> str:
         """Write the files of an output into a folder; the name of the main one."""
-        with header.reading(f"`{node}`"):
+        with headers.reading(f"`{node}`"):
             main = _restore_file(self._session, folder, stem_of(node), copy.output)
             if main is None:
                 kind, where = self._session.project.library.find(copy.rule).rule.returns, Path(folder)

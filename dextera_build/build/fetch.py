@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from dextera_build.errors import UsageError, listing
 
 if TYPE_CHECKING:
-    from dextera_build.engine.dryrun import Planned
+    from dextera_build.engine.dry import Planned
+    from dextera_build.remotes.exchange import Exchange
     from dextera_build.session import Session
-    from dextera_build.store.remotes.exchange import Exchange
 
 _ASKERS = 16
 
@@ -28,9 +28,9 @@ def exchange(session: Session, mode: str, named: str | None = None) -> Exchange:
     Raises:
         UsageError: There is no such remote.
     """
-    from dextera_build.store.remotes import spec as specs
-    from dextera_build.store.remotes.connect import guarded, open_remote
-    from dextera_build.store.remotes.exchange import Exchange
+    from dextera_build.remotes import spec as specs
+    from dextera_build.remotes.connect import guarded, open_remote
+    from dextera_build.remotes.exchange import Exchange
 
     choice = session.project.remotes
     known = choice.known if session.project.config else {}
@@ -54,8 +54,8 @@ def usable(session: Session) -> Exchange | None:
     used = session.project.used_remotes
     if not used or session.project.remotes.local == "r":
         return None
-    from dextera_build.store.remotes.connect import guarded
-    from dextera_build.store.remotes.exchange import Exchange
+    from dextera_build.remotes.connect import guarded
+    from dextera_build.remotes.exchange import Exchange
 
     return Exchange(session.store, [guarded(spec) for spec in used])
 
@@ -68,10 +68,10 @@ def held(session: Session, nodes: Sequence[Planned]) -> set[str]:
     stale = [node for node in nodes if node.status == "stale" and node.key is not None]
     if not stale:
         return set()
-    from dextera_build.store.remotes.connect import guarded
-    from dextera_build.store.remotes.crew import Crew
-    from dextera_build.store.remotes.remote import RemoteFault
-    from dextera_build.store.transfer import entry_at
+    from dextera_build.remotes.connect import guarded
+    from dextera_build.remotes.remote import RemoteFault
+    from dextera_build.remotes.threads import Crew
+    from dextera_build.remotes.transfer import entry_at
 
     remotes, found = [guarded(spec) for spec in used], set[str]()
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 from dextera_build.errors import StaleError, UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.engine.dryrun import Planned
-    from dextera_build.engine.execute import RunResult
+    from dextera_build.engine.dry import Planned
     from dextera_build.engine.graph import Address
+    from dextera_build.engine.run import RunResult
     from dextera_build.explain.causes import Cause, Causes
-    from dextera_build.lockfile import Name, Pin, Pins
-    from dextera_build.project import Project
+    from dextera_build.project.lockfile import Name, Pin, Pins
+    from dextera_build.project.project import Project
     from dextera_build.recipe.plan import Plan
     from dextera_build.session import Added, Session
     from dextera_build.store.store import Store
@@ -70,7 +70,7 @@ class Locking:
         """
         if not self.locked:
             return
-        from dextera_build.engine.dryrun import plan as dry
+        from dextera_build.engine.dry import plan as dry
         from dextera_build.explain.causes import Causes
 
         states = {node.address: node for node in dry(plan.graph, wanted, session.store)}
@@ -109,7 +109,7 @@ class Locking:
         """Take the pins of what was built; what `wanted` once named and no longer does loses its pin."""
         if not self._plain or self.locked or not (self.lock or self._exists):
             return
-        from dextera_build.lockfile import Pin
+        from dextera_build.project.lockfile import Pin
 
         for node in result.targets:
             name, record = self._name(session.recipe, node), result.nodes[node]
@@ -127,7 +127,8 @@ class Locking:
         """Bring the file up to date if anything changed; return a line about what did, or ""."""
         if self.locked or not (self.lock or self._new):
             return ""
-        from dextera_build import digest, lockfile
+        from dextera_build import digest
+        from dextera_build.project import lockfile
         from dextera_build.store.store import Store
 
         guard = digest.of_bytes(str(self.path).encode())
@@ -148,7 +149,7 @@ class Locking:
     def _read(self) -> dict[Name, Pin] | None:
         if not self.path.exists():  # A build that does nothing need not wait for more.
             return None
-        from dextera_build import lockfile
+        from dextera_build.project import lockfile
 
         return lockfile.read(self.path, self._project.shown(self.path))
 
@@ -156,7 +157,7 @@ class Locking:
         return {name: pin for name, pin in (self._old | self._new).items() if pin is not None}
 
     def _name(self, recipe: str, node: str) -> Name:
-        from dextera_build.lockfile import Name
+        from dextera_build.project.lockfile import Name
 
         return Name(self._project.profile, recipe, node)
 

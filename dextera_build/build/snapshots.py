@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from dextera_build.store.signature import Signature
 
 if TYPE_CHECKING:
-    from dextera_build.project import Project
+    from dextera_build.project.project import Project
     from dextera_build.recipe.plan import Plan
     from dextera_build.store.signature import Watch
 

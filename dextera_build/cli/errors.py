@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TextIO
 
-from dextera_build.engine.events import NodeFinished
 from dextera_build.errors import DxbError, Place
 from dextera_build.report.wording import some
+from dextera_build.runs.events import NodeFinished
 
 Lines = Callable[[str], Sequence[str] | None]
 """File as `Place` names it -> its lines, or None where it cannot be read."""

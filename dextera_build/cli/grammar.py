@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
 from dextera_build import __version__
-from dextera_build.cli.verbs import GROUPS, MOVED, VERBS
+from dextera_build.cli.verbs import GROUPS, MODULES, MOVED, VERBS
 from dextera_build.errors import UsageError, did_you_mean
 
 _FOOT = "`dxb help VERB`, `dxb help DXB-R104` and `dxb help RULE` explain; every verb that reads takes `--json`."
@@ -47,7 +47,7 @@ def parser(verb: str | None = None) -> argparse.ArgumentParser:
     for name, summary in VERBS.items():
         sub = verbs.add_parser(name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.")
         if verb in (None, name):
-            importlib.import_module(f"dextera_build.cli.{name}").arguments(sub)
+            importlib.import_module(MODULES[name]).arguments(sub)
     return top
 
 

@@ -9,7 +9,7 @@ import os
 import sys
 
 from dextera_build.cli import streams
-from dextera_build.engine import snapshot
+from dextera_build.runs import snapshot
 
 # A build that does nothing ends before anything else of dxb is loaded, so all of that is imported where it is used.
 TYPE_CHECKING = False
@@ -67,7 +67,7 @@ def _guarded(words: "list[str]") -> int:
 
 def _complete() -> int:
     """Answer the shell; a broken recipe or setting must not write into the line that a person types."""
-    from dextera_build.cli import complete
+    from dextera_build.cli.project import complete
 
     try:
         complete.answer()
@@ -81,16 +81,17 @@ def _run(words: list[str]) -> int:
     import importlib
 
     from dextera_build.cli.grammar import parse
+    from dextera_build.cli.verbs import MODULES
 
     args = parse(words or ["--help"])
     args.words = words
     # What a command makes it keeps. To look for circles in it at every 700 objects takes a tenth of a small build.
     gc.set_threshold(_YOUNG)
     try:
-        code: int = importlib.import_module(f"dextera_build.cli.{args.verb}").run(args)
+        code: int = importlib.import_module(MODULES[args.verb]).run(args)
     finally:
         if "dextera_build.session" in sys.modules:
-            from dextera_build.cli.shown import warn
+            from dextera_build.cli.build.shown import warn
 
             warn()
     return code

@@ -4,36 +4,22 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dextera_build.errors import UsageError
+from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
-    from dextera_build.project import Project
+    from dextera_build.project.project import Project
     from dextera_build.session import Added
-
-
-@dataclass(frozen=True)
-class Wish:
-    """`twin/laptop_scene:body[mug].mesh`: a recipe, and a target or node of it."""
-
-    recipe: str
-    target: str
-
-
-def wish(text: str) -> Wish:
-    """Read `RECIPE` or `RECIPE:TARGET`."""
-    recipe, _, target = text.partition(":")
-    return Wish(recipe.removesuffix(".yaml").removeprefix("recipes/"), target)
 
 
 def by_recipe(texts: Iterable[str]) -> dict[str, list[str]]:
     """Recipe -> its targets, in the order in which they are named."""
     wanted: dict[str, list[str]] = {}
     for text in texts:
-        named = wish(text)
-        wanted.setdefault(named.recipe, []).append(named.target)
+        named = parse_target(text)
+        wanted.setdefault(named.recipe, []).append(named.node)
     return wanted
 
 
@@ -89,8 +75,8 @@ def json_argument(parser: argparse.ArgumentParser) -> None:
 
 def project(args: argparse.Namespace) -> Project:
     """The project that the arguments name."""
-    from dextera_build import project as module
     from dextera_build.cli import variables
+    from dextera_build.project import project as module
 
     flags = {
         name: getattr(args, name, None)

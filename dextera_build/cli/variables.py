@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dextera_build.project import Project
+    from dextera_build.project.project import Project
 
 PREFIX = "DXB_"
 SETTINGS = {

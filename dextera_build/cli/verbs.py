@@ -30,6 +30,8 @@ GROUPS = {
     },
 }
 """Group -> verb -> what it does."""
+MODULES = {verb: f"dextera_build.cli.{group}.{verb}" for group, verbs in GROUPS.items() for verb in verbs}
+"""Verb -> its module."""
 VERBS = {verb: text for group in GROUPS.values() for verb, text in group.items()}
 MOVED = {
     "graph": "show --graph",

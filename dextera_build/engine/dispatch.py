@@ -7,19 +7,19 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from dextera_build.engine.admission import Admission, estimate, lacks
-from dextera_build.engine.capacity import Capacity, Needs
+from dextera_build.engine.discovered import Reading
 from dextera_build.engine.graph import RuleFacts
 from dextera_build.engine.policy import Hooks, Policy
 from dextera_build.engine.publish import log_of, publish
-from dextera_build.engine.reading import Reading
-from dextera_build.engine.sharing import Sharing
+from dextera_build.engine.remote_results import Sharing
 from dextera_build.engine.states import State
-from dextera_build.engine.tasks import Ended, Executor, Report, Said, Task
 from dextera_build.engine.units import End, Node, UnitStates
 from dextera_build.errors import DxbError
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
+from dextera_build.workers.admission import Admission, estimate, lacks
+from dextera_build.workers.capacity import Capacity, Needs
+from dextera_build.workers.protocol import Ended, Executor, Report, Said, Task
 
 _PATIENCE_S = 0.02
 """How often a key is looked at that another process builds [s]."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
-from dextera_build.engine.capacity import Needs
-from dextera_build.engine.retries import Retries
 from dextera_build.errors import Place, UsageError
+from dextera_build.workers.capacity import Needs
+from dextera_build.workers.retries import Retries
 
 
 @dataclass(frozen=True, slots=True)

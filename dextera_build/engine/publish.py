@@ -13,13 +13,13 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
-from dextera_build.engine.reading import Reading
-from dextera_build.engine.tasks import Ended
+from dextera_build.engine.discovered import Reading
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError, RuleError, StoreError
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.store.traces import lists
+from dextera_build.workers.protocol import Ended
 
 
 def publish(store: Store, node: Node, report: Ended, reading: Reading) -> ActionResult:

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dextera_build.engine.events import NodeFinished, Status
-from dextera_build.engine.reach import files_read
+from dextera_build.engine.expand import Wiring
+from dextera_build.engine.lookup import files_read
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node, Unit, producers
-from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError
+from dextera_build.runs.events import NodeFinished, Status
 
 
 @dataclass(frozen=True)

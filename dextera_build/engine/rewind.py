@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
+from dextera_build.engine.expand import Wiring
+from dextera_build.engine.resolve import value
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Node, Opening, Unit, UnitStates
-from dextera_build.engine.values import value
-from dextera_build.engine.wiring import Wiring
 from dextera_build.store.store import Store
 
 _MOST = 3

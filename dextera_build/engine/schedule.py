@@ -24,22 +24,22 @@ from contextlib import suppress
 
 from dextera_build import digest as digests
 from dextera_build.engine import rewind
+from dextera_build.engine.discovered import Reading
 from dextera_build.engine.dispatch import Dispatch
+from dextera_build.engine.expand import Wiring
 from dextera_build.engine.graph import Address, Fixed, Graph
 from dextera_build.engine.key import Writer
 from dextera_build.engine.policy import Hooks, Policy
-from dextera_build.engine.reading import Reading
-from dextera_build.engine.sharing import Remotes, Sharing
+from dextera_build.engine.remote_results import Remotes, Sharing
+from dextera_build.engine.resolve import inputs_of, value
 from dextera_build.engine.states import LOST, State, States
-from dextera_build.engine.tasks import Executor
 from dextera_build.engine.units import End, Gathering, Node, Opening, Unit, UnitStates
-from dextera_build.engine.values import inputs_of, value
-from dextera_build.engine.wiring import Wiring
 from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
-from dextera_build.store import header
-from dextera_build.store.cas import MissingBlob
+from dextera_build.store import headers
+from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
+from dextera_build.workers.protocol import Executor
 
 _BATCH = 64
 _LABEL = re.compile(r"[^\[\]/\\\x00-\x1f]+")
@@ -266,7 +266,8 @@ class Scheduler:
         if isinstance(unit.group.over, Fixed):
             unit.items = dict.fromkeys(unit.group.over.labels, "")
         else:
-            unit.items = header.items(self.store.blobs.get, value(unit.group.over, unit, self.wiring, self.store.blobs))
+            over = value(unit.group.over, unit, self.wiring, self.store.blobs)
+            unit.items = headers.items(self.store.blobs.get, over)
         for label in unit.items:
             if not _LABEL.fullmatch(label):
                 raise RuleError(
@@ -286,8 +287,8 @@ class Scheduler:
                 label = ".".join(labels[len(unit.labels) :])
                 if label in parts:
                     raise RuleError(f"`{unit.address}` has two copies called `{label}`", code="DXB-B307")
-                parts[label] = header.project(self.store.blobs.get, node.output, unit.fields)
-            unit.output = self.store.blobs.put(header.collection_header(parts))
+                parts[label] = headers.project(self.store.blobs.get, node.output, unit.fields)
+            unit.output = self.store.blobs.put(headers.collection_header(parts))
         elif not self.policy.dry and self._send_back(unit, [node for node in unit.nodes.values() if node.bare]):
             return
         self._done(unit)

@@ -9,10 +9,10 @@ from typing import NamedTuple, TypeAlias
 
 from dextera_build.engine.graph import Call, Group, Leaf, RuleFacts
 from dextera_build.engine.states import State, States
-from dextera_build.engine.tasks import Ended
 from dextera_build.errors import DxbError
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.traces.steps import Steps
+from dextera_build.workers.protocol import Ended
 
 Path = tuple[str, ...]
 """Names from the root of the graph."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from dextera_build.engine import events
-from dextera_build.engine.events import Listener
-from dextera_build.engine.sharing import Remotes
+from dextera_build.engine.remote_results import Remotes
+from dextera_build.runs import events
+from dextera_build.runs.events import Listener
 
 _TICK_S = 0.5
 

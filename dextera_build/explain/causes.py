@@ -21,7 +21,7 @@ from dextera_build.report.wording import count, some
 from dextera_build.store.traces.steps import READ
 
 if TYPE_CHECKING:
-    from dextera_build.engine.dryrun import Planned
+    from dextera_build.engine.dry import Planned
     from dextera_build.session import Session
 
 _OPEN = "judged when its inputs are known"

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from dextera_build.engine import eventlog
+from dextera_build.runs import log
 from dextera_build.session import Session
-from dextera_build.store.cas import MissingBlob
+from dextera_build.store.blobs import MissingBlob
 
 Event = dict[str, Any]
 
@@ -118,12 +118,12 @@ class Origins:
 
     @cached_property
     def _known_runs(self) -> list[str]:
-        return eventlog.runs(self._store)
+        return log.runs(self._store)
 
     def _nodes(self, run: str) -> dict[str, Event]:
         """Address -> the last word on each node that a run brought up to date."""
         if run not in self._runs:
-            told = eventlog.read(self._store, run) if run in self._known_runs else []
+            told = log.read(self._store, run) if run in self._known_runs else []
             ended = [event for event in told if event["event"] == "node_finished" and event["output"]]
             self._runs[run] = {event["node"]: event for event in ended}
         return self._runs[run]

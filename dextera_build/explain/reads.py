@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.errors import DxbError
 from dextera_build.report.wording import count
-from dextera_build.store.cas import MissingBlob
+from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.traces.look import UNKNOWN, Look
 from dextera_build.store.traces.steps import NONE, READ, label
 

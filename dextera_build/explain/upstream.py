@@ -21,11 +21,11 @@ from dextera_build.engine.graph import (
     parse_address,
     parts_of,
 )
-from dextera_build.engine.reach import copy_of, group_at
+from dextera_build.engine.lookup import copy_of, group_at
 
 if TYPE_CHECKING:
-    from dextera_build.engine.dryrun import Planned
-    from dextera_build.project import Project
+    from dextera_build.engine.dry import Planned
+    from dextera_build.project.project import Project
 
 
 class Upstream:

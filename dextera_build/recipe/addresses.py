@@ -1,6 +1,7 @@
-"""Which recipes there are, by name alone; completion waits for this, so it loads nothing."""
+"""Which recipes a project has, by name alone, and how a target is written; completion waits for this module."""
 
 import os
+from dataclasses import dataclass
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -17,3 +18,18 @@ def addresses(folders: "Iterable[str]") -> "Iterator[tuple[str, str]]":
             if "." not in address and address.isprintable() and address not in seen:
                 seen.add(address)
                 yield address, file
+
+
+@dataclass(frozen=True)
+class Target:
+    """`twin/laptop_scene:body[mug].mesh`: a recipe, and a target or node of it."""
+
+    recipe: str
+    node: str
+    """Name of a target or address of a node; "" stands for the default targets."""
+
+
+def parse_target(text: str) -> Target:
+    """Read `RECIPE` or `RECIPE:NODE`."""
+    recipe, _, node = text.partition(":")
+    return Target(recipe.removesuffix(".yaml").removeprefix("recipes/"), node)

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.code.loader import BackendFile, Library, RuleFile, choose_backend, version_of
 from dextera_build.engine.graph import Call, Graph, Input, Pack, RuleFacts
-from dextera_build.engine.retries import Retries, name_of
 from dextera_build.errors import MachineError, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.recipe import matrix
 from dextera_build.recipe.schema import CallDecl
 from dextera_build.recipe.scope import Scope, type_name
 from dextera_build.recipe.settings import Setting
 from dextera_build.recipe.strict_yaml import Node
+from dextera_build.workers.retries import Retries, name_of
 
 if TYPE_CHECKING:
     from dextera_build.rule import Slot

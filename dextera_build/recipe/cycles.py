@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dextera_build.engine.graph import Call, Fixed, Gather, Graph, Input, Item, Leaf, Output, parts_of
-from dextera_build.engine.reach import copy_of, group_at
+from dextera_build.engine.lookup import copy_of, group_at
 from dextera_build.errors import RecipeError
 
 Address = tuple[str, ...]

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from dextera_build.errors import Place, RecipeError
-
-if TYPE_CHECKING:
-    from dextera_build.recipe.schema import Decl
 
 MOST_BYTES = 64 << 20
 """Of one recipe file; 100,000 nodes take about 10 MB."""
@@ -35,12 +31,12 @@ def refuse_deep(trail: Sequence[str], where: Place) -> None:
         )
 
 
-def refuse_many(used: int, last: Decl) -> None:
+def refuse_many(used: int, where: Place) -> None:
     """Nodes of used recipes count each time that the recipe is used.
 
     Args:
         used: Nodes of used recipes so far.
-        last: The last of them.
+        where: What names the last of them.
 
     Raises:
         RecipeError: There are too many.
@@ -49,6 +45,6 @@ def refuse_many(used: int, last: Decl) -> None:
         raise RecipeError(
             f"recipes within this recipe come to more than {_MOST_USED:,} nodes",
             code="DXB-R116",
-            where=last.place,
+            where=where,
             hint="`each` and `matrix` make copies of nodes without naming them",
         )

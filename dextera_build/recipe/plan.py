@@ -203,7 +203,7 @@ class _Planner:
         for name, decl in nodes.items():
             address = (*group, prefix + name)
             self._used += len(self._opening) > 1
-            limits.refuse_many(self._used, decl)
+            limits.refuse_many(self._used, decl.place)
             if isinstance(decl, CallDecl):
                 if run is None:
                     run = _Run(group, prefix, scope)

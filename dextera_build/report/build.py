@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build import digest
-from dextera_build.engine.events import Event
 from dextera_build.report import flow, objects, provenance, result, timeline
 from dextera_build.report.details import details
 from dextera_build.report.html import Html, join, tag
@@ -19,6 +18,7 @@ from dextera_build.report.pieces import section
 from dextera_build.report.run import Run, read
 from dextera_build.report.sources import Store
 from dextera_build.report.tables import tables
+from dextera_build.runs.events import Event
 
 LIMIT = 5_000_000
 """Bytes that a report may have; pictures are made coarser until it fits."""

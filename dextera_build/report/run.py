@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from dextera_build.engine.events import Event
 from dextera_build.report import sources
 from dextera_build.report.sources import Store
+from dextera_build.runs.events import Event
 
 _STEP = re.compile(r"(?P<name>[^.\[]+)(?:\[(?P<label>[^\]]*)\])?(?:\.|$)")
 _WORKED = ("ran", "fetched", "failed", "cancelled")

@@ -11,7 +11,7 @@ from pathlib import Path
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.store import failpoints, files
-from dextera_build.store.cas import is_digest
+from dextera_build.store.blobs import is_digest
 
 _MOST = 16
 """Outputs of one key that are kept in mind."""

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from dextera_build import digest as digests
-from dextera_build.store.cas import is_digest
+from dextera_build.store.blobs import is_digest
 
 MOST_DOCUMENT = 1 << 16
 """Longer key documents [bytes] are blobs, since an entry is read whenever its key is looked up."""

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from dextera_build.errors import StoreError
-from dextera_build.store import failpoints, sharing, space
+from dextera_build.store import disk_full, failpoints, permissions
 
 _FICLONE = 0x40049409
 _CHUNK = 1 << 20
@@ -32,11 +32,11 @@ _UNFINISHED = re.compile(rf"{re.escape(TEMPORARY)}-[0-9a-f]{{8}}-\d+-\d+")
 
 def store_error(error: OSError, path: str) -> StoreError:
     """What a failed write to the store means for the person who builds."""
-    if error.errno in space.FULL:
+    if error.errno in disk_full.FULL:
         return StoreError(
             "the store is full",
             code="DXB-S101",
-            facts={"file": path, "system says": error.strerror, "free": space.free(path)},
+            facts={"file": path, "system says": error.strerror, "free": disk_full.free(path)},
             hint="`dxb cache size` shows what it holds; make room or set `DXB_CACHE` to a larger disk and build again",
         )
     no_folder = error.errno in (errno.EEXIST, errno.ENOTDIR)
@@ -188,9 +188,9 @@ def _create(folder: str, temporary: str, mode: int) -> int:
     try:
         descriptor = os.open(temporary, _NEW, mode)
     except FileNotFoundError:
-        sharing.make_folder(folder)
+        permissions.make_folder(folder)
         descriptor = os.open(temporary, _NEW, mode)
-    sharing.share_file(descriptor, folder, mode)
+    permissions.share_file(descriptor, folder, mode)
     return descriptor
 
 
@@ -210,7 +210,7 @@ def _move(temporary: str, path: str, *, is_ours: bool) -> None:
     try:
         os.replace(temporary, path)
     except FileNotFoundError:
-        sharing.make_folder(os.path.dirname(path))
+        permissions.make_folder(os.path.dirname(path))
         os.replace(temporary, path)
     except IsADirectoryError:
         if not is_ours:

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from dextera_build.store import failpoints, sharing
+from dextera_build.store import failpoints, permissions
 
 _FLOCK = struct.Struct("hhqqi4x")
 """`struct flock` of Linux on 64 bits: type, whence, start, length, pid."""
@@ -131,10 +131,10 @@ class Locks:
             return known
         _close_idle()
         try:
-            sharing.make_folder(str(self._path.parent))
+            permissions.make_folder(str(self._path.parent))
             _open[self._name] = os.open(self._name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
             failpoints.reach("lock.made")
-            sharing.share_file(_open[self._name], str(self._path.parent), 0o644)
+            permissions.share_file(_open[self._name], str(self._path.parent), 0o644)
         except OSError:
             return -1
         return _open[self._name]

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from dextera_build.store import failpoints, files
-from dextera_build.store.cas import Blobs, MissingBlob
+from dextera_build.store.blobs import Blobs, MissingBlob
 
 
 def place(blobs: Blobs, digest: str, target: Path) -> None:

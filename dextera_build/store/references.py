@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dextera_build.store import header
-from dextera_build.store.cas import Blobs, MissingBlob
+from dextera_build.store import headers as header
+from dextera_build.store.blobs import Blobs, MissingBlob
 from dextera_build.store.streams import Recent
 
 _MOST_KNOWN = 4096

@@ -17,8 +17,8 @@ from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import RecipeError, StoreError
-from dextera_build.store import failpoints, header, signature
-from dextera_build.store.cas import Blobs, is_digest
+from dextera_build.store import failpoints, headers, signature
+from dextera_build.store.blobs import Blobs, is_digest
 from dextera_build.store.state import State
 
 _KIND = "leaf"
@@ -56,12 +56,12 @@ class StatCache:
         name = os.path.abspath(path)
         state = _stat(name)
         if not stat.S_ISDIR(state.st_mode):
-            return self._blobs.put(header.file_header(*self._file(name, state)))
+            return self._blobs.put(headers.file_header(*self._file(name, state)))
         inside = list(self._walk(name))
         found = self._files(inside)
         start = len(name.rstrip(os.sep)) + 1
         tree = {inner[start:].replace(os.sep, "/"): found[inner] for inner, _ in inside}
-        return self._blobs.put(header.folder_header(tree))
+        return self._blobs.put(headers.folder_header(tree))
 
     def paths(self, blob: str) -> list[str]:
         """Project files that had these bytes when they were last read."""

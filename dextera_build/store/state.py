@@ -136,13 +136,13 @@ class State:
 
     def _make(self) -> None:
         """Make an empty file with the permissions of the store; SQLite gives its other files the same."""
-        from dextera_build.store import sharing
+        from dextera_build.store import permissions
 
         folder = os.path.dirname(self._path)
-        sharing.make_folder(folder)
+        permissions.make_folder(folder)
         descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
         try:
-            sharing.share_file(descriptor, folder, 0o644)
+            permissions.share_file(descriptor, folder, 0o644)
         finally:
             os.close(descriptor)
 

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from dextera_build.errors import StoreError
 from dextera_build.store import files
-from dextera_build.store.actions import Actions
-from dextera_build.store.aside import Aside
-from dextera_build.store.cas import Blobs, entries
+from dextera_build.store.blobs import Blobs, entries
 from dextera_build.store.divergent import Divergent
-from dextera_build.store.keep import Keep
 from dextera_build.store.locks import Locks
+from dextera_build.store.progress import Keep
+from dextera_build.store.read_only import Aside
+from dextera_build.store.results import Actions
 from dextera_build.store.running import Running
 from dextera_build.store.statcache import StatCache
 from dextera_build.store.state import State

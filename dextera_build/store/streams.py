@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from pathlib import Path
 
-from dextera_build.store.cas import Blobs, MissingBlob
+from dextera_build.store.blobs import Blobs, MissingBlob
 from dextera_build.store.materialize import place
 
 _SMALL = 1 << 14

@@ -11,7 +11,7 @@ from dextera_build import digest
 from dextera_build.artifacts import content
 from dextera_build.artifacts.base import Artifact, File, Folder
 from dextera_build.errors import ArtifactError, StoreError
-from dextera_build.store.cas import MissingBlob
+from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.store import Store
 
 LARGE = b"0123456789abcdef" * (content.SMALL // 16 + 1)

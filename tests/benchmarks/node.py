@@ -87,12 +87,12 @@ def _measure(code: Path, size: int, work: Path, args: argparse.Namespace) -> dic
 def _inside(target: str, words: list[str]) -> int:
     """Run `dxb` with these words, and write to `target` what it cost; dxb is that of the module search path."""
     from dextera_build.cli.main import main as dxb
-    from dextera_build.engine import execute
+    from dextera_build.engine import run
 
     found: dict[str, float] = {}
-    build = execute.build
+    build = run.build
 
-    def measured(*arguments: Any, **more: Any) -> execute.RunResult:
+    def measured(*arguments: Any, **more: Any) -> run.RunResult:
         began, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_SELF)
         result = build(*arguments, **more)
         after = resource.getrusage(resource.RUSAGE_SELF)
@@ -103,7 +103,7 @@ def _inside(target: str, words: list[str]) -> int:
         found["memory_mib"] = _peak_mib()
         return result
 
-    execute.build = measured  # `build.build` imports it when it builds
+    run.build = measured  # `build.build` imports it when it builds
     code = dxb(words)
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     found["workers"] = children.ru_utime + children.ru_stime

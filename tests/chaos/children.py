@@ -14,15 +14,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from dextera_build.build.runner import run_task
 from dextera_build.cli.main import main
-from dextera_build.code.runner import run_task
-from dextera_build.engine.executors import local
-from dextera_build.engine.executors.inline import InlineExecutor
 from dextera_build.store import failpoints
+from dextera_build.workers import pool
+from dextera_build.workers.inline import InlineExecutor
 
-for _name in ("cli.build", "cli.cache", "cli.check", "build.build", "build.export", "build.snapshots"):
+for _name in (
+    "cli.build.build",
+    "cli.share.cache",
+    "cli.build.check",
+    "build.build",
+    "build.export",
+    "build.snapshots",
+):
     importlib.import_module(f"dextera_build.{_name}")  # here, once, rather than in every child
-for _name in ("numpy", "pydantic", "dextera_build.engine.execute", "dextera_build.recipe.plan"):
+for _name in ("numpy", "pydantic", "dextera_build.engine.run", "dextera_build.recipe.plan"):
     importlib.import_module(_name)
 
 
@@ -81,7 +88,7 @@ def _become(root: Path, words: tuple[str, ...], failpoint: str, printed: Path) -
             del os.environ[name]
         os.environ |= {"NO_COLOR": "1", "DXB_DURABLE": "0", "DXB_CONSOLE": "plain"}
         os.environ |= {"XDG_CONFIG_HOME": str(root / ".config"), "XDG_CACHE_HOME": str(root / ".cache")}
-        local.LocalExecutor = _Inline  # type: ignore[misc,assignment]
+        pool.LocalExecutor = _Inline  # type: ignore[misc,assignment]
         failpoints.arm(failpoint)
         code = main(words)
     except BaseException:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from dextera_build.store import inventory
+from dextera_build.gc import inventory
 from dextera_build.store.store import Store
 from tests.chaos.children import dxb
 from tests.e2e.space import Space

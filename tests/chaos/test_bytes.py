@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine import eventlog
-from dextera_build.engine.eventlog import EventLog
-from dextera_build.engine.events import fan_out
-from dextera_build.engine.execute import RunResult, build
 from dextera_build.engine.graph import Graph
+from dextera_build.engine.run import RunResult, build
+from dextera_build.gc.verify import verify
+from dextera_build.runs import log as eventlog
+from dextera_build.runs.events import fan_out
+from dextera_build.runs.log import EventLog
 from dextera_build.store.state import State
 from dextera_build.store.store import Store
-from dextera_build.store.verify import verify
 from tests.chaos.children import dxb
 from tests.chaos.scenarios import PLAIN, project
 from tests.engine.tiny import Record, call, graph, group, inline, item, leaf, out

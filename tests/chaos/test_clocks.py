@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine.execute import build
-from dextera_build.store.choose import Limits
-from dextera_build.store.collect import collect
+from dextera_build.engine.run import build
+from dextera_build.gc.choose import Limits
+from dextera_build.gc.collect import collect
 from dextera_build.store.store import Store
 from tests.chaos.children import dxb
 from tests.chaos.clocks import clock

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.store import use
-from dextera_build.store.choose import Limits
-from dextera_build.store.collect import collect
+from dextera_build.gc.choose import Limits
+from dextera_build.gc.collect import collect
+from dextera_build.store import last_use
 from dextera_build.store.store import Store
 
 ROUNDS = 30
@@ -71,8 +71,8 @@ print(counts["ran"], counts["cached"])
 @pytest.fixture
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a twentieth of a second pass for an hour."""
-    monkeypatch.setattr(use, "STEP_S", STEP_S)
-    monkeypatch.setattr(use, "SLACK_S", SLACK_S)
+    monkeypatch.setattr(last_use, "STEP_S", STEP_S)
+    monkeypatch.setattr(last_use, "SLACK_S", SLACK_S)
 
 
 @pytest.mark.usefixtures("hasty")

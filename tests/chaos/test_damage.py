@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine.execute import RunResult, build
 from dextera_build.engine.graph import Graph
+from dextera_build.engine.run import RunResult, build
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, every, graph, group, inline, item, leaf, out
 

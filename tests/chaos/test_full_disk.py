@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 
 from dextera_build.build.export import Out
-from dextera_build.code.runner import run_task
-from dextera_build.engine.eventlog import EventLog, read
-from dextera_build.engine.events import NodeFinished, NodeLog, NodeProgress
-from dextera_build.engine.execute import RunResult
+from dextera_build.build.runner import run_task
+from dextera_build.engine.run import RunResult
 from dextera_build.errors import StoreError
-from dextera_build.project import Project
+from dextera_build.project.project import Project
+from dextera_build.runs.events import NodeFinished, NodeLog, NodeProgress
+from dextera_build.runs.log import EventLog, read
 from dextera_build.session import Session
-from dextera_build.store import space as disk
+from dextera_build.store import disk_full as disk
 from dextera_build.store.store import Store
 from tests.chaos.children import dxb
 from tests.chaos.scenarios import PLAIN, assert_as_clean, project

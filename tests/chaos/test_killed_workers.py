@@ -7,11 +7,11 @@ import random
 import signal
 from pathlib import Path
 
-from dextera_build.engine.events import Event, NodeStarted, fan_out
-from dextera_build.engine.execute import build
-from dextera_build.engine.executors.local import LocalExecutor
 from dextera_build.engine.graph import Graph
+from dextera_build.engine.run import build
+from dextera_build.runs.events import Event, NodeStarted, fan_out
 from dextera_build.store.store import Store
+from dextera_build.workers.pool import LocalExecutor
 from tests.engine.tiny import RUNNER, Record, call, graph, inline, out
 
 

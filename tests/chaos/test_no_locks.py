@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.store.choose import Limits
-from dextera_build.store.collect import collect
+from dextera_build.gc.choose import Limits
+from dextera_build.gc.collect import collect
 from dextera_build.store.locks import Locks
 from dextera_build.store.store import Store
 from tests.engine.tiny import call, graph, out, run

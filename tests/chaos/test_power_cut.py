@@ -9,16 +9,16 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from dextera_build.engine import eventlog
-from dextera_build.engine.eventlog import EventLog
-from dextera_build.engine.events import fan_out
-from dextera_build.engine.execute import RunResult, build
 from dextera_build.engine.graph import Graph
+from dextera_build.engine.run import RunResult, build
+from dextera_build.gc.verify import verify
+from dextera_build.runs import log as eventlog
+from dextera_build.runs.events import fan_out
+from dextera_build.runs.log import EventLog
 from dextera_build.store import durable
-from dextera_build.store.cas import MissingBlob
-from dextera_build.store.header import closure
+from dextera_build.store.blobs import MissingBlob
+from dextera_build.store.headers import closure
 from dextera_build.store.store import Store
-from dextera_build.store.verify import verify
 from tests.engine.tiny import Record, call, every, graph, group, inline, item, leaf, out
 
 

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine.eventlog import EventLog
-from dextera_build.engine.events import Event
-from dextera_build.engine.execute import build
-from dextera_build.store.choose import Limits
-from dextera_build.store.collect import collect
+from dextera_build.engine.run import build
+from dextera_build.gc.choose import Limits
+from dextera_build.gc.collect import collect
+from dextera_build.gc.verify import verify
+from dextera_build.runs.events import Event
+from dextera_build.runs.log import EventLog
 from dextera_build.store.store import Store
-from dextera_build.store.verify import verify
 from tests.engine.tiny import Record, call, graph, inline, out
 from tests.store.stores import age_all
 

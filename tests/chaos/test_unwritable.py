@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine.eventlog import EventLog
-from dextera_build.engine.events import Event
-from dextera_build.engine.execute import build
+from dextera_build.engine.run import build
 from dextera_build.errors import StoreError
+from dextera_build.runs.events import Event
+from dextera_build.runs.log import EventLog
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, graph, inline, leaf, out
 

@@ -19,15 +19,7 @@ from dextera_build.cli.consoles import can_move, console, lines
 from dextera_build.cli.consoles.foot import Running, clock, foot
 from dextera_build.cli.consoles.live import LiveConsole
 from dextera_build.cli.errors import wants_colour
-from dextera_build.engine.events import (
-    Event,
-    NodeFinished,
-    NodeLog,
-    NodeProgress,
-    NodeStarted,
-    RunFinished,
-    RunStarted,
-)
+from dextera_build.runs.events import Event, NodeFinished, NodeLog, NodeProgress, NodeStarted, RunFinished, RunStarted
 from tests.report.fabricate import Spec, fabricate
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from dextera_build.cli.errors import read_lines, render, render_node
-from dextera_build.engine.events import NodeFinished
 from dextera_build.errors import DxbError, MachineError, Place, RecipeError, RuleError
+from dextera_build.runs.events import NodeFinished
 
 LINE = "  objects: {rule: segment.instances, frames: $frames, cameras: $camera, backend: sam2,"
 

@@ -12,7 +12,7 @@ from dextera_build.cli.consoles.foot import counted
 from dextera_build.cli.consoles.live import LiveConsole
 from dextera_build.cli.consoles.plain import PlainConsole
 from dextera_build.cli.consoles.record import Record
-from dextera_build.engine.events import NodeFinished, NodeProgress, NodeStarted, RunSized, RunStarted
+from dextera_build.runs.events import NodeFinished, NodeProgress, NodeStarted, RunSized, RunStarted
 from tests.cli.test_consoles import Tty, until
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from dextera_build.cli import variables
 from dextera_build.code.loader import PACKAGE, bundled
-from dextera_build.project import Project
+from dextera_build.project.project import Project
 
 
 def test_every_setting_has_its_variable(tmp_path):

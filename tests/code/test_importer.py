@@ -90,7 +90,7 @@ def run(project: Path, sources: dict[str, str], variables: dict[str, str] | None
         "sources": sources,
     }
     program = (
-        "import json, sys\nfrom dextera_build.code.entry import run_task\n"
+        "import json, sys\nfrom dextera_build.build.worker_entry import run_task\n"
         "from dextera_build.errors import DxbError\nfrom dextera_build.store.store import opened\n"
         "task = json.loads(sys.argv[1])\n"
         "try:\n    print(opened(task['store']).blobs.get(run_task(task, lambda *said: None)['output']).decode())\n"

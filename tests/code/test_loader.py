@@ -9,7 +9,7 @@ import pytest
 
 from dextera_build.code.loader import Library
 from dextera_build.errors import RecipeError
-from dextera_build.project import Project
+from dextera_build.project.project import Project
 from dextera_build.store.signature import Watch
 
 RULE = '''"""toy.NAME: a rule."""

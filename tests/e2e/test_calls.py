@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.calls.services import KEY, Service, serving
 from tests.e2e.space import Answer, Space
-from tests.store.calls.services import KEY, Service, serving
 
 RULE = '''
 """toy.describe: asks a service what a text is."""

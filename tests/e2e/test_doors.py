@@ -10,12 +10,12 @@ from pathlib import Path
 import httpx
 import pytest
 
-from dextera_build.store.remotes.http import HttpCache
-from dextera_build.store.remotes.remote import RemoteFault
-from dextera_build.store.remotes.server import CacheServer
+from dextera_build.remotes.http import HttpCache
+from dextera_build.remotes.remote import RemoteFault
+from dextera_build.remotes.server import CacheServer
 from dextera_build.store.store import Store
 from tests.e2e.space import Space
-from tests.store.remotes.test_http_secrets import KEY
+from tests.remotes.test_http_secrets import KEY
 
 SIGNED = 'cache = "cache"\nrequire_signed = true\n'
 

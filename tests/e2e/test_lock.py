@@ -6,8 +6,8 @@ import shutil
 
 import pytest
 
-from dextera_build import lockfile
-from dextera_build.lockfile import Name
+from dextera_build.project import lockfile
+from dextera_build.project.lockfile import Name
 from dextera_build.store.store import Store
 
 NOTE = "inputs: {note: note.txt}\nnodes:\n  w: {rule: toy.split, text: $note}\n"

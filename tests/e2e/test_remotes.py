@@ -17,7 +17,7 @@ import pytest
 from tests.e2e.machines import EVERY, agree, given_up, machine, results, serving, uploads
 from tests.e2e.space import Answer, Space
 from tests.interrupts import hear_interrupts
-from tests.store.remotes import servers
+from tests.remotes import servers
 
 GATE = '''
 """toy.gate: waits until the project has a file `go`."""

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from dextera_build.store.remotes.server import CacheServer
+from dextera_build.remotes.server import CacheServer
 from dextera_build.store.store import Store
 from tests.e2e.space import Answer, Space
-from tests.store.remotes.servers import deaf_port
+from tests.remotes.servers import deaf_port
 
 SECRET = "geheim"
 """Part of every secret below."""

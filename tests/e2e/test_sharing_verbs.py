@@ -8,7 +8,7 @@ import pytest
 
 from tests.e2e.machines import EVERY, given_up, machine, serving, uploads
 from tests.e2e.space import Space
-from tests.store.remotes import servers
+from tests.remotes import servers
 
 
 def test_push_and_pull(space: Space, served: str) -> None:

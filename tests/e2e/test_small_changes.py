@@ -74,11 +74,11 @@ def runs(space: Space) -> list[str]:
 
 
 def statuses(space: Space) -> dict[str, str]:
-    from dextera_build.engine import eventlog
+    from dextera_build.runs import log
     from dextera_build.store.store import Store
 
     store = Store(space.root / "cache")
-    events = eventlog.read(store, eventlog.runs(store)[-1])
+    events = log.read(store, log.runs(store)[-1])
     return {event["node"]: event["status"] for event in events if event["event"] == "node_finished"}
 
 

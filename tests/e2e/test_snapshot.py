@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from dextera_build.cli.main import main
-from dextera_build.engine import snapshot
+from dextera_build.runs import snapshot
 from dextera_build.store.state import State
 from tests.e2e.space import Space
 

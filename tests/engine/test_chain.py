@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine import dryrun
-from dextera_build.engine.execute import RunResult
+from dextera_build.engine import dry
 from dextera_build.engine.graph import Graph
 from dextera_build.engine.key import Writer
+from dextera_build.engine.run import RunResult
 from dextera_build.store.store import Store
 from tests.engine.tiny import call, graph, leaf, out, run
 
@@ -50,7 +50,7 @@ def test_a_chain_may_be_long(store: Store, tmp_path: Path, length: int) -> None:
     assert statuses(run(plan, store)[0]) == {"cached"}
 
     file.write_text("two")
-    assert {node.status for node in dryrun.plan(plan, plan.targets["default"], store)} == {"stale", "unknown"}
+    assert {node.status for node in dry.plan(plan, plan.targets["default"], store)} == {"stale", "unknown"}
     edited, _ = run(plan, store)
     assert statuses(edited) == {"ran"}
     last = f"n{length - 1}"

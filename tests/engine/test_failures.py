@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine.events import NodeFinished, RunFinished
-from dextera_build.engine.execute import build
 from dextera_build.engine.graph import Address
+from dextera_build.engine.run import build
 from dextera_build.errors import RecipeError, RuleError, StaleError, UsageError
+from dextera_build.runs.events import NodeFinished, RunFinished
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, every, graph, group, inline, item, leaf, out, run, scene
 
@@ -179,7 +179,7 @@ def test_labels_that_cannot_stand_in_an_address_are_refused(store: Store, label:
 
 
 def test_a_metric_that_is_not_finite_fails_the_node(store: Store) -> None:
-    from dextera_build.engine.executors.inline import InlineExecutor
+    from dextera_build.workers.inline import InlineExecutor
 
     executor = InlineExecutor(
         lambda task, emit: {"output": store.blobs.put(b"{}"), "metrics": {"error": (float("nan"), "m")}}

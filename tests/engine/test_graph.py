@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dextera_build.engine.graph import Address, node_address, parse_address
-from dextera_build.engine.reach import reach
+from dextera_build.engine.lookup import reach
 from dextera_build.errors import UsageError
 from tests.engine.tiny import call, every, graph, group, item, out
 

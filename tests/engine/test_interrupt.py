@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine.execute import build
+from dextera_build.engine.run import build
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, graph, inline, out
 from tests.interrupts import hear_interrupts

@@ -11,14 +11,15 @@ from pathlib import Path
 import pytest
 
 from dextera_build import digest
-from dextera_build.engine import eventlog, snapshot
-from dextera_build.engine.dryrun import Planned, plan
-from dextera_build.engine.eventlog import EventLog
-from dextera_build.engine.events import Event, NodeFinished, RunStarted, fan_out
-from dextera_build.engine.execute import RunInfo, build
+from dextera_build.engine.dry import Planned, plan
 from dextera_build.engine.graph import Address, Graph
-from dextera_build.engine.history import Entry, History
+from dextera_build.engine.run import RunInfo, build
 from dextera_build.errors import RecipeError, UsageError
+from dextera_build.runs import log as eventlog
+from dextera_build.runs import snapshot
+from dextera_build.runs.events import Event, NodeFinished, RunStarted, fan_out
+from dextera_build.runs.history import Entry, History
+from dextera_build.runs.log import EventLog
 from dextera_build.store import signature
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store

@@ -16,14 +16,14 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build import digest
-from dextera_build.engine.events import Event, NodeFinished
-from dextera_build.engine.execute import RunResult, build
-from dextera_build.engine.executors.inline import Emit, InlineExecutor
 from dextera_build.engine.graph import Address, Call, Fixed, Gather, Graph, Group, Input, Item, Leaf, Output, RuleFacts
+from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import Place, RuleError
+from dextera_build.runs.events import Event, NodeFinished
 from dextera_build.store.store import Store
 from dextera_build.store.traces.look import Look
 from dextera_build.store.traces.recording import Recording
+from dextera_build.workers.inline import Emit, InlineExecutor
 
 RUNNER = "tests.engine.tiny:run_task"
 HERE = Place("recipe.yaml", 1, 1)
@@ -143,7 +143,7 @@ def _read_all(store: Store, header: str) -> None:
 
 
 def _direct(store: Store, header: str) -> tuple[list[str], list[str]]:
-    from dextera_build.store.header import closure
+    from dextera_build.store.headers import closure
 
     return closure(store.blobs.get(header))
 

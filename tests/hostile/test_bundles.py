@@ -12,16 +12,16 @@ from pathlib import Path
 import pytest
 
 from dextera_build.artifacts.base import Artifact
+from dextera_build.bundle import layout, oci
+from dextera_build.bundle.errors import BundleRefused
 from dextera_build.digest import canonical, of_bytes
 from dextera_build.errors import ArtifactError
-from dextera_build.store import header
-from dextera_build.store.bundle import layout, oci
-from dextera_build.store.bundle.errors import BundleRefused
+from dextera_build.store import headers
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
+from tests.bundle.conftest import bundle, small
 from tests.engine.tiny import run
 from tests.hostile.conftest import listing, one_error
-from tests.store.bundle.conftest import bundle, small
 
 DOCKER = "application/vnd.docker.distribution.manifest.v2+json"
 HELM = "application/vnd.cncf.helm.config.v1+json"
@@ -171,7 +171,7 @@ def test_headers_that_name_one_another_in_a_circle_end(tmp_path, monkeypatch):
     monkeypatch.setattr(store.blobs, "size", lambda digest: 1)
     store.actions.put(two, ActionResult(one, "", (), {}, 1.0, None, two))
     assert store.actions.outline(two) == (one, frozenset({two}))
-    with pytest.raises(ArtifactError), header.reading("a value"):
+    with pytest.raises(ArtifactError), headers.reading("a value"):
         Endless.decode(one, read)
 
 

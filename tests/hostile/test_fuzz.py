@@ -16,28 +16,28 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dextera_build import lockfile
 from dextera_build.artifacts.base import Artifact, Collection, File, Folder
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.table import Table
+from dextera_build.bundle import importer, layout, oci, provenance, sign
+from dextera_build.bundle.closure import read_header, read_result
+from dextera_build.bundle.config import Contents
+from dextera_build.bundle.errors import BundleRefused
 from dextera_build.digest import canonical, of_bytes
 from dextera_build.errors import ArtifactError, DxbError, RecipeError, StoreError
-from dextera_build.project import Project
+from dextera_build.project import lockfile
+from dextera_build.project.project import Project
 from dextera_build.recipe import schema, strict_yaml
 from dextera_build.recipe.plan import plan
 from dextera_build.recipe.settings import parse as parse_setting
 from dextera_build.store import entry as entries
-from dextera_build.store import header
-from dextera_build.store.bundle import importer, layout, oci, provenance, sign
-from dextera_build.store.bundle.closure import read_header, read_result
-from dextera_build.store.bundle.config import Contents
-from dextera_build.store.bundle.errors import BundleRefused
+from dextera_build.store import headers
 from dextera_build.store.store import Store
+from tests.bundle.conftest import bundle, small
 from tests.engine.tiny import run
 from tests.hostile.values import PLAIN, mutate, torn
 from tests.recipe.conftest import RECIPE
-from tests.store.bundle.conftest import bundle, small
 from tests.store.stores import forged
 
 CHECKS = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large]
@@ -226,7 +226,7 @@ def headers_of_artifacts(good, data, folder):
     blobs = {of_bytes(text): text}
 
     def decode() -> None:
-        with header.reading("a value"):
+        with headers.reading("a value"):
             kind.decode(of_bytes(text), lambda digest: blobs.get(digest, b"12345678"))
 
     only(ArtifactError, decode)

@@ -11,14 +11,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dextera_build.engine import eventlog, events, roots
+from dextera_build.bundle.closure_of_targets import survey
 from dextera_build.engine.graph import Address
-from dextera_build.engine.history import Entry, History
-from dextera_build.engine.survey import survey
+from dextera_build.gc import roots
+from dextera_build.runs import events, log
+from dextera_build.runs.history import Entry, History
 from dextera_build.store.store import Store
+from tests.bundle.conftest import small
 from tests.engine.tiny import run
 from tests.hostile.values import BYTES, mutate, torn
-from tests.store.bundle.conftest import small
 
 MANY = settings(
     max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
@@ -53,8 +54,8 @@ def test_whatever_stands_in_its_own_files_a_build_goes_on(built, tmp_path, name)
     assert record.with_status("ran") == []
     store = Store(built.root)
     assert roots.find(store).vanished == [] or name in ("a number", "nothing in JSON", "a list", "a table")
-    for each in eventlog.runs(store):
-        eventlog.read(store, each)
+    for each in log.runs(store):
+        log.read(store, each)
     assert list(store.divergent.all()) == []
 
 
@@ -109,21 +110,21 @@ def test_a_line_that_is_no_event_is_left_out(tmp_path, event):
     folder.mkdir(parents=True)
     good = events.NodeLog(1.0, "a", "said").to_line()
     (folder / "events.jsonl").write_text(f"{json.dumps(event)}\n{good}\n")
-    assert [found["event"] for found in eventlog.read(store, "0001")] == ["node_log"]
+    assert [found["event"] for found in log.read(store, "0001")] == ["node_log"]
 
 
 def test_every_event_that_dxb_writes_is_read_back(built):
-    for each in eventlog.runs(built):
+    for each in log.runs(built):
         lines = (built.root / "runs" / each / "events.jsonl").read_bytes().splitlines()
-        assert len(eventlog.read(built, each)) == len(lines)
+        assert len(log.read(built, each)) == len(lines)
 
 
 def test_names_of_runs_that_are_no_numbers_are_passed_over(tmp_path):
     store = Store(tmp_path)
     for name in ("²", "٣x", "-1", "1e5", "a\nb", "0001"):
         (store.root / "runs" / name).mkdir(parents=True)
-    assert eventlog.runs(store) == ["0001"]
-    assert eventlog.EventLog(store).run == "0002"
+    assert log.runs(store) == ["0001"]
+    assert log.EventLog(store).run == "0002"
 
 
 @pytest.mark.parametrize("field", ["key", "node", "first", "again", "time"])
@@ -183,7 +184,7 @@ def test_changed_documents_are_read_or_forgotten(tmp_path, data):
     path.write_bytes(text)
     for entry in History(store, "a/b").all().values():
         assert isinstance(entry.key, str)
-    assert all(isinstance(found["event"], str) for found in eventlog.read(store, "0001"))
-    eventlog.latest(store, "a/b")
+    assert all(isinstance(found["event"], str) for found in log.read(store, "0001"))
+    log.latest(store, "a/b")
     list(store.divergent.all())
     roots.find(store)

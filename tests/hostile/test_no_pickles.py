@@ -15,7 +15,7 @@ import pytest
 from dextera_build.artifacts.base import File, Folder
 from dextera_build.digest import canonical, of_bytes
 from dextera_build.errors import ArtifactError, RuleError
-from dextera_build.store import header
+from dextera_build.store import headers
 from dextera_build.testing import RuleRunner
 
 REPO = Path(__file__).parents[2]
@@ -209,7 +209,7 @@ def test_an_array_of_objects_is_refused(tmp_path, dtype):
         field = next(iter(kind.model_fields))
         text = canonical({"artifact": kind.name(), "fields": {field: {"$array": [dtype, [1], of_bytes(data)]}}})
         blobs = {of_bytes(data): data, of_bytes(text): text}
-        with pytest.raises(ArtifactError), header.reading("a test"):
+        with pytest.raises(ArtifactError), headers.reading("a test"):
             kind.decode(of_bytes(text), blobs.__getitem__)
     assert not (tmp_path / "ran").exists()
 

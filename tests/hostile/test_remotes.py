@@ -15,16 +15,16 @@ from typing import Any
 
 import pytest
 
-from dextera_build.engine.execute import RunResult
+from dextera_build.engine.run import RunResult
+from dextera_build.remotes import http
+from dextera_build.remotes.breaker import Guarded
+from dextera_build.remotes.exchange import Exchange
+from dextera_build.remotes.folder import Directory
+from dextera_build.remotes.transfer import Transfer
+from dextera_build.store import disk_full
 from dextera_build.store import entry as entries
-from dextera_build.store import space
-from dextera_build.store.cas import Blobs
-from dextera_build.store.remotes import http
-from dextera_build.store.remotes.breaker import Guarded
-from dextera_build.store.remotes.directory import Directory
-from dextera_build.store.remotes.exchange import Exchange
+from dextera_build.store.blobs import Blobs
 from dextera_build.store.store import Store
-from dextera_build.store.transfer import Transfer
 from tests.engine.tiny import Record, run, scene
 from tests.store.stores import forged
 
@@ -186,8 +186,8 @@ def test_an_honest_server_is_believed(tmp_path, share):
 @pytest.mark.parametrize("drips", ["entries", "blobs"])
 def test_a_server_that_drips_is_left_alone(tmp_path, share, monkeypatch, drips):
     """A byte now and then keeps every wait short; what is promised must not make it long: the entry says terabytes."""
-    monkeypatch.setattr(space, "free_bytes", lambda path: 1 << 60)
-    monkeypatch.setattr("dextera_build.store.remotes.breaker._UNDER_WAY", 1 << 14)
+    monkeypatch.setattr(disk_full, "free_bytes", lambda path: 1 << 60)
+    monkeypatch.setattr("dextera_build.remotes.breaker._UNDER_WAY", 1 << 14)
 
     def says(path: str, data: bytes | None) -> Answer:
         if data is None:
@@ -207,7 +207,7 @@ def test_a_server_that_drips_is_left_alone(tmp_path, share, monkeypatch, drips):
 def test_what_cannot_fit_is_not_begun(tmp_path, share, monkeypatch):
     mine = Store(tmp_path / "mine")
     key = next(iter(Store(share).actions.keys()))
-    monkeypatch.setattr(space, "free_bytes", lambda path: 0)
+    monkeypatch.setattr(disk_full, "free_bytes", lambda path: 0)
     monkeypatch.setattr(Blobs, "receive", lambda *words: pytest.fail("bytes were asked for"))
     assert Transfer(mine).fetch(Directory(share), key) is None
 

@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from dextera_build import lockfile
 from dextera_build.errors import RecipeError, UsageError
-from dextera_build.project import Project
+from dextera_build.project import lockfile
+from dextera_build.project.project import Project
 from tests.hostile.conftest import one_error
 
 SETTINGS = {

@@ -20,19 +20,19 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from dextera_build import digest
-from dextera_build.engine.eventlog import EventLog
-from dextera_build.engine.events import fan_out
-from dextera_build.engine.execute import RunResult, build
-from dextera_build.engine.executors.local import LocalExecutor
 from dextera_build.engine.graph import Address
 from dextera_build.engine.key import Writer
-from dextera_build.engine.tasks import Executor
+from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import DxbError
+from dextera_build.gc.choose import Limits
+from dextera_build.gc.collect import collect
+from dextera_build.gc.verify import verify
+from dextera_build.runs.events import fan_out
+from dextera_build.runs.log import EventLog
 from dextera_build.store import failpoints
-from dextera_build.store.choose import Limits
-from dextera_build.store.collect import collect
 from dextera_build.store.store import Store
-from dextera_build.store.verify import verify
+from dextera_build.workers.pool import LocalExecutor
+from dextera_build.workers.protocol import Executor
 from tests.chaos.clocks import clock
 from tests.engine.tiny import RUNNER, Record
 from tests.oracle.graphs import RandomGraph

@@ -9,7 +9,7 @@ from typing import Any
 
 from dextera_build import digest
 from dextera_build.engine.graph import Address, Call, Fixed, Graph, Input, Item, Leaf, Output, node_address
-from dextera_build.store.header import collection_header, file_header, folder_header
+from dextera_build.store.headers import collection_header, file_header, folder_header
 from tests.engine.tiny import _output, follow, text_header
 
 Labels = tuple[str, ...]

@@ -6,9 +6,9 @@ import random
 from collections.abc import Callable
 from dataclasses import replace
 
-from dextera_build.engine.executors.inline import InlineExecutor
-from dextera_build.engine.tasks import Ended, Report
 from dextera_build.errors import RuleError
+from dextera_build.workers.inline import InlineExecutor
+from dextera_build.workers.protocol import Ended, Report
 from tests.engine.tiny import run_task
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine.dryrun import plan
+from dextera_build.engine.dry import plan
 from dextera_build.engine.graph import Address, Fixed, Gather, Input, Item, Leaf, Output, node_address
 from dextera_build.store.entry import KEY, Entry
-from dextera_build.store.header import closure
+from dextera_build.store.headers import closure
 from dextera_build.store.store import Store
 from tests.engine.tiny import run
 from tests.oracle.graphs import RandomGraph

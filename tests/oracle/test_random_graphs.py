@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine.dryrun import plan
-from dextera_build.engine.events import NodeStarted
-from dextera_build.engine.execute import RunResult, build
-from dextera_build.engine.executors.local import LocalExecutor
+from dextera_build.engine.dry import plan
 from dextera_build.engine.graph import Address, Graph
+from dextera_build.engine.run import RunResult, build
+from dextera_build.runs.events import NodeStarted
 from dextera_build.store.store import Store
+from dextera_build.workers.pool import LocalExecutor
 from tests.engine.tiny import RUNNER, Record, inline
 from tests.oracle.graphs import RandomGraph
 from tests.oracle.reference import Reference

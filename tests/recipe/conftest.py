@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.project import Project
+from dextera_build.project.project import Project
 from tests.e2e.space import Space as RealSpace
 
 RULES = {

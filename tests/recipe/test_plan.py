@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dextera_build.engine.graph import Gather, Group, Item, Leaf, Output
-from dextera_build.engine.reach import copy_of
+from dextera_build.engine.lookup import copy_of
 from dextera_build.errors import DxbError, MachineError, RecipeError, UsageError
 from dextera_build.recipe import settings
 from dextera_build.recipe.plan import Request, plan

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build import project
 from dextera_build.code.loader import version_of
+from dextera_build.project import project
 from dextera_build.recipe.plan import Request, plan
 from tests.e2e.space import Space
 

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from dextera_build import digest
-from dextera_build.engine.events import (
+from dextera_build.errors import RuleError
+from dextera_build.runs.events import (
     Event,
     GroupOpened,
     NodeFinished,
@@ -17,7 +18,6 @@ from dextera_build.engine.events import (
     RunFinished,
     RunStarted,
 )
-from dextera_build.errors import RuleError
 from tests.report.drawings import LABELS, masks, scene
 
 START = 1_760_000_000.0

@@ -18,8 +18,8 @@ from PIL import Image as Pillow
 from dextera_build.artifacts.image import Image, png
 from dextera_build.artifacts.scene import Settled, SettleReport
 from dextera_build.artifacts.table import Column, Table
-from dextera_build.engine.events import NodeFinished, RunFinished, RunStarted
 from dextera_build.report import build as report
+from dextera_build.runs.events import NodeFinished, RunFinished, RunStarted
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from tests.report.fabricate import FakeStore, Spec, as_dicts, body, fabricate, specs

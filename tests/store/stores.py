@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build import digest
-from dextera_build.store.collect import Collection
+from dextera_build.gc.collect import Collection
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 

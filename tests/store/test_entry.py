@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dextera_build import digest
+from dextera_build.remotes.folder import Directory
+from dextera_build.remotes.transfer import Transfer
 from dextera_build.store import entry as entries
 from dextera_build.store.entry import ActionResult, Entry, File
-from dextera_build.store.remotes.directory import Directory
 from dextera_build.store.store import Store
-from dextera_build.store.transfer import Transfer
 from tests.engine.tiny import call, graph, run
 from tests.store.stores import entry, forged
 

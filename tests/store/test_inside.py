@@ -12,17 +12,17 @@ from threading import Thread
 import pytest
 
 from dextera_build import digest
+from dextera_build.gc.choose import Limits
+from dextera_build.gc.collect import collect
+from dextera_build.gc.verify import verify
+from dextera_build.remotes.folder import Directory
+from dextera_build.remotes.server import CacheServer
+from dextera_build.remotes.transfer import Transfer
 from dextera_build.store import entry as entries
-from dextera_build.store import header
-from dextera_build.store.cas import MissingBlob
-from dextera_build.store.choose import Limits
-from dextera_build.store.collect import collect
+from dextera_build.store import headers
+from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.entry import ActionResult
-from dextera_build.store.remotes.directory import Directory
-from dextera_build.store.remotes.server import CacheServer
 from dextera_build.store.store import Store
-from dextera_build.store.transfer import Transfer
-from dextera_build.store.verify import verify
 from tests.store.stores import DAY, age_all, entry, harm, held, nobody
 
 DOCUMENT = digest.canonical({"rule": "tiny", "options": {"value": "x" * 40}})
@@ -36,7 +36,7 @@ def store(tmp_path: Path) -> Store:
 
 def made(store: Store, key: str = KEY) -> ActionResult:
     content = store.blobs.put(b"content")
-    output = store.blobs.put(header.file_header(content, 7))
+    output = store.blobs.put(headers.file_header(content, 7))
     return ActionResult(output, "a line", (), {"count": (3.0, "")}, 1.25, store.blobs.put(b"said"), key)
 
 

@@ -14,7 +14,7 @@ from dextera_build import digest
 from dextera_build.artifacts.base import File, Folder
 from dextera_build.errors import RecipeError
 from dextera_build.store import signature
-from dextera_build.store.cas import Blobs
+from dextera_build.store.blobs import Blobs
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from dextera_build import digest
-from dextera_build.store.cas import MissingBlob
+from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.materialize import place
 from dextera_build.store.store import Store
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dextera_build.store import streams
-from dextera_build.store.cas import MissingBlob
+from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.store import Store
 
 

@@ -6,7 +6,7 @@ import os
 from types import TracebackType
 from typing import Protocol, Self, TextIO
 
-from dextera_build.engine.events import Event
+from dextera_build.runs.events import Event
 
 _NARROW = 40  # columns below which a foot that moves has no room for a name, a clock and a bar
 

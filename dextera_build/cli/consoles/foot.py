@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from dextera_build.cli.consoles.lines import Line, printable
 from dextera_build.cli.consoles.record import Record
-from dextera_build.engine.events import NodeProgress, NodeStarted
 from dextera_build.report.wording import count, duration
+from dextera_build.runs.events import NodeProgress, NodeStarted
 
 _BAR = 16  # characters
 _WIDE = 72  # columns from which a bar is shown

@@ -6,7 +6,7 @@ import threading
 from typing import TextIO
 
 from dextera_build.cli.consoles import Console
-from dextera_build.engine.events import Event
+from dextera_build.runs.events import Event
 
 
 class JsonlConsole(Console):

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeAlias
 
-from dextera_build.engine.events import (
+from dextera_build.report.wording import MARKS, STATES, count, duration, size, some, states
+from dextera_build.runs.events import (
     BytesMissed,
     GroupOpened,
     NodeFinished,
@@ -16,7 +17,6 @@ from dextera_build.engine.events import (
     Uploaded,
     Uploading,
 )
-from dextera_build.report.wording import MARKS, STATES, count, duration, size, some, states
 
 Line: TypeAlias = list[tuple[str, str]]
 """(text, style) pieces; styles are the names in `STYLES`."""

@@ -18,7 +18,7 @@ from dextera_build.cli.consoles.foot import Running, clock, counted, foot
 from dextera_build.cli.consoles.lines import Columns, Line
 from dextera_build.cli.consoles.record import Record
 from dextera_build.cli.errors import wants_colour
-from dextera_build.engine.events import (
+from dextera_build.runs.events import (
     BytesMissed,
     Event,
     GroupOpened,

@@ -12,7 +12,7 @@ from dextera_build.cli.consoles.foot import Running, beat
 from dextera_build.cli.consoles.lines import STYLES, Columns, Line
 from dextera_build.cli.consoles.record import Record
 from dextera_build.cli.errors import paint, wants_colour
-from dextera_build.engine.events import (
+from dextera_build.runs.events import (
     BytesMissed,
     Event,
     GroupOpened,

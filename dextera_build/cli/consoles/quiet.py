@@ -7,7 +7,7 @@ from typing import TextIO
 from dextera_build.cli.consoles import Console
 from dextera_build.cli.consoles.record import Record
 from dextera_build.cli.errors import wants_colour
-from dextera_build.engine.events import Event, RunFinished
+from dextera_build.runs.events import Event, RunFinished
 
 
 class QuietConsole(Console):

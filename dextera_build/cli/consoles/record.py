@@ -5,7 +5,7 @@ from __future__ import annotations
 from dextera_build.cli.consoles import lines
 from dextera_build.cli.consoles.lines import Line
 from dextera_build.cli.errors import render_node
-from dextera_build.engine.events import Event, NodeFinished, RunFinished, RunSized, RunStarted, Uploaded
+from dextera_build.runs.events import Event, NodeFinished, RunFinished, RunSized, RunStarted, Uploaded
 
 
 class Record:

@@ -14,9 +14,9 @@ from typing import Any, TypeAlias
 
 from dextera_build import digest as digests
 from dextera_build.errors import DxbError
-from dextera_build.store.actions import Found as Held
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.references import UNREADABLE
+from dextera_build.store.results import Found as Held
 from dextera_build.store.store import Store
 from dextera_build.store.traces import steps as traces
 from dextera_build.store.traces.steps import Steps

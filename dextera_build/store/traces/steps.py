@@ -18,7 +18,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from dextera_build import digest as digests
-from dextera_build.store.cas import is_digest
+from dextera_build.store.blobs import is_digest
 
 Step: TypeAlias = tuple[str, str, str]
 Steps: TypeAlias = tuple[Step, ...]

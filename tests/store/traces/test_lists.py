@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from dextera_build import digest
 from dextera_build.errors import RuleError
-from dextera_build.store.choose import Limits
-from dextera_build.store.collect import collect
+from dextera_build.gc.choose import Limits
+from dextera_build.gc.collect import collect
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.store.traces import lists

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from dextera_build.calls.recorder import Recorder
 from dextera_build.errors import DxbError
-from dextera_build.store.calls.recorder import Recorder
 from dextera_build.store.store import Store
 from dextera_build.testing import RuleRunner
 from tests import factories, tabletops
-from tests.store.calls.services import KEY, serving
+from tests.calls.services import KEY, serving
 
 MUG = {
     "name": "red_mug",

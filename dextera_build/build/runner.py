@@ -1,0 +1,256 @@
+"""Carries out one call inside a worker: load the rule, decode its inputs, call it, check and store what it returns."""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import tempfile
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from functools import lru_cache
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from dextera_build import digest as digests
+from dextera_build.code.importer import IMPORTER
+from dextera_build.code.loader import Library, RuleFile
+from dextera_build.errors import DxbError, MachineError, RuleError
+from dextera_build.rule import Context
+from dextera_build.store import disk_full, headers
+from dextera_build.store.entry import ActionResult
+from dextera_build.store.store import Store, opened
+
+if TYPE_CHECKING:
+    from dextera_build.artifacts.base import File
+    from dextera_build.remotes.exchange import Exchange
+
+Emit = Callable[[str, Mapping[str, object]], None]
+
+
+def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
+    """Run one task of the engine.
+
+    Args:
+        task: `rule`, `backend`, `options`, `inputs` (slot -> digest), `store`, `project`; `key` names the folder in
+            which the call keeps its progress, without it the call has a fresh one; `sources` says which code its
+            key stands for.
+        emit: Takes progress and log lines as they come.
+
+    Returns:
+        `output` (digest), `line`, `previews` ([caption, digest]), `metrics` (name -> [value, unit]), `sizes` (digest ->
+        size [bytes] of what was stored).
+
+    Raises:
+        DxbError: The rule refused its inputs, a check failed, a disk is full, or code was edited since it was digested.
+    """
+    try:
+        return _run(task, emit)
+    finally:
+        IMPORTER.verify()
+
+
+def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
+    found = _library(task["project"]).find(task["rule"])
+    IMPORTER.want(task.get("sources", {}), found.root.name)
+    backend = found.backends[task["backend"]].load() if task["backend"] else None
+    store = opened(task["store"])
+    rule = found.rule
+    inputs = {}
+    for name, slot in rule.slots.items():
+        if name in task["inputs"]:
+            with headers.reading(f"the input `{name}`"):
+                inputs[name] = slot.annotation.decode(task["inputs"][name], store.recent)
+    # JSON mode takes a list for a tuple, and the engine speaks JSON.
+    options = rule.options.model_validate_json(json.dumps(task["options"]))
+    calls, reads = _Calls(task, store, emit), ProjectReads(Path(task["project"]), store) if rule.discovers else None
+    with _FullDiskSaid(store), ExitStack() as folders, _FullDiskSaid(store):
+        # Most calls need no folder, and making one takes longer than a small call.
+        ctx = Context(
+            backend,
+            scratch=lambda: Path(folders.enter_context(tempfile.TemporaryDirectory(prefix="dxb-"))),
+            emit=emit,
+            keep=_keep(task, store, reads),
+            calls=calls,
+            reads=reads,
+        )
+        keyword = {"options": options} if rule.takes_options else {}
+        if reads is not None:
+            folders.enter_context(_failure_told(reads, emit))
+        result = rule(ctx, **inputs, **keyword)
+        # Before the scratch folder goes: what is returned may lie there.
+        reply = _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
+        return reply | ({"reads": reads.finish()} if reads is not None else {})
+
+
+def _keep(task: Mapping[str, Any], store: Store, reads: ProjectReads | None) -> Callable[[], Path] | None:
+    """The folder in which a call keeps its progress; one that reads by itself has another when it read other things."""
+    key: str = task.get("key", "")
+    if not key:
+        return None
+    return lambda: store.keep.path(key) if reads is None else store.keep.path(key) / reads.close()
+
+
+@contextmanager
+def _failure_told(reads: ProjectReads, emit: Emit) -> Iterator[None]:
+    """Say what a call read that fails, for its mend may lie there."""
+    try:
+        yield
+    except BaseException:
+        emit("read", {"steps": reads.steps})
+        raise
+
+
+class ProjectReads:
+    """What one call reads by itself; few rules do, so what it takes is loaded with the first.
+
+    Args:
+        root: The project's folder.
+        store: Takes what is read.
+
+    Raises:
+        MachineError: The folder is not on this machine.
+    """
+
+    def __init__(self, root: Path, store: Store) -> None:
+        from dextera_build.store.traces.look import Look
+        from dextera_build.store.traces.recording import Recording
+
+        if not root.is_dir():
+            raise MachineError(
+                "a rule reads files of the project, whose folder is not on this machine",
+                code="DXB-E370",
+                facts={"folder": str(root)},
+                hint="run it where the project lies",
+            )
+        self._store = store
+        self._recording = Recording(Look(root, store.leaves, store.root))
+
+    @property
+    def steps(self) -> list[list[str]]:
+        """What was asked and told so far."""
+        return [list(step) for step in self._recording.steps]
+
+    def file(self, path: str) -> File:
+        """See `Context.file`."""
+        from dextera_build.artifacts.base import File
+
+        return File.decode(self._recording.file(path), self._store.reader)
+
+    def glob(self, pattern: str) -> list[str]:
+        """See `Context.glob`."""
+        return self._recording.names(pattern)
+
+    def exists(self, path: str) -> bool:
+        """See `Context.exists`."""
+        return self._recording.exists(path)
+
+    def close(self) -> str:
+        """Take no further questions; returns what stands for those so far."""
+        self._recording.closed = True
+        return self._recording.digest
+
+    def finish(self) -> list[list[str]]:
+        """All that was asked and told.
+
+        Raises:
+            DxbError: Something could not be read, whatever the rule made of that.
+        """
+        if self._recording.error is not None:
+            raise self._recording.error
+        for names in self._recording.listings.values():
+            self._store.blobs.put(digests.canonical(names))
+        return self.steps
+
+
+class _Calls:
+    """What answers the calls of one node; few nodes make one, so what it takes is loaded with the first."""
+
+    def __init__(self, task: Mapping[str, Any], store: Store, emit: Emit) -> None:
+        self._task, self._store, self._emit = task, store, emit
+        self._recorder: Callable[..., bytes] | None = None
+        self.made: list[dict[str, Any]] = []
+
+    def __call__(self, *words: Any, **manner: Any) -> bytes:
+        """The answer of a service; `DXB_CALLS` says where from, and profile `stub` never calls."""
+        if self._recorder is None:
+            from dextera_build.calls.modes import mode
+            from dextera_build.calls.recorder import Recorder
+
+            wanted = "off" if self._task.get("profile") == "stub" else os.environ.get("DXB_CALLS") or "record"
+            fetch = _fetcher(self._task, self._store)
+            recorder = Recorder(self._store, mode(wanted), fetch, lambda text: self._emit("log", {"text": text}))
+            self._recorder, self.made = recorder, recorder.made
+        return self._recorder(*words, **manner)
+
+
+def _fetcher(task: Mapping[str, Any], store: Store) -> Callable[[str], ActionResult | None]:
+    """Looks for a recorded answer on the remotes of the project."""
+
+    def fetch(key: str) -> ActionResult | None:
+        exchange = _exchange(store, task["project"], os.environ.get("DXB_REMOTES", ""))
+        return exchange.fetch(key).result if exchange is not None else None
+
+    return fetch
+
+
+@lru_cache(maxsize=1)
+def _exchange(store: Store, project: str, listed: str) -> Exchange | None:
+    """The remotes of this worker, opened once; `listed` is what the environment says of them."""
+    from dextera_build.project.project import Project
+    from dextera_build.remotes.connect import guarded
+    from dextera_build.remotes.exchange import Exchange
+
+    known = Project(Path(project))
+    used = known.used_remotes
+    if not used:
+        return None
+    exchange = Exchange(store, [guarded(spec) for spec in used])
+    atexit.register(exchange.close)  # a worker that ends at once has its connections closed by the system
+    return exchange
+
+
+def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[str, Any]:
+    wanted = found.rule.returns
+    if not any(base.__name__ == wanted.__name__ for base in type(result).__mro__):
+        raise RuleError(
+            f"{found.path} returned {type(result).__name__}, but {wanted.__name__} is declared",
+            code="DXB-B209",
+            where=found.place,
+        )
+    writer = store.writer
+    return {
+        "output": result.encode(writer),
+        "line": ctx.outcome.line,
+        "previews": [[caption, writer(data)] for caption, data in ctx.outcome.previews],
+        "metrics": {name: list(value) for name, value in ctx.outcome.metrics.items()},
+        "sizes": writer.sizes,
+    }
+
+
+class _FullDiskSaid:
+    """Turn what a library says of a full disk into the error of dxb, while the files that filled it are still there."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def __enter__(self) -> None:
+        """Nothing to do."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Look what is wrong."""
+        if isinstance(error, Exception) and not isinstance(error, DxbError):
+            full = disk_full.explain(error, self._store.root, Path(tempfile.gettempdir()))
+            if full is not None:
+                with suppress(OSError):
+                    traceback.print_exc()
+                raise full from None
+
+
+@lru_cache(maxsize=1)
+def _library(project: str) -> Library:
+    return Library(Path(project))

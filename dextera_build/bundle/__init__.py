@@ -1,0 +1,1 @@
+"""Bundles: targets with everything that explains them, as a signed OCI image layout."""

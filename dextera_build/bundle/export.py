@@ -1,0 +1,204 @@
+"""Writes bundles of results in a store. Blobs are streamed, never held in memory."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from dextera_build import digest as digests
+from dextera_build.bundle import closure, oci, packs, tar
+from dextera_build.bundle.config import Contents
+from dextera_build.bundle.layout import BLOBS, VERSION
+from dextera_build.bundle.oci import Descriptor, Manifest
+from dextera_build.errors import UsageError
+from dextera_build.store import failpoints, files
+from dextera_build.store.blobs import MissingBlob, is_digest
+from dextera_build.store.store import Store
+
+_CHUNK = 1 << 20
+
+
+class Export:
+    """The bundle of some nodes of a store.
+
+    Args:
+        store: Holds all that the nodes need.
+        contents: The nodes.
+        recipes: Address -> YAML.
+        created: When the results were made, as RFC 3339; "" where that is not known.
+        large: Least size of a blob that is a layer of its own [bytes].
+
+    Raises:
+        MissingBlob: The store lacks something.
+        BundleRefused: A document in the store is not what it must be.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        contents: Contents,
+        recipes: Mapping[str, bytes],
+        created: str = "",
+        large: int = packs.LARGE,
+    ) -> None:
+        self.contents = contents
+        self._store = store
+        self._keys = {node.result: node.key for _, node in contents.nodes() if node.result is not None}
+        """Digest of a `result.json` -> key of the entry that may hold it."""
+        self._documents: dict[str, bytes] = {}
+        self._layers: dict[str, packs.Layer] = {}
+        config = self._keep(oci.CONFIG, contents.spell())
+        texts = [self._keep(oci.RECIPE, recipes[name], f"recipes/{name}.yaml") for name in sorted(recipes)]
+        needed = closure.of(contents, self.get).blobs
+        texts = list({text.digest: text for text in texts}.values())
+        held = [self._layer(layer, n) for n, layer in enumerate(packs.layers(self._sizes(needed), large))]
+        self.manifest = Manifest(config, (*texts, *held), annotations=_annotations(contents, created))
+
+    @property
+    def digest(self) -> str:
+        """The digest that the provenance is about."""
+        return self.manifest.digest
+
+    def get(self, digest: str) -> bytes:
+        """The bytes of a small blob, or of a part that an entry holds.
+
+        Raises:
+            MissingBlob: The store lacks it.
+        """
+        return self._inside(digest) or self._store.blobs.get(digest)
+
+    def attach(self, media_type: str, document: bytes, **annotations: str) -> None:
+        """Add the provenance as the last layer."""
+        layer = self._keep(media_type, document, "provenance.json", **annotations)
+        self.manifest = replace(self.manifest, provenance=layer)
+
+    def write(self, path: Path) -> None:
+        """Write the bundle as a file `NAME.tar`, or as a folder.
+
+        Raises:
+            UsageError: The name says neither, or the folder holds something else than an unfinished bundle.
+            StoreError: The disk is full, the place cannot be written, or a blob of the store is damaged.
+        """
+        if path.suffix == ".tar" and not path.is_dir():
+            with files.new_file(os.path.abspath(path), 0o644) as descriptor:
+                for name, size, chunks in self._files():
+                    files.write_all(descriptor, tar.header(name, size))
+                    _pour(chunks, descriptor)
+                    files.write_all(descriptor, tar.padding(size))
+                files.write_all(descriptor, tar.END)
+            return
+        if path.suffix and not path.is_dir():
+            raise UsageError(
+                f"`{path}` is neither a folder nor a `.tar`", code="DXB-U140", hint=f"`-o {path.with_suffix('.tar')}`"
+            )
+        _make_room(path)
+        for name, _, chunks in self._files():
+            if name == "index.json":
+                failpoints.reach("bundle.index")
+            with files.new_file(str(path / name), 0o644) as descriptor:
+                _pour(chunks, descriptor)
+
+    def _files(self) -> Iterator[tuple[str, int, Iterator[bytes]]]:
+        """Name, size and content of every file; the index comes last, so a torn folder is not a layout."""
+        whole = self.manifest
+        manifest = self._keep(oci.MANIFEST, whole.spell())
+        parts = (whole.config, *whole.layers, *([whole.provenance] if whole.provenance else []), manifest)
+        for part in {part.digest: part for part in parts}.values():
+            yield BLOBS + part.digest, part.size, self._chunks(part)
+        for name, document in (("oci-layout", VERSION), ("index.json", oci.spell_index(manifest))):
+            yield name, len(document), iter([document])
+
+    def _chunks(self, wanted: Descriptor) -> Iterator[bytes]:
+        if wanted.digest in self._documents:
+            yield self._documents[wanted.digest]
+        else:
+            yield from self._layers[wanted.digest].chunks(self._read)
+
+    def _keep(self, media_type: str, data: bytes, title: str = "", **annotations: str) -> Descriptor:
+        found = Descriptor.of(media_type, data, **({oci.TITLE: title} if title else {}), **annotations)
+        self._documents[found.digest] = data
+        return found
+
+    def _layer(self, layer: packs.Layer, number: int) -> Descriptor:
+        found = layer.describe(self._read, number)
+        self._layers[found.digest] = layer
+        return found
+
+    def _read(self, digest: str) -> Iterator[bytes]:
+        """The pieces of a blob; its digest is checked after the last one."""
+        data, state = self._inside(digest), hashlib.sha256()
+        if data:
+            yield data
+            return
+        try:
+            with self._store.blobs.open(digest) as file:
+                while chunk := file.read(_CHUNK):
+                    state.update(chunk)
+                    yield chunk
+        except OSError:
+            raise MissingBlob(digest) from None
+        if state.hexdigest() != digest:
+            self._store.blobs.quarantine(digest)
+            raise MissingBlob(digest, "its bytes were damaged, it was set aside")
+
+    def _inside(self, digest: str) -> bytes:
+        """A `result.json` as its entry holds it, b"" where no entry does."""
+        known = self._store.actions.known(self._keys[digest]) if digest in self._keys else None
+        document = known.document if known is not None else b""
+        return document if digests.of_bytes(document) == digest else b""
+
+    def _sizes(self, needed: set[str]) -> dict[str, int]:
+        found = {}
+        for digest in sorted(needed):
+            size = len(self._inside(digest)) or self._store.blobs.size(digest)
+            if size is None:
+                raise MissingBlob(digest)
+            found[digest] = size
+        return found
+
+
+def _pour(chunks: Iterator[bytes], descriptor: int) -> None:
+    for chunk in chunks:
+        files.write_all(descriptor, chunk)
+
+
+def _make_room(path: Path) -> None:
+    """Make sure that a folder is empty; blobs of an interrupted export are removed.
+
+    Raises:
+        UsageError: It holds something else.
+    """
+    try:
+        found = set(os.listdir(path))
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    if found and not (found <= {"blobs", "oci-layout"} and _are_blobs(path / "blobs")):
+        raise UsageError(f"the folder `{path}` is not empty", code="DXB-U141", hint="name a new folder")
+    if found:
+        shutil.rmtree(path / "blobs")
+
+
+def _are_blobs(folder: Path) -> bool:
+    """Whether a folder holds only blobs of a layout, finished or not."""
+    with suppress(OSError):
+        names = os.listdir(folder / "sha256")
+        unfinished = f"{files.TEMPORARY}-"
+        return os.listdir(folder) == ["sha256"] and all(is_digest(n) or n.startswith(unfinished) for n in names)
+    return False
+
+
+def _annotations(contents: Contents, created: str) -> dict[str, str]:
+    count = sum(len(build.nodes) for build in contents.builds)
+    shown = contents.targets()
+    found = {
+        "vnd.dextera.bundle.targets": " ".join(shown[:8]) + (f" and {len(shown) - 8} more" if len(shown) > 8 else ""),
+        "vnd.dextera.bundle.recipes": " ".join(build.recipe for build in contents.builds[:8]),
+        "vnd.dextera.bundle.nodes": str(count),
+        "vnd.dextera.bundle.closure": contents.closure,
+    }
+    return {oci.CREATED: created, **found} if created else found

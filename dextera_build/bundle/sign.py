@@ -1,0 +1,232 @@
+"""ed25519 keys, and DSSE envelopes signed with them.
+
+Keys are files that `ssh-keygen` and `openssl` read and write: private ones as PEM (PKCS 8) or OpenSSH, public ones as a
+line `ssh-ed25519 AAAA... name` or PEM.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dextera_build import digest as digests
+from dextera_build.bundle import documents
+from dextera_build.bundle.errors import ill_formed
+from dextera_build.bundle.oci import IN_TOTO
+from dextera_build.errors import MachineError, UsageError
+from dextera_build.store import files
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+_MOST_KEY = 1 << 16
+PASSPHRASE = "DXB_KEY_PASSPHRASE"
+
+
+@dataclass(frozen=True)
+class PublicKey:
+    """A public key."""
+
+    id: str
+    """`SHA256:...`, as `ssh-keygen -l` prints it."""
+    name: str
+    """The owner, from the file."""
+    raw: bytes
+    """Its 32 bytes."""
+    line: bytes
+    """As OpenSSH writes it, without the name."""
+
+    def verifies(self, signature: bytes, message: bytes) -> bool:
+        """Whether this key signed `message`."""
+        from cryptography.exceptions import InvalidSignature
+        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+        try:
+            Ed25519PublicKey.from_public_bytes(self.raw).verify(signature, message)
+        except (InvalidSignature, ValueError):
+            return False
+        return True
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """A DSSE envelope: a statement and who signed it."""
+
+    payload: bytes
+    signatures: tuple[tuple[str, bytes], ...]
+    """(id of the key, signature)."""
+
+    @property
+    def signed(self) -> bytes:
+        """The bytes that signatures cover."""
+        kind = IN_TOTO.encode()
+        return b"DSSEv1 %d %s %d %s" % (len(kind), kind, len(self.payload), self.payload)
+
+    @classmethod
+    def read(cls, data: bytes) -> Envelope:
+        """Parse an untrusted envelope.
+
+        Raises:
+            BundleRefused: It is malformed.
+        """
+        what = "the signature"
+        reader = documents.Reader(documents.parse(data, what), what)
+        if reader.text("payloadType") != IN_TOTO:
+            raise ill_formed(what, f"it is not about `{IN_TOTO}`")
+        found = []
+        for raw in reader.items("signatures")[:64]:
+            entry = documents.Reader(raw, what)
+            found.append((entry.text("keyid", ""), _decode(entry.raw.get("sig"))))
+        return cls(_decode(reader.raw.get("payload")), tuple(found))
+
+
+def seal(payload: bytes, key: Path) -> tuple[bytes, PublicKey]:
+    """Sign a statement with the private key in a file.
+
+    Raises:
+        UsageError: The file holds no such key.
+        MachineError: The package for keys is not installed.
+    """
+    private = _private(key)
+    public = _public(private.public_key(), key.stem)
+    signature = private.sign(Envelope(payload, ()).signed)
+    raw = {
+        "payloadType": IN_TOTO,
+        "payload": base64.b64encode(payload).decode(),
+        "signatures": [{"keyid": public.id, "sig": base64.b64encode(signature).decode()}],
+    }
+    return digests.canonical(raw), public
+
+
+def generate(path: Path, name: str) -> PublicKey:
+    """Write a new private key to `path`, which only its owner may read, and its public half to `path.pub`.
+
+    Raises:
+        UsageError: One of the files is there.
+        StoreError: They cannot be written.
+        MachineError: The package for keys is not installed.
+    """
+    _require()
+    from cryptography.hazmat.primitives import serialization as form
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+    public_path = path.with_name(f"{path.name}.pub")
+    for file in (path, public_path):
+        if file.exists():
+            raise UsageError(f"`{file}` is there already", code="DXB-U143", hint="name another file")
+    private = Ed25519PrivateKey.generate()
+    public = _public(private.public_key(), name)
+    secret = private.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption())
+    files.write(os.path.abspath(path), secret, 0o600)
+    files.write(os.path.abspath(public_path), b"%s %s\n" % (public.line, public.name.encode()), 0o644)
+    return public
+
+
+def trusted(places: Sequence[Path]) -> list[PublicKey]:
+    """The public keys in files, and in the files `*.pub` and `*.pem` of folders.
+
+    Raises:
+        UsageError: A file holds no key.
+        MachineError: The package for keys is not installed.
+    """
+    found: dict[bytes, PublicKey] = {}
+    for place in places:
+        inside = sorted(p for p in place.iterdir() if p.suffix in (".pub", ".pem")) if place.is_dir() else [place]
+        for file in inside:
+            for key in _read_public(file):
+                found.setdefault(key.raw, key)
+    return list(found.values())
+
+
+def _read_public(file: Path) -> list[PublicKey]:
+    _require()
+    from cryptography.exceptions import UnsupportedAlgorithm
+    from cryptography.hazmat.primitives import serialization as form
+
+    data = _bytes_of(file)
+    try:
+        if data.lstrip().startswith(b"-----BEGIN"):
+            return [_public(form.load_pem_public_key(data), file.stem)]
+        lines = [line for line in data.splitlines() if line.strip() and not line.startswith(b"#")]
+        names = [b" ".join(line.split()[2:]).decode(errors="replace") for line in lines]
+        return [
+            _public(form.load_ssh_public_key(line), name or file.stem) for line, name in zip(lines, names, strict=True)
+        ]
+    except (ValueError, TypeError, UnsupportedAlgorithm) as error:
+        raise _no_key(file, "public", str(error)) from None
+
+
+def _private(file: Path) -> Ed25519PrivateKey:
+    _require()
+    from cryptography.exceptions import UnsupportedAlgorithm
+    from cryptography.hazmat.primitives import serialization as form
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+    data = _bytes_of(file)
+    load = form.load_ssh_private_key if b"OPENSSH PRIVATE KEY" in data else form.load_pem_private_key
+    words = os.environ.get(PASSPHRASE, "").encode() or None
+    try:
+        found = load(data, words)
+    except TypeError as error:
+        hint = f"set `{PASSPHRASE}`" if words is None else f"unset `{PASSPHRASE}`"
+        raise UsageError(
+            f"the passphrase does not fit `{file}`", code="DXB-U144", facts={"reason": error}, hint=hint
+        ) from None
+    except (ValueError, UnsupportedAlgorithm) as error:
+        raise _no_key(file, "private", str(error)) from None
+    if not isinstance(found, Ed25519PrivateKey):
+        raise _no_key(file, "private", "it is of another kind")
+    return found
+
+
+def _public(key: object, name: str) -> PublicKey:
+    from cryptography.hazmat.primitives import serialization as form
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+    if not isinstance(key, Ed25519PublicKey):
+        raise ValueError("it is of another kind than ed25519")
+    raw = key.public_bytes(form.Encoding.Raw, form.PublicFormat.Raw)
+    line = key.public_bytes(form.Encoding.OpenSSH, form.PublicFormat.OpenSSH)
+    fingerprint = base64.b64encode(hashlib.sha256(base64.b64decode(line.split()[1])).digest()).decode().rstrip("=")
+    return PublicKey(f"SHA256:{fingerprint}", "".join(c for c in name if c.isprintable())[:200], raw, line)
+
+
+def _bytes_of(file: Path) -> bytes:
+    try:
+        with file.open("rb") as opened:
+            return opened.read(_MOST_KEY)
+    except OSError as error:
+        raise _no_key(file, "usable", str(error.strerror)) from None
+
+
+def _decode(value: object) -> bytes:
+    try:
+        return base64.b64decode(value if isinstance(value, str) else "?", validate=True)
+    except (binascii.Error, ValueError):
+        raise ill_formed("the signature", "it is not base64") from None
+
+
+def _no_key(file: Path, kind: str, why: str) -> UsageError:
+    return UsageError(
+        f"`{file}` holds no {kind} ed25519 key",
+        code="DXB-U144",
+        facts={"reason": why.splitlines()[0] if why else "-"},
+        hint="`dxb bundle keygen FILE` makes a pair of keys",
+    )
+
+
+def _require() -> None:
+    try:
+        import cryptography  # noqa: F401 - asked for, so that the error comes before any work
+    except ImportError:
+        raise MachineError(
+            "keys and signatures need the package `cryptography`",
+            code="DXB-E340",
+            hint="pip install 'dextera-build[share]'",
+        ) from None

@@ -1,0 +1,1 @@
+"""Calls of services: recorded, and answered again from the record."""

@@ -1,0 +1,169 @@
+"""Asks a service: time-outs, tries with rests between them, and what an answer that is none means."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from email.utils import parsedate_to_datetime
+from http.client import HTTPException
+from typing import NoReturn, TypeAlias
+
+from dextera_build.calls.question import Question, secret_in, without_secrets
+from dextera_build.calls.response import Response
+from dextera_build.errors import DxbError, MachineError, RuleError
+from dextera_build.store.backoff import backoff
+
+Send: TypeAlias = Callable[[float], bytes | Response]
+"""Seconds it may take -> the answer."""
+_MOST_RETRY_AFTER_S = 300.0
+_SHOWN = 200
+_USAGE = {"prompt_tokens": "tokens", "completion_tokens": "tokens", "total_tokens": "tokens", "cost": "USD"}
+_ALSO = {"input_tokens": "prompt_tokens", "output_tokens": "completion_tokens"}
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How a service is asked."""
+
+    timeout_s: float = 60.0
+    tries: int = 4
+    wait_s: float = 1.0
+    """Rest before the second try [s]; twice as long before each further one."""
+    valid: Callable[[bytes], object] | None = None
+    """Raises `ValueError` or `RuleError` where a body is no answer; such a body is not recorded."""
+    secrets: tuple[str, ...] = ()
+
+
+class _AgainError(Exception):
+    """Worth another try, after so many seconds where the service says so."""
+
+    def __init__(self, why: str, after_s: float | None = None, *, invalid: bool = False) -> None:
+        super().__init__(why)
+        self.after_s, self.invalid = after_s, invalid
+
+
+def ask(asked: Question, send: Send, manner: Manner, log: Callable[[str], None]) -> tuple[Response, float]:
+    """The answer, and how long the try that brought it took [s].
+
+    Raises:
+        MachineError: The service cannot be reached, is overloaded, or does not know who asks.
+        RuleError: It refuses the request, or what it answers is no answer.
+    """
+    for number in range(1, manner.tries + 1):
+        began = time.monotonic()
+        try:
+            response = _once(asked, send, manner)
+        except _AgainError as fault:
+            if number == manner.tries or (fault.after_s or 0.0) > _MOST_RETRY_AFTER_S:
+                _give_up(asked, fault, number)
+            rest = backoff(number, manner.wait_s, asked.key) if fault.after_s is None else fault.after_s
+            log(f"{asked.shown}: {fault}; asked again in {rest:.1f} s, try {number + 1} of {manner.tries}")
+            time.sleep(rest)
+        else:
+            return response, time.monotonic() - began
+    raise AssertionError("the last try returns or raises")
+
+
+def amounts(body: bytes) -> dict[str, tuple[float, str]]:
+    """Tokens and cost, where a JSON answer says so in its field `usage`."""
+    try:
+        usage = json.loads(body)["usage"]
+        rows = {_ALSO.get(name, name): usage[name] for name in (*_ALSO, *_USAGE) if name in usage}
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return {}
+    right = {name: value for name, value in rows.items() if isinstance(value, int | float) and 0 <= value < 1e15}
+    return {name: (float(value), _USAGE[name]) for name, value in right.items()}
+
+
+def _once(asked: Question, send: Send, manner: Manner) -> Response:
+    try:
+        answer = send(manner.timeout_s)
+    except DxbError:
+        raise
+    except Exception as error:
+        why = without_secrets(f"{type(error).__name__}: {error}".rstrip(": "), manner.secrets)
+        if _is_transport(error):
+            raise _AgainError(why) from None
+        # Not let through: a traceback goes into the node's log, and with it an address that may hold a key.
+        raise RuleError(
+            f"the call of `{asked.shown}` failed: {why.splitlines()[0][:_SHOWN]}", code="DXB-B344", facts=asked.facts()
+        ) from None
+    response = answer if isinstance(answer, Response) else Response(answer)
+    _look_at_status(asked, response, manner)
+    _look_at_body(asked, response.body, manner)
+    return response
+
+
+def _is_transport(error: Exception) -> bool:
+    # httpx by name: importing it takes longer than most calls of a rule.
+    kinds = {f"{kind.__module__.partition('.')[0]}.{kind.__name__}" for kind in type(error).__mro__}
+    return isinstance(error, OSError | HTTPException) or "httpx.TransportError" in kinds
+
+
+def _look_at_status(asked: Question, response: Response, manner: Manner) -> None:
+    status = response.status
+    if 200 <= status < 300:
+        return
+    if status in (408, 425, 429) or status >= 500:
+        raise _AgainError(f"it answered {status}", _retry_after(response.headers))
+    if status in (401, 403):
+        raise MachineError(
+            f"`{asked.shown}` does not let this machine ask: it answered {status}",
+            code="DXB-E361",
+            facts=asked.facts(),
+            hint="set the key that the backend takes from the environment, or build with `--calls replay`",
+        )
+    said = without_secrets(response.body[:_SHOWN].decode(errors="replace"), manner.secrets)
+    raise RuleError(
+        f"`{asked.shown}` refuses the request: it answered {status}",
+        code="DXB-B344",
+        facts=asked.facts() | {"it said": " ".join(said.split()) or "nothing"},
+    )
+
+
+def _look_at_body(asked: Question, body: bytes, manner: Manner) -> None:
+    if found := secret_in(body, manner.secrets):
+        raise RuleError(
+            f"the answer of `{asked.shown}` holds {found}, so it is not recorded",
+            code="DXB-B346",
+            facts=asked.facts(),
+            hint="the service repeats what it was sent; send the secret in a header",
+        )
+    if manner.valid is None:
+        return
+    try:
+        manner.valid(body)
+    except (ValueError, KeyError, TypeError, IndexError, RuleError) as error:
+        why = without_secrets(str(error) or type(error).__name__, manner.secrets)
+        raise _AgainError(why.splitlines()[0][:_SHOWN], invalid=True) from None
+
+
+def _give_up(asked: Question, fault: _AgainError, tries: int) -> NoReturn:
+    facts = asked.facts() | {"tries": tries}
+    if fault.invalid:
+        raise RuleError(
+            f"`{asked.shown}` gives no usable answer: {fault}",
+            code="DXB-B345",
+            facts=facts,
+            hint="nothing was recorded; the next build asks again",
+        ) from None
+    if fault.after_s is not None:
+        facts["asks to wait"] = f"{fault.after_s:.0f} s"
+    raise MachineError(
+        f"`{asked.shown}` cannot be asked: {fault}",
+        code="DXB-E360",
+        facts=facts,
+        hint="build again later; what was answered so far is recorded",
+    ) from None
+
+
+def _retry_after(headers: Mapping[str, str]) -> float | None:
+    text = next((value for name, value in headers.items() if name.lower() == "retry-after"), "").strip()
+    if text.isdecimal():
+        return float(text)
+    try:
+        return max(0.0, parsedate_to_datetime(text).timestamp() - time.time())
+    except (ValueError, TypeError):
+        return None

@@ -1,0 +1,165 @@
+"""Answers calls: from the store, from a remote, or from the service itself, whose answer is then recorded.
+
+A recorded call is a result like that of a node, under the digest of its request: the output is a `File` with the body,
+the key document is the request, and the metrics say when it was asked, for how many tokens, at what cost.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Literal, TypeAlias
+
+from dextera_build.calls.asking import Manner, Send, amounts, ask
+from dextera_build.calls.modes import Mode
+from dextera_build.calls.question import Question, question
+from dextera_build.calls.response import Response
+from dextera_build.errors import RuleError, StoreError
+from dextera_build.store import headers
+from dextera_build.store.blobs import MissingBlob
+from dextera_build.store.entry import ActionResult
+from dextera_build.store.store import Store
+
+How: TypeAlias = Literal["replayed", "fetched", "asked", "confirmed", "diverged", "replaced"]
+Fetch: TypeAlias = Callable[[str], ActionResult | None]
+"""Key -> the result that a remote has."""
+
+
+class Recorder:
+    """The calls of one node.
+
+    Args:
+        store: Where answers are recorded.
+        mode: See `Mode`.
+        fetch: Asks remotes for a recorded answer; None where there are none.
+        log: Takes a line about each call, for the node's log.
+    """
+
+    def __init__(
+        self, store: Store, mode: Mode, fetch: Fetch | None = None, log: Callable[[str], None] = lambda text: None
+    ) -> None:
+        self._store, self._mode, self._fetch, self._log = store, mode, fetch, log
+        self.made: list[dict[str, Any]] = []
+        """What was called, in order: `call`, `result`, `service`, `model`, `how`, `seconds` and amounts."""
+
+    def __call__(
+        self,
+        service: str,
+        request: object,
+        send: Send,
+        *,
+        valid: Callable[[bytes], object] | None = None,
+        timeout_s: float = 60.0,
+        tries: int = 4,
+        wait_s: float = 1.0,
+        secrets: Iterable[str] = (),
+    ) -> bytes:
+        """The body of the answer; see `Context.call`."""
+        manner = Manner(timeout_s, max(tries, 1), wait_s, valid, tuple(secrets))
+        asked = question(service, request, manner.secrets)
+        if self._mode == "off":
+            raise _off(asked)
+        found = self._known(asked) if self._mode in ("record", "replay") else None
+        if found is None:
+            if self._mode == "replay":
+                raise _unknown(asked)
+            # Whoever asks the same at the same time waits here, and then finds the answer.
+            with self._store.locks.hold(asked.key):
+                found = self._settle(asked, send, manner)
+        body, result, how = found
+        self._store.blobs.put(result.document)  # results of nodes name it, and carry it to other stores
+        self._note(asked, result, how)
+        return body
+
+    def _settle(self, asked: Question, send: Send, manner: Manner) -> tuple[bytes, ActionResult, How]:
+        known = self._known(asked, elsewhere=self._mode != "record")  # a record was looked for there before
+        if known is not None and self._mode == "record":
+            return known
+        response, seconds = ask(asked, send, manner, self._log)
+        if known is None:
+            return response.body, self._publish(asked, response, seconds), "asked"
+        body, first, _ = known
+        if body == response.body:
+            return body, first, "confirmed"
+        if self._mode == "replace":
+            return response.body, self._publish(asked, response, seconds), "replaced"
+        other = self._kept(response.body)
+        self._store.divergent.note(asked.key, f"call {asked.shown}", first.output, other, time.time())
+        return body, first, "diverged"
+
+    def _known(self, asked: Question, *, elsewhere: bool = True) -> tuple[bytes, ActionResult, How] | None:
+        result = self._store.actions.get(asked.key)
+        how: How = "replayed"
+        if result is None and elsewhere and self._fetch is not None:
+            result, how = self._fetch(asked.key), "fetched"
+        if result is None:
+            return None
+        try:
+            return body_of(self._store, result), result, how
+        except MissingBlob:
+            return None  # damaged on disk, and set aside
+
+    def _publish(self, asked: Question, response: Response, seconds: float) -> ActionResult:
+        blobs, found = self._store.blobs, amounts(response.body)
+        metrics = {
+            "asked": (round(time.time(), 3), "s since 1970"),
+            "status": (float(response.status), ""),
+            "request": (float(asked.octets), "bytes"),
+            "answer": (float(len(response.body)), "bytes"),
+            **found,
+        }
+        output, document = self._kept(response.body), blobs.put(asked.document)
+        result = ActionResult(output, f"call {asked.shown}", (), metrics, round(seconds, 6), None, document)
+        self._store.actions.put(asked.key, result)
+        return result
+
+    def _kept(self, body: bytes) -> str:
+        """Digest of the `File` with these bytes."""
+        return self._store.blobs.put(headers.file_header(self._store.blobs.put(body), len(body)))
+
+    def _note(self, asked: Question, result: ActionResult, how: How) -> None:
+        said = {name: value for name, (value, _) in result.metrics.items() if name in ("total_tokens", "cost")}
+        row = {"call": asked.key, "result": result.digest, "service": asked.service, "model": asked.model, "how": how}
+        self.made.append(row | {"seconds": result.seconds} | said)
+        self._log(f"call {asked.key[:12]}: {asked.shown}, {how}, {asked.octets:,} bytes asked")
+
+
+def body_of(store: Store, result: ActionResult) -> bytes:
+    """The body that a recorded call holds.
+
+    Raises:
+        MissingBlob: It is lost.
+        StoreError: The result is not that of a call.
+    """
+    _, blobs = headers.closure(store.blobs.get(result.output))
+    if len(blobs) != 1:
+        raise StoreError(f"`{result.key_document[:12]}` is not a recorded call", code="DXB-B349")
+    return store.blobs.get(blobs[0])
+
+
+def of(store: Store, key: str) -> tuple[Mapping[str, Any], ActionResult] | None:
+    """The request and the result of a recorded call, or None where `key` is not one."""
+    result = store.actions.get(key)
+    if result is None:
+        return None
+    document = json.loads(store.blobs.get(result.key_document))
+    return (document, result) if "call" in document and "service" in document else None
+
+
+def _off(asked: Question) -> RuleError:
+    return RuleError(
+        f"a rule wants to call `{asked.shown}`, and calls are off",
+        code="DXB-B341",
+        facts=asked.facts(),
+        hint="profile `stub` never calls; elsewhere `--calls record` asks, `--calls replay` takes what is recorded",
+    )
+
+
+def _unknown(asked: Question) -> RuleError:
+    return RuleError(
+        f"no answer of `{asked.shown}` to this request is recorded, and nothing may be asked",
+        code="DXB-B340",
+        facts=asked.facts(),
+        hint="`--calls record` asks the service; `--cache local:rw,NAME:r` or `dxb bundle import` brings answers",
+    )

@@ -1,0 +1,1 @@
+"""Verbs that build, or say what a build would do."""

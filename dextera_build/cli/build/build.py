@@ -1,0 +1,95 @@
+"""`dxb build`: bring targets up to date."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from dextera_build.build import build
+from dextera_build.build.build import Order
+from dextera_build.cli import options
+from dextera_build.cli.build.shown import Shown, lines, tell
+from dextera_build.runs import snapshot
+from dextera_build.runs.snapshot import Recipe
+from dextera_build.session import Session, addresses
+
+if TYPE_CHECKING:
+    from dextera_build.build.build import Built
+    from dextera_build.build.lock import Locking
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="twin/laptop_scene, or one node of it")
+    parser.add_argument("-k", "--keep-going", action="store_true", help="go on with what does not depend on a failure")
+    parser.add_argument("-j", "--jobs", metavar="N", help="cores to share out; most nodes take one (DXB_JOBS)")
+    parser.add_argument(
+        "--force", metavar="NODE", action="append", default=[], help="run this node even if it is cached"
+    )
+    parser.add_argument("--whole", action="store_true", help="also the bytes of nodes that nobody has to read")
+    parser.add_argument("--check", action="store_true", help="run nothing; exit with 3 where something is stale")
+    parser.add_argument("--console", metavar="KIND", help="live, plain, jsonl or none (DXB_CONSOLE)")
+    parser.add_argument("-v", "--verbose", action="store_true", help="show what nodes log, too")
+    parser.add_argument("--lock", action="store_true", help="pin the targets in dxb.lock")
+    parser.add_argument("--locked", action="store_true", help="exit with 3 where a target is not what dxb.lock says")
+    options.resources_argument(parser)
+    options.executor_argument(parser)
+    options.calls_argument(parser)
+    options.project_arguments(parser)
+    options.request_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Build every recipe that is named, one after the other."""
+    from dextera_build.build.lock import Locking
+    from dextera_build.project.project import deciding_files
+    from dextera_build.store.signature import Watch
+
+    watch = Watch()
+    for path in deciding_files():
+        watch.file(path)
+    project, added = options.project(args), options.added(args)
+    project.refuse_wrong_settings()
+    locking = Locking(project, lock=args.lock, locked=args.locked, added=added)
+    keeps = not (args.force or args.lock or args.locked or args.check or project.asks_again)
+    keeps = keeps and project.console != "jsonl"
+    if keeps and snapshot.answer(args.words, str(project.cache)):
+        return 0
+    code, answers, found = 0, "", list[Recipe]()
+    for recipe, targets in options.by_recipe(args.targets).items():
+        session = Session(project, recipe, added, makes=not args.check)
+        order = Order(targets, args.keep_going, args.force, args.whole, tuple(sys.argv[1:]))
+        if args.check:
+            code = max(code, _check(session, order, locking))
+            continue
+        with Shown(project.console, verbose=args.verbose) as shown:
+            built = build.build(session, order, locking, shown, watch)
+        tell(built, quiet=project.console in ("none", "jsonl"))
+        answers += lines(built.placed.paths)
+        print(lines(built.placed.paths), end="")
+        if built.ok:
+            found.append(_said(session, built))
+        code = max(code, 0 if built.ok else 1)
+        if code and not args.keep_going:
+            break
+    if keeps and not code:
+        snapshot.save(session.store.state, args.words, watch, found, answers, told=project.console != "none")
+    return code
+
+
+def _said(session: Session, built: Built) -> Recipe:
+    """What a snapshot says of a recipe that was built."""
+    nodes, root = built.run_result.nodes, session.store.actions.root
+    keys = [nodes[node].key or "" for node in built.placed.paths]
+    entries = [f"{root}/{key[:2]}/{key[2:]}" for key in keys]
+    return Recipe(session.recipe, built.nodes, session.last_name, session.variant, entries)
+
+
+def _check(session: Session, order: Order, locking: Locking) -> int:
+    from dextera_build.cli.build.stale import check
+
+    plan = session.plan()
+    wanted = [address for target in order.targets for address in addresses(plan.graph, target)]
+    locking.refuse(session, plan, wanted)
+    return check(session, plan.graph, wanted)

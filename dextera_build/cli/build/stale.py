@@ -1,0 +1,70 @@
+"""`dxb plan --check` and `dxb build --check`: what is stale and why, one line each; nothing runs."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from dextera_build.cli import table
+from dextera_build.engine.dry import plan as dry
+from dextera_build.errors import StaleError
+from dextera_build.explain.causes import Causes
+from dextera_build.report.wording import count
+from dextera_build.session import NO_BYTES
+
+if TYPE_CHECKING:
+    from dextera_build.engine.dry import Planned
+    from dextera_build.engine.graph import Address, Graph
+    from dextera_build.session import Session
+
+
+def check(session: Session, graph: Graph, wanted: Sequence[Address], *, as_json: bool = False) -> int:
+    """Print every stale node with what changed, and refuse where there is one.
+
+    Raises:
+        StaleError: Something that `wanted` needs would run.
+    """
+    stale, waiting = show(session, graph, wanted, as_json=as_json)
+    if not stale:
+        print(f"{session.recipe} is up to date", file=sys.stderr)
+        return 0
+    raise StaleError(
+        f"`{session.recipe}` is stale",
+        code="DXB-C102",
+        facts={"stale": count(len(stale), "node"), "may follow": count(waiting, "node")},
+        hint=f"`dxb why '{session.recipe}:{stale[0]}'`",
+    )
+
+
+def show(session: Session, graph: Graph, wanted: Sequence[Address], *, as_json: bool = False) -> tuple[list[str], int]:
+    """Print every stale node with what changed.
+
+    Returns:
+        The stale nodes, and how many may follow.
+    """
+    states = {node.address: node for node in dry(graph, wanted, session.store, history=session.past_builds)}
+    stale = [name for name, node in states.items() if node.status == "stale"]
+    causes = Causes(session, graph, states)
+    rows = [{"node": name, "why": reason(session, states, causes, name)} for name in stale]
+    if as_json:
+        print(json.dumps(rows, indent=1))
+    else:
+        table.show(rows)
+    return stale, sum(node.status == "unknown" for node in states.values())
+
+
+def reason(session: Session, states: Mapping[str, Planned], causes: Causes, node: str) -> str:
+    """Why a stale node is stale, in one line: the first thing that changed, and how many more."""
+    entry = session.past_builds.get(node)
+    if states[node].bare:
+        return f"its result is known, {NO_BYTES}"
+    if entry is None:
+        return "never built"
+    if entry.key == states[node].key:
+        return "built, but the store no longer holds it"
+    first, *more = causes.direct(node)
+    name = "" if first.name == first.kind else first.name
+    told = " ".join(cell for cell in (first.kind, name, first.change, first.place) if cell)
+    return f"{told}, and {len(more)} more" if more else told

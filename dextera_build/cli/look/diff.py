@@ -1,0 +1,95 @@
+"""`dxb diff`: what is different between two runs, two nodes or two artifacts."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dextera_build.cli import options, table
+from dextera_build.errors import UsageError
+
+if TYPE_CHECKING:
+    from dextera_build.explain.compare import Row, Side
+    from dextera_build.project.project import Project
+    from dextera_build.store.store import Store
+
+_MOST = 40
+"""Lines for one node; `--json` has all."""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument(
+        "old",
+        metavar="A",
+        help="a run (0141), a node (twin/a:scene), a node of a run (0141:scene), or the beginning of the digest of a "
+        "key or an output; a recipe or a node alone stands for its last two runs",
+    )
+    parser.add_argument("new", metavar="B", nargs="?", help="what to compare with")
+    parser.add_argument("-o", "--out", metavar="DIR", help="where pictures of the difference go (<cache>/out/diff)")
+    options.project_arguments(parser)
+    options.json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print one difference a line: [node,] kind, name, change; nothing where all is equal."""
+    from dextera_build.cli.look import diff_operands
+    from dextera_build.explain import compare
+    from dextera_build.session import reading
+
+    project = options.project(args)
+    store = reading(project)
+    old, new = diff_operands.pair(project, store, args.old, args.new)
+    if isinstance(old, compare.Side) and isinstance(new, compare.Side):
+        rows = compare.rows(store, old, new)
+        if not args.json:
+            rows = _drawn(project, store, args.out, (old, new), rows)
+        return _print({"": rows}, (old.name, new.name), as_json=args.json)
+    if isinstance(old, compare.Side) or isinstance(new, compare.Side):
+        raise UsageError(
+            "a run and a result cannot be compared",
+            code="DXB-U164",
+            hint="name two runs, or two results: `dxb diff 0141:NODE 0142:NODE`",
+        )
+    return _print(compare.run_rows(store, old.events, new.events), (old.name, new.name), as_json=args.json)
+
+
+def _print(found: Mapping[str, Sequence[Row]], names: tuple[str, str], *, as_json: bool) -> int:
+    if as_json:
+        plain = [{"node": node, "rows": [row.to_json() for row in rows]} for node, rows in found.items() if rows]
+        print(json.dumps({"old": names[0], "new": names[1], "differences": plain}, indent=1))
+        return 0
+    shown = [(node, row) for node, rows in found.items() for row in rows[:_MOST]]
+    table.show(
+        [
+            ({"node": node} if node else {}) | {"kind": row.kind, "name": row.name, "change": row.change}
+            for node, row in shown
+        ]
+    )
+    for node, rows in found.items():
+        if len(rows) > _MOST:
+            print(f"{node}: {len(rows) - _MOST} more, `--json` has all".removeprefix(": "), file=sys.stderr)
+    if not any(found.values()):
+        print(f"{names[0]} and {names[1]} are equal", file=sys.stderr)
+    return 0
+
+
+def _drawn(project: Project, store: Store, out: str | None, sides: tuple[Side, Side], rows: Sequence[Row]) -> list[Row]:
+    """The rows, those of pictures with the file that shows the difference."""
+    from dataclasses import replace
+
+    from dextera_build.cli.look import pictures
+    from dextera_build.cli.look.output import writing
+
+    name = "-".join((side.output or "")[:12] for side in sides)
+    folder = Path(out) if out else project.cache / "out" / "diff" / name
+    found = []
+    for row in rows:
+        with writing(folder, hint=None if out else "`-o DIR` says where to draw"):
+            file = pictures.draw(row.output, store.blobs.get, folder) if row.output is not None else None
+        found.append(replace(row, change=f"{row.change}\t{project.shown(file)}") if file else row)
+    return found

@@ -1,0 +1,43 @@
+"""`dxb get`: a node's artifact as files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from dextera_build.cli import options
+from dextera_build.errors import UsageError
+from dextera_build.recipe.addresses import parse_target
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("node", metavar="RECIPE:NODE", help="twin/laptop_scene:body[mug].mesh")
+    parser.add_argument("-o", "--out", metavar="DIR", default=".", help="where to write (the current folder)")
+    options.project_arguments(parser)
+    options.request_arguments(parser)
+    options.json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the files and print their paths, the main one first."""
+    from dextera_build.build.export import stem_of
+    from dextera_build.session import Session
+
+    wanted = parse_target(args.node)
+    if not wanted.node:
+        raise UsageError(
+            "name a node", code="DXB-U111", hint=f"`dxb get {wanted.recipe}:NODE`; `dxb ls {wanted.recipe}`"
+        )
+    session = Session(options.project(args), wanted.recipe, options.added(args), last=True)
+    try:
+        written = session.artifact(wanted.node).export(Path(args.out), stem_of(wanted.node))
+    except OSError as error:
+        place = error.filename or args.out
+        facts = {"system says": error.strerror}
+        raise UsageError(
+            f"`{place}` cannot be written", code="DXB-U182", facts=facts, hint=f"ls -ld {args.out}"
+        ) from None
+    print(json.dumps({"files": [str(path) for path in written]}) if args.json else "\n".join(map(str, written)))
+    return 0

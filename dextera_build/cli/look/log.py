@@ -1,0 +1,74 @@
+"""`dxb log`: what a run did and what its nodes printed."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from dextera_build.cli import options, table
+from dextera_build.errors import UsageError, did_you_mean, listing
+
+if TYPE_CHECKING:
+    from dextera_build.project.project import Project
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("run", nargs="?", metavar="RUN|RECIPE", help="a run's id, or a recipe for its last run")
+    parser.add_argument("node", nargs="?", metavar="NODE", help="one node: all that it printed")
+    options.project_arguments(parser)
+    options.json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print one node a line, or one node's log."""
+    from dextera_build.explain import runs
+
+    project = options.project(args)
+    run, events = runs.find(project, args.run)
+    finished = {event["node"]: event for event in events if event["event"] == "node_finished"}
+    if args.node is None:
+        if args.json:
+            print(json.dumps(events))
+            return 0
+        table.show(
+            [
+                {"node": node, "status": event["status"], "time": f"{event['seconds']:.1f} s", "line": event["line"]}
+                for node, event in finished.items()
+            ]
+        )
+        return 0
+    if args.node not in finished:
+        raise UsageError(
+            f"run {run} has no node `{args.node}`",
+            code="DXB-U110",
+            facts={"nodes": listing(finished, most=40)},
+            hint=did_you_mean(args.node, finished),
+        )
+    text = _printed(project, finished[args.node])
+    if text is None:
+        logged = [event["text"] for event in events if event["event"] == "node_log" and event["node"] == args.node]
+        text = "\n".join(logged)
+    if text:
+        print(text)
+    else:
+        print("it printed nothing, or that is no longer in the store", file=sys.stderr)
+    return 0
+
+
+def _printed(project: Project, finished: Mapping[str, Any]) -> str | None:
+    """All that a node printed when it ran, in this run or an earlier one; None where the store does not have it.
+
+    What a rule prints by itself, and the traceback of one that failed, stands there and in no event.
+    """
+    from dextera_build.session import reading
+
+    store = reading(project)
+    found = store.actions.known(finished["key"]) if finished["key"] else None
+    log = finished.get("log") or (found.log if found else None)
+    if not log or not store.blobs.has(log):
+        return None
+    return store.blobs.get(log).decode(errors="replace").rstrip()

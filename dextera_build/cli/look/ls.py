@@ -1,0 +1,120 @@
+"""`dxb ls`: what there is."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+
+from dextera_build.cli import options, table
+from dextera_build.cli.look import query
+from dextera_build.project.project import Project
+
+Row = dict[str, str]
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument(
+        "what",
+        nargs="?",
+        default="recipes",
+        metavar="WHAT",
+        help="recipes (default), rules, backends, runs, divergent, calls, a recipe's address for its nodes, or nodes "
+        "by a glob: 'twin/*:body[*].mesh'",
+    )
+    query.arguments(parser)
+    options.project_arguments(parser)
+    options.request_arguments(parser)
+    options.json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print one row a line."""
+    project = options.project(args)
+    listings = {"recipes": _recipes, "rules": _rules, "backends": _backends, "runs": _runs, "divergent": _divergent}
+    if args.what == "calls":
+        return _calls(project, as_json=args.json)
+    listing = listings.get(args.what)
+    if query.wants(args) and listing is None:
+        rows = list(query.rows(project, args))
+    else:
+        rows = list(listing(project) if listing else _nodes(project, args))
+    if args.json:
+        print(json.dumps(rows, indent=1))
+    else:
+        table.show(rows)
+    return 0
+
+
+def _calls(project: Project, *, as_json: bool) -> int:
+    from dextera_build.explain import calls
+
+    found = list(calls.rows(project))
+    if as_json:
+        print(json.dumps(found, indent=1))
+    else:
+        table.show([calls.cells(row) for row in found])
+    return 0
+
+
+def _recipes(project: Project) -> Iterator[Row]:
+    for address, _ in project.recipes():
+        recipe = project.recipe(address)
+        yield {"recipe": address, "summary": recipe.summary if recipe else ""}
+
+
+def _rules(project: Project) -> Iterator[Row]:
+    for found in project.library.rules():
+        yield {"rule": found.path, "summary": found.rule.summary}
+
+
+def _backends(project: Project) -> Iterator[Row]:
+    for found in project.library.rules():
+        for backend in found.backends.values():
+            facts, missing = backend.facts, backend.missing()
+            yield {
+                "rule": found.path,
+                "backend": backend.name,
+                "profiles": ",".join(facts.profiles),
+                "installed": "no: " + ", ".join(missing) if missing else "yes",
+                "gpu": f"{facts.gpu_gb:g} GiB" if facts.gpu_gb else "-",
+                "licence": facts.licence,
+                "summary": facts.summary,
+            }
+
+
+def _runs(project: Project) -> Iterator[Row]:
+    from dextera_build.explain.runs import runs
+
+    yield from runs(project)
+
+
+def _divergent(project: Project) -> Iterator[Row]:
+    """Keys that gave another output when they ran again."""
+    import time
+
+    from dextera_build.session import reading
+
+    for found in reading(project).divergent.all():
+        yield {
+            "node": found.node,
+            "key": found.key[:12],
+            "first": found.first[:12],
+            "again": ",".join(output[:12] for output in found.again),
+            "when": time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(found.time)),
+        }
+
+
+def _nodes(project: Project, args: argparse.Namespace) -> Iterator[Row]:
+    from dextera_build.session import Session
+
+    graph = Session(project, args.what, options.added(args)).plan().graph
+    for address, call in graph.calls():
+        copies = [f"{name}[*]" for name in address[:-1]]
+        yield {
+            "node": ".".join([*copies, address[-1]]),
+            "rule": call.rule.path,
+            "backend": call.rule.backend or "-",
+            "place": str(call.where),
+        }

@@ -1,0 +1,46 @@
+"""`dxb report`: one offline HTML file of a run."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import webbrowser
+from pathlib import Path
+
+from dextera_build.cli import options
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("run", nargs="?", metavar="RUN|RECIPE", help="a run's id, or a recipe for its last run")
+    parser.add_argument("-o", "--out", metavar="FILE", help="where to write it (<cache>/out/<recipe>/report.html)")
+    parser.add_argument("--open", action="store_true", help="open it in the browser")
+    options.project_arguments(parser)
+    options.request_arguments(parser)
+    options.json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the file and print its path."""
+    from dextera_build.cli.look.output import writing
+    from dextera_build.explain import runs
+    from dextera_build.report.build import build
+    from dextera_build.session import reading
+
+    project = options.project(args)
+    events = runs.of_last_built(project, args.run, options.added(args))
+    start = next(event for event in events if event["event"] == "run_started")
+    recipe, variant = start["recipe"], start.get("variant", "")
+    out = Path(args.out) if args.out else project.cache / "out" / f"{recipe}{variant}" / "report.html"
+    licences = {
+        f"{found.path}:{backend.name}": backend.facts.licence
+        for found in project.library.rules()
+        for backend in found.backends.values()
+    }
+    with writing(out, hint=None if args.out else f"dxb report {recipe} -o report.html"):
+        path = build(events, reading(project), out, licences=licences)
+    print(json.dumps({"report": project.shown(path)}) if args.json else project.shown(path))
+    if args.open or (os.environ.get("DISPLAY") and os.isatty(1) and args.out is None):
+        webbrowser.open(path.absolute().as_uri())
+    return 0

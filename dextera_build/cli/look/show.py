@@ -1,0 +1,189 @@
+"""`dxb show`: a node, everything that it came from, a recipe's past, its graph, a run's trace, or the configuration."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from typing import TYPE_CHECKING, Any
+
+from dextera_build.cli import options, table
+from dextera_build.cli.look import graph, trace
+from dextera_build.errors import UsageError
+from dextera_build.explain.calls import is_call, show
+from dextera_build.explain.reads import Reads
+from dextera_build.recipe.addresses import parse_target
+from dextera_build.report.wording import used
+
+if TYPE_CHECKING:
+    from dextera_build.project.project import Project, Setting
+
+
+_COLUMNS = {2: ("name", "value"), 3: ("setting", "value", "origin"), 4: ("node", "time", "run", "result")}
+"""By how many cells a row has: facts, settings, and a recipe's past."""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument(
+        "target",
+        nargs="?",
+        metavar="RECIPE[:NODE]|RULE|RUN|CALL",
+        help="a recipe, a node or target, a rule, a run's id for --trace, or a call by its digest",
+    )
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--graph", action="store_true", help="the nodes of a recipe, or what a target needs, as SVG")
+    what.add_argument(
+        "--trace", action="store_true", help="when every node of a run worked, for Perfetto or speedscope"
+    )
+    what.add_argument(
+        "--lineage",
+        action="store_true",
+        help="what the result came from: nodes with options, seeds, code and packages, down to project files",
+    )
+    what.add_argument("--config", action="store_true", help="every setting with its origin")
+    parser.add_argument("-o", "--out", metavar="FILE", help="where to write a graph or trace (standard output)")
+    graph.arguments(parser)
+    options.project_arguments(parser)
+    options.request_arguments(parser)
+    options.json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print rows of name and value; with `--lineage` an indented line for everything, each once."""
+    from dextera_build.session import Session
+
+    if args.trace:
+        return trace.run(args)
+    project = options.project(args)
+    if args.config:
+        rows: dict[str, Any] = {name: _setting(found, as_json=args.json) for name, found in project.config.items()}
+    elif args.target is None:
+        raise UsageError("name a recipe or a node, or give `--config`", code="DXB-U111", hint="`dxb ls` lists recipes")
+    elif args.graph:
+        return graph.run(args)
+    elif is_call(args.target):
+        rows = show(project, args.target)
+    else:
+        if _is_rule(project, args.target):
+            return _rule(project, args.target, as_json=args.json)
+        wanted = parse_target(args.target)
+        session = Session(project, wanted.recipe, options.added(args), last=True)
+        if args.lineage:
+            return _lineage(session, wanted.node, as_json=args.json)
+        rows = _node(session, wanted.node) if wanted.node else _recipe(session, as_json=args.json)
+    if args.json:
+        print(json.dumps(rows, indent=1))
+    else:
+        cells = [[name, *str(value).split("\t")] for name, value in rows.items()]
+        table.show([dict(zip(_COLUMNS[len(row)], row, strict=True)) for row in cells])
+    return 0
+
+
+def _is_rule(project: Project, text: str) -> bool:
+    return "." in text and not set(text) & set(":/") and any(found.path == text for found in project.library.rules())
+
+
+def _rule(project: Project, path: str, *, as_json: bool) -> int:
+    from dextera_build.explain import rule_card
+
+    rows = rule_card.rows(project.library.find(path))
+    if as_json:
+        print(json.dumps(rows, indent=1))
+    else:
+        table.show(rows)
+    return 0
+
+
+def _setting(found: Setting, *, as_json: bool) -> Any:
+    """Value and origin of a setting; printed as it is written in `dxb.toml` or on the command line."""
+    value = found.value
+    if as_json:
+        return {"value": value, "origin": found.origin}
+    if isinstance(value, dict):
+        value = ",".join(f"{name}={amount:g}" for name, amount in value.items())
+    elif isinstance(value, bool):
+        value = str(value).lower()
+    return f"{value}\t{found.origin}"
+
+
+def _lineage(session: Any, target: str, *, as_json: bool) -> int:
+    from dextera_build.explain import lineage
+
+    found = lineage.trace(session, _targets(session, target))
+    print(json.dumps(found.to_json(), indent=1) if as_json else "\n".join(lineage.lines(found, session.recipe)))
+    return 0
+
+
+def _targets(session: Any, target: str) -> list[str]:
+    """A node that was built, or the built nodes that a target of the recipe stands for."""
+    if target in session.history:
+        return [target]
+    from dextera_build.engine.graph import parse_address
+    from dextera_build.session import addresses
+
+    wanted = addresses(session.plan().graph, target)
+    built = [(node, parse_address(node)) for node in session.last_nodes]
+    found = [node for node, at in built for want in wanted if at.call == want.call and want.matches(at.labels or ())]
+    if not found:
+        session.past(target or str(wanted[0]))  # says that it was never built, and what was
+    return found
+
+
+def _recipe(session: Any, *, as_json: bool) -> dict[str, Any]:
+    if session.project.recipe(session.recipe) is None:
+        session.plan()  # says that there is none, and what there is
+    rows: dict[str, Any] = {}
+    for node, entry in session.history.items():
+        line = _line(session, entry.key)
+        told = {"seconds": entry.seconds, "run": entry.run, "line": line}
+        rows[node] = told if as_json else f"{entry.seconds:.1f} s\trun {entry.run}\t{line}"
+    return rows
+
+
+def _line(session: Any, key: str) -> str:
+    found = session.store.actions.known(key)
+    return found.line if found else "(no longer in the store)"
+
+
+def _node(session: Any, node: str) -> dict[str, Any]:
+    entry = session.past(node)
+    found = session.store.actions.find(entry.key)
+    document = session.document(node)
+    when = time.strftime("%Y-%m-%d %H:%M", time.localtime(entry.time))
+    rows: dict[str, Any] = {
+        "node": f"{session.recipe}:{node}",
+        "result": _line(session, entry.key),
+        "rule": f"{document['rule']} version {document['version']}",
+        "backend": document["backend"] or "-",
+        "known since": f"run {entry.run}, {when}; it took {entry.seconds:.1f} s to make",
+        "key": entry.key,
+    }
+    if entry.usage:
+        rows["used"] = used(entry.usage)
+    if found is not None:
+        result = found.result
+        rows["output"] = result.output
+        rows |= {} if found.is_whole else {"bytes": "not in the store"}
+        rows |= {f"call {number}": key for number, (key, _) in enumerate(result.calls)}
+        rows |= {f"metric {name}": f"{value:g} {unit}".strip() for name, (value, unit) in result.metrics.items()}
+        rows |= _header(session, result.output)
+    rows |= {f"option {name}": json.dumps(value) for name, value in document["options"].items()}
+    rows |= {f"input {slot}": digest for slot, digest in document["inputs"]}
+    rows |= {f"read {name}": told for name, told in Reads(session).rows(document).items()}
+    return rows | {f"package {name}": version for name, version in document["packages"].items()}
+
+
+def _header(session: Any, output: str) -> dict[str, Any]:
+    header = json.loads(session.store.blobs.get(output))
+    rows = {"type": header["artifact"]}
+    for name, value in header["fields"].items():
+        if isinstance(value, dict) and "$array" in value:
+            dtype, shape, _ = value["$array"]
+            rows[f"field {name}"] = f"{dtype} {tuple(shape)}"
+        elif isinstance(value, dict):
+            rows[f"field {name}"] = ", ".join(value.get("$map", {})) or next(iter(value), "").removeprefix("$")
+        else:
+            text = json.dumps(value)
+            rows[f"field {name}"] = text if len(text) < 100 else f"{text[:97]}..."
+    return rows

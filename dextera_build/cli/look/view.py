@@ -1,0 +1,109 @@
+"""`dxb view`: a scene, or one artifact, in the browser."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+import webbrowser
+from typing import TYPE_CHECKING, Any
+
+from dextera_build.cli import options
+from dextera_build.engine.graph import parse_address
+from dextera_build.errors import DxbError, UsageError
+from dextera_build.recipe.addresses import parse_target
+
+if TYPE_CHECKING:
+    from dextera_build.session import Session
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("target", metavar="RECIPE[:NODE]", help="a recipe that was built, or one node of it")
+    parser.add_argument("--port", type=int, default=8080, help="port to listen on (8080, or the next free one)")
+    parser.add_argument(
+        "--host", default="127.0.0.1", metavar="ADDRESS", help="address to listen on (127.0.0.1: this machine alone)"
+    )
+    parser.add_argument(
+        "--allow-origin",
+        action="append",
+        default=[],
+        metavar="ORIGIN",
+        help="admit pages of this origin, too: a notebook's proxy or a tunnel, https://hub.example.org",
+    )
+    parser.add_argument("--no-open", action="store_true", help="do not open the browser")
+    options.project_arguments(parser)
+    options.request_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve until interrupted; the address goes to stdout."""
+    from dextera_build.session import Session
+    from dextera_build.view import server
+
+    wanted = parse_target(args.target)
+    session = Session(options.project(args), wanted.recipe, options.added(args), last=True)
+    fill = _one(session, wanted.node) if wanted.node else _scene(session)
+    viewer, url = server.start(args.port, args.host, args.allow_origin)
+    fill(viewer)
+    print(url, flush=True)
+    print("Ctrl-C ends it", file=sys.stderr)
+    if not args.no_open:
+        webbrowser.open(url)
+    while True:
+        try:
+            time.sleep(3600)
+        except KeyboardInterrupt:
+            return 0
+
+
+def _one(session: Session, node: str) -> Any:
+    from dextera_build.view.show import show
+
+    artifact = session.artifact(node)
+    return lambda viewer: show(artifact, viewer, f"/{node}")
+
+
+def _scene(session: Session) -> Any:
+    """Everything of a recipe's last build that makes up a scene, by the types of the artifacts."""
+    from dextera_build.view.scene import show_scene
+
+    nodes = _by_type(session)
+    missing = [kind for kind in ("Background", "Support", "Capture") if kind not in nodes]
+    if missing:
+        raise UsageError(
+            f"`{session.recipe}` has no scene to show yet",
+            code="DXB-U113",
+            facts={"missing": ", ".join(missing)},
+            hint=f"`dxb build {session.recipe}`, or name a node: `dxb view {session.recipe}:NODE`",
+        )
+    loaded: dict[str, Any] = {kind: session.artifact(nodes[kind][-1]) for kind in ("Background", "Support", "Capture")}
+    addresses = {_label(node): node for node in nodes.get("Asset", [])}
+    assets: dict[str, Any] = {label: session.artifact(node) for label, node in addresses.items()}
+    capture = loaded["Capture"]
+    return lambda viewer: show_scene(
+        viewer,
+        assets,
+        loaded["Background"],
+        loaded["Support"],
+        capture.camera,
+        photo=capture.rgb,
+        addresses=addresses,
+    )
+
+
+def _by_type(session: Session) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for node in session.last_nodes:
+        try:
+            header = json.loads(session.store.blobs.get(session.output(node)))
+        except DxbError:
+            continue  # what is no longer in the store cannot be shown
+        found.setdefault(header["artifact"], []).append(node)
+    return found
+
+
+def _label(node: str) -> str:
+    labels = parse_address(node).labels or (node,)
+    return labels[-1]

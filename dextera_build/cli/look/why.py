@@ -1,0 +1,67 @@
+"""`dxb why`: what a node's staleness comes from, down to the option, function or file that changed far upstream."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import TYPE_CHECKING
+
+from dextera_build.cli import options, table
+from dextera_build.recipe.addresses import parse_target
+from dextera_build.report.wording import count
+
+if TYPE_CHECKING:
+    from dextera_build.session import Session
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("node", metavar="RECIPE[:NODE]", help="a node, or a recipe for all its stale nodes")
+    options.project_arguments(parser)
+    options.request_arguments(parser)
+    options.json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print a sentence, then one cause a line: kind, name, old -> new, place; what stands behind it stands indented."""
+    from dextera_build.session import Session
+
+    project = options.project(args)
+    wanted = parse_target(args.node)
+    session = Session(project, wanted.recipe, options.added(args))
+    if not wanted.node:
+        return _recipe(session, as_json=args.json)
+    from dextera_build.explain.why import explain
+
+    sentence, causes = explain(session, wanted.node)
+    if args.json:
+        rows = [cause.to_json() for cause in causes]
+        print(json.dumps({"node": args.node, "answer": sentence, "causes": rows}, indent=1))
+        return 0
+    from dextera_build.explain.origins import margin
+
+    print(sentence)
+    table.show(
+        [
+            {
+                "kind": margin(cause.depth + 1) + cause.kind,
+                "name": cause.name,
+                "change": cause.change,
+                "place": cause.place,
+            }
+            for cause in causes
+        ]
+    )
+    return 0
+
+
+def _recipe(session: Session, *, as_json: bool) -> int:
+    from dextera_build.cli.build import stale
+    from dextera_build.session import addresses
+
+    graph = session.plan().graph
+    found, waiting = stale.show(session, graph, addresses(graph, ""), as_json=as_json)
+    told = f"{count(len(found), 'node')} of {session.recipe} would run" if found else f"{session.recipe} is up to date"
+    print(f"{told}, {waiting} may follow" if waiting else told, file=sys.stderr)
+    return 0

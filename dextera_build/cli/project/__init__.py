@@ -1,0 +1,1 @@
+"""Verbs that begin a project or look at the machine."""

@@ -1,0 +1,153 @@
+"""What may stand at the end of a command line; argcomplete asks, in the shell's name.
+
+No rule is imported and nothing is planned: recipes are listed, one is read, and nodes come from the logs of its runs.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import argparse
+
+    from dextera_build.project.project import Project
+
+_RUNS = 3
+"""So many runs of a recipe are read for the names of its nodes."""
+
+
+def answer() -> None:
+    """Print what completes the line of the environment, and end the process."""
+    import argcomplete
+
+    from dextera_build.cli.grammar import parser
+
+    line = os.environ["COMP_LINE"][: int(os.environ["COMP_POINT"])]
+    verb = next((word for word in line.split()[1:] if not word.startswith("-")), "")
+    top = parser(verb)
+    _equip(top)
+    argcomplete.autocomplete(top, always_complete_options=False)
+
+
+def _equip(parser: argparse.ArgumentParser) -> None:
+    """Give every argument its completer, by what the help calls its value."""
+    import argparse
+
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for sub in set(action.choices.values()):
+                _equip(sub)
+        else:
+            found = _COMPLETERS.get(action.dest) or _COMPLETERS.get(str(action.metavar))
+            if found is not None:
+                action.completer = found  # type: ignore[attr-defined]
+
+
+def _targets(prefix: str, **_: Any) -> list[str]:
+    from dextera_build.project.project import find
+
+    project = find()
+    recipe, colon, _rest = prefix.partition(":")
+    if not colon:
+        return [address for address, _ in project.recipes()]
+    return [f"{recipe}:{node}" for node in _nodes(project, recipe)]
+
+
+def _nodes(project: Project, address: str) -> list[str]:
+    """Targets and nodes that a recipe declares, and copies of calls as its last runs saw them."""
+    from dextera_build.explain import nodes
+    from dextera_build.session import reading
+
+    recipe = project.recipe(address)
+    if recipe is None:
+        return []
+    built = nodes.of_runs(reading(project), address, most=_RUNS)
+    own = [name for name in built if name.split(".")[0].split("[")[0] in recipe.nodes]
+    return list(dict.fromkeys((*recipe.targets, *recipe.nodes, *own)))
+
+
+def _forced(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
+    from dextera_build.project.project import find
+
+    project = find()
+    return [node for text in parsed_args.targets for node in _nodes(project, text.partition(":")[0])]
+
+
+def _runs(**_: Any) -> dict[str, str]:
+    from dextera_build.explain.runs import runs
+    from dextera_build.project.project import find
+
+    project = find()
+    found = {row["run"]: f"{row['recipe']}, {row['when']}" for row in runs(project)}
+    return found | {address: "the last run of this recipe" for address, _ in project.recipes()}
+
+
+def _in_run(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
+    from dextera_build.explain import nodes
+    from dextera_build.explain.runs import find as run_of
+    from dextera_build.project.project import find
+
+    # argcomplete asks for both words of `dxb log` while the first is typed.
+    return list(nodes.of_events(run_of(find(), parsed_args.run)[1])) if parsed_args.run else []
+
+
+def _listed(prefix: str, **_: Any) -> list[str]:
+    kinds = ["recipes", "rules", "backends", "runs", "divergent", "calls"]
+    return _targets(prefix) if ":" in prefix else [*kinds, *_targets(prefix)]
+
+
+def _rules(**_: Any) -> Iterator[str]:
+    from dextera_build.project.project import find
+
+    return (found.path for found in find().library.rules())
+
+
+def _shown(prefix: str, **_: Any) -> list[str]:
+    return _targets(prefix) if ":" in prefix else [*_targets(prefix), *_rules()]
+
+
+def _helped(**_: Any) -> list[str]:
+    from dextera_build.cli.verbs import VERBS
+
+    return [*VERBS, *_rules()]
+
+
+def _backends(prefix: str, **_: Any) -> list[str]:
+    from dextera_build.project.project import find
+
+    rule, equals, _name = prefix.partition("=")
+    found = {file.path: file for file in find().library.rules()}
+    if not equals:
+        return [f"{path}=" for path in found]
+    return [f"{rule}={name}" for name in found[rule].backends] if rule in found else []
+
+
+def _words(*words: str) -> Callable[..., list[str]]:
+    return lambda **_: list(words)
+
+
+_COMPLETERS: dict[str, Callable[..., object]] = {
+    "RECIPE[:TARGET]": _targets,
+    "RECIPE[:NODE]": _targets,
+    "RECIPE[:NODE]|RULE|RUN|CALL": _shown,
+    "VERB|CODE|RULE": _helped,
+    "RECIPE:NODE": _targets,
+    "A": _targets,
+    "B": _targets,
+    "BUNDLE|RECIPE[:TARGET]": _targets,
+    "RUN|RECIPE": _runs,
+    "NODE": _in_run,
+    "GLOB": _rules,
+    "RULE=NAME": _backends,
+    "force": _forced,
+    "what": _listed,
+    "by": _words("node", "group", "rule", "recipe"),
+    "calls": _words("record", "replay", "refresh", "replace", "off"),
+    "console": _words("live", "plain", "jsonl", "none"),
+    "executor": _words("local", "ray"),
+    "profile": _words("stub", "cpu", "gpu", "cloud"),
+    "shell": _words("bash", "zsh", "fish"),
+}
+"""By an argument's own name, or by what the help calls its value."""

@@ -1,0 +1,81 @@
+"""`dxb doctor`: what this machine has, what it lacks, and how to get it."""
+
+from __future__ import annotations
+
+import argparse
+import ctypes.util
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+
+from dextera_build.cli import options
+from dextera_build.project.project import Project
+
+_LIBRARIES = {"libusb-1.0-0": "usb-1.0", "libgomp1": "gomp", "libegl1": "EGL", "libgl1": "GL"}
+_RENDER = "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 8, 8).close()"
+
+Finding = tuple[str, bool, str, str]
+"""What, whether it is there, what was found, and how to mend it."""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    options.project_arguments(parser)
+    options.json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print one finding a line; 4 where something is missing that the profile needs."""
+    project = options.project(args)
+    findings = [*_python(), *_store(project), *_libraries(), *_backends(project), *_rendering()]
+    if args.json:
+        import json
+
+        keys = ("what", "ok", "found", "mend")
+        print(json.dumps([dict(zip(keys, finding, strict=True)) for finding in findings], indent=1))
+    else:
+        for what, fine, found, mend in findings:
+            print(f"{'ok' if fine else 'lacks'}\t{what}\t{found}" + (f"\t{mend}" if mend and not fine else ""))
+    return 0 if all(fine for _, fine, _, _ in findings) else 4
+
+
+def _python() -> Iterator[Finding]:
+    version = ".".join(str(part) for part in sys.version_info[:3])
+    yield "python", sys.version_info >= (3, 11), version, "install Python 3.11"
+    yield "cores", True, str(len(os.sched_getaffinity(0))), ""
+
+
+def _store(project: Project) -> Iterator[Finding]:
+    folder = project.cache
+    existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
+    free = shutil.disk_usage(existing).free / 2**30
+    fine = os.access(existing, os.W_OK)
+    yield "store", fine, f"{project.shown(folder)}, {free:.0f} GiB free", "choose another one: `--cache DIR`"
+
+
+def _libraries() -> Iterator[Finding]:
+    missing = [package for package, name in _LIBRARIES.items() if ctypes.util.find_library(name) is None]
+    for package in _LIBRARIES:
+        found = "missing" if package in missing else "found"
+        yield package, package not in missing, found, f"`apt-get install {' '.join(missing)}`"
+
+
+def _backends(project: Project) -> Iterator[Finding]:
+    profile = project.profile
+    for found in project.library.rules():
+        for backend in found.backends.values():
+            if profile in backend.facts.profiles and (missing := backend.missing()):
+                name = f"{found.path}, backend {backend.name}"
+                mend = f"`pip install 'dextera-build[{backend.facts.extra or 'all'}]'`"
+                yield name, False, f"needs {', '.join(missing)}", mend
+
+
+def _rendering() -> Iterator[Finding]:
+    """In a process of its own: a broken GL driver ends the process, and the choice of driver is made at import."""
+    environment = {"MUJOCO_GL": "egl", **os.environ}
+    answer = subprocess.run([sys.executable, "-c", _RENDER], env=environment, capture_output=True, text=True)
+    lines = answer.stderr.strip().splitlines()
+    found = f"MUJOCO_GL={environment['MUJOCO_GL']}" if answer.returncode == 0 else (lines[-1] if lines else "crashed")
+    yield "rendering", answer.returncode == 0, found, "`apt-get install libegl1 libgl1` and `export MUJOCO_GL=egl`"

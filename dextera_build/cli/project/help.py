@@ -1,0 +1,65 @@
+"""`dxb help`: a verb, an error code, or a rule."""
+
+from __future__ import annotations
+
+import argparse
+import re
+
+from dextera_build.cli.verbs import MOVED, VERBS
+from dextera_build.errors import UsageError, did_you_mean
+
+_CODE = re.compile(r"(?:DXB-)?([A-Z]\d{3})", re.IGNORECASE)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("what", nargs="?", metavar="VERB|CODE|RULE", help="`why`, `DXB-R104` or `factorize.mesh`")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the help of a verb, what an error means, or what a rule takes; without a word, the overview."""
+    from dextera_build.cli.grammar import parser
+
+    what = args.what
+    if what is None:
+        print(parser("").format_help(), end="")
+    elif what in VERBS or what in MOVED:
+        words = MOVED.get(what, what).split()
+        parser(words[0]).parse_args([*(word for word in words if not word.startswith("-")), "--help"])
+    elif code := _CODE.fullmatch(what):
+        print(_meaning(f"DXB-{code[1].upper()}"))
+    else:
+        return _rule(what)
+    return 0
+
+
+def _meaning(code: str) -> str:
+    from dextera_build.explain import error_codes
+
+    found = list(dict.fromkeys(error_codes.sites(code)))
+    if not found:
+        hint = "codes are `DXB-`, a letter and three digits, as in `DXB-R104`"
+        raise UsageError(f"there is no error `{code}`", code="DXB-U196", hint=hint)
+    kind = error_codes.family(code[4])
+    lines = [f"{code}: {(kind.__doc__ or '').partition(chr(10))[0]}"]
+    for error in found:
+        lines += ["", error.message]
+        lines += [f"   it says: {', '.join(error.facts)}"] if error.facts else []
+        lines += [f"   what to do: {error.hint}"] if error.hint else []
+    return "\n".join(lines)
+
+
+def _rule(name: str) -> int:
+    from dextera_build.cli import table
+    from dextera_build.explain import rule_card
+    from dextera_build.project import project
+
+    rules = {found.path: found for found in project.find().library.rules()}
+    if name not in rules:
+        raise UsageError(
+            f"`{name}` is neither a verb, an error code nor a rule",
+            code="DXB-U196",
+            hint=did_you_mean(name, [*VERBS, *rules], "`dxb help {}`") or "`dxb ls rules` lists rules",
+        )
+    table.show(rule_card.rows(rules[name]))
+    return 0

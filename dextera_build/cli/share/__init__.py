@@ -1,0 +1,1 @@
+"""Verbs that move results between stores, and keep the store."""

@@ -1,0 +1,139 @@
+"""`dxb bundle create`: from what was built to a bundle."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import sys
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dextera_build import __version__
+from dextera_build.bundle import oci, provenance
+from dextera_build.bundle.config import Build, Contents
+from dextera_build.bundle.export import Export
+from dextera_build.cli import options
+from dextera_build.errors import UsageError, listing
+from dextera_build.recipe.addresses import parse_target
+
+if TYPE_CHECKING:
+    from dextera_build.bundle.closure_of_targets import Survey
+    from dextera_build.project.project import Project
+    from dextera_build.recipe.plan import Plan
+    from dextera_build.session import Session
+
+
+def create(args: argparse.Namespace) -> int:
+    """Write a bundle; print its path, digest and size."""
+    made = _make(args, args.targets)
+    made.write(Path(args.out))
+    print(f"{args.out}\tsha256:{made.digest}")
+    return 0
+
+
+def _make(args: argparse.Namespace, targets: Sequence[str]) -> Export:
+    from dextera_build.bundle import sign
+    from dextera_build.session import reading
+
+    project = options.project(args)
+    wanted: dict[str, list[str]] = {}
+    for text in targets:
+        named = parse_target(text)
+        wanted.setdefault(named.recipe, []).append(named.node)
+    builds: list[Build] = []
+    recipes: dict[str, bytes] = {}
+    times: list[float] = []
+    runs: list[str] = []
+    for recipe, names in sorted(wanted.items()):
+        build, plan, past = _survey(args, project, recipe, names)
+        builds.append(build)
+        recipes |= _recipes(project, plan)
+        times += [when for when, _ in past]
+        runs += [f"{recipe}@{run}" for _, run in past]
+    texts = {name: _digest(data) for name, data in recipes.items()}
+    contents = Contents(args.closure, __version__, tuple(builds), texts)
+    store, created = reading(project), _created(times)
+    made = Export(store, contents, recipes, created)
+    known = provenance.Circumstances(
+        _request(args),
+        tuple(dict.fromkeys(runs)),
+        created,
+        {"python": platform.python_version(), "system": sys.platform},
+    )
+    statement = provenance.statement(made.digest, contents, made.get, known)
+    kind = {oci.PREDICATE: provenance.PREDICATE}
+    if args.sign:
+        envelope, key = sign.seal(statement, Path(args.sign))
+        made.attach(oci.DSSE, envelope, **kind)
+        print(f"signed with {key.id}", file=sys.stderr)
+    else:
+        made.attach(oci.IN_TOTO, statement, **kind)
+    return made
+
+
+def _survey(
+    args: argparse.Namespace, project: Project, recipe: str, names: Sequence[str]
+) -> tuple[Build, Plan, list[tuple[float, str]]]:
+    """A build as it stands in the store, its plan, and (time, run) in which its targets were made."""
+    from dextera_build.bundle.closure_of_targets import as_build, survey
+    from dextera_build.session import Session, addresses
+
+    session = Session(project, recipe, options.added(args))
+    plan = session.plan()
+    asked = [address for name in names for address in addresses(plan.graph, name)]
+    full = args.closure == "full"
+    found = survey(plan.graph, asked, session.store, whole=full)
+    if found.stale:
+        wanted = " ".join(f"{recipe}:{name}" if name else recipe for name in names)
+        raise UsageError(
+            f"`{recipe}` is not built as it stands now",
+            code="DXB-U142",
+            facts={"stale": listing(found.stale)},
+            hint=f"`dxb build {'--whole ' if full else ''}{wanted}`",
+        )
+    build = as_build(found, recipe, project.profile, args.closure, partial(_shown, project))
+    return build, plan, _past(session, found)
+
+
+def _past(session: Session, found: Survey) -> list[tuple[float, str]]:
+    known = [(session.past_builds.get(node.address), node) for node in found.nodes if node.address in found.targets]
+    return [(entry.time, entry.run) for entry, node in known if entry is not None and entry.key == node.key]
+
+
+def _recipes(project: Project, plan: Plan) -> dict[str, bytes]:
+    """Address -> YAML of every recipe that planning read."""
+    known = {path.resolve(): address for address, path in project.recipes()}
+    found = {}
+    for path in plan.recipes:
+        address = known.get(path.resolve())
+        if address is not None:
+            found[address] = path.read_bytes()
+    return found
+
+
+def _request(args: argparse.Namespace) -> dict[str, object]:
+    return {"inputs": args.input, "settings": args.settings, "backends": args.backends}
+
+
+def _created(times: Sequence[float]) -> str:
+    """When this store came by the newest target, or what `SOURCE_DATE_EPOCH` says (https://reproducible-builds.org)."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    if epoch and not epoch.isdigit():
+        raise UsageError(f"`SOURCE_DATE_EPOCH` is a number of seconds, not `{epoch}`", code="DXB-U145")
+    seconds = float(epoch) if epoch else max(times, default=0.0)
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(seconds)) if seconds or epoch else ""
+
+
+def _shown(project: Project, path: Path) -> str:
+    """From the project's folder; of what lies elsewhere the name alone, as the rest is nobody's business."""
+    return str(path.relative_to(project.root)) if path.is_relative_to(project.root) else path.name
+
+
+def _digest(data: bytes) -> str:
+    from dextera_build import digest
+
+    return digest.of_bytes(data)

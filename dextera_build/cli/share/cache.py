@@ -1,0 +1,55 @@
+"""`dxb cache`: the store's size, whether it is whole, what can go, and other machines that use it."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+
+from dextera_build.cli import options
+
+ACTIONS = {
+    "push": ("upload what was built to a remote", "push"),
+    "pull": ("bring targets from a remote, without running anything", "pull"),
+    "size": ("count blobs, results and unfinished calls, and their bytes", "cache"),
+    "gc": ("collect what nobody needs, down to a size or an age", "collecting"),
+    "verify": ("read everything and say what is damaged", "verifying"),
+    "serve": ("serve the store to other machines, as a Bazel HTTP cache", "serving"),
+    "sweep": ("drop the progress that calls saved which did not end, and that nobody builds now", "cache"),
+}
+"""Action -> (summary, module that carries it out)."""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    actions = parser.add_subparsers(dest="what", metavar="ACTION", required=True)
+    for name, (summary, module) in ACTIONS.items():
+        sub = actions.add_parser(name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.")
+        if module != "cache":
+            importlib.import_module(f"dextera_build.cli.share.{module}").arguments(sub)
+        options.project_arguments(sub)
+        if name not in ("push", "pull"):
+            options.json_argument(sub)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry the action out."""
+    module = ACTIONS[args.what][1]
+    if module != "cache":
+        code: int = importlib.import_module(f"dextera_build.cli.share.{module}").run(args)
+        return code
+    return _count(args)
+
+
+def _count(args: argparse.Namespace) -> int:
+    """Print one kind a line: name, count, bytes; for `sweep` what was dropped."""
+    from dextera_build.session import reading
+
+    store = reading(options.project(args))
+    counted = store.size() if args.what == "size" else {"keep": store.keep.sweep(store.locks)}
+    if args.json:
+        print(json.dumps({kind: {"count": count, "bytes": total} for kind, (count, total) in counted.items()}))
+    else:
+        for kind, (count, total) in counted.items():
+            print(f"{kind}\t{count}\t{total}")
+    return 0

@@ -1,0 +1,63 @@
+"""`dxb cache gc`: collect what nobody needs; without `--yes` it only says what that is."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from dextera_build.cli import options
+from dextera_build.cli.share import amounts
+from dextera_build.report import wording
+
+if TYPE_CHECKING:
+    from dextera_build.gc.collection import Answer
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("--max-size", metavar="SIZE", help="drop the longest unused results above it: 50GB")
+    parser.add_argument("--max-age", metavar="AGE", help="drop results that nobody used for so long: 30d")
+    parser.add_argument("--yes", action="store_true", help="do it; else it is only said")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print one line per kind and reason: `drop` or `keep`, the kind, count, bytes, why."""
+    limit = amounts.size(args.max_size) if args.max_size is not None else None
+    age_s = amounts.seconds(args.max_age) if args.max_age is not None else None
+
+    from dextera_build.cli.consoles.lines import printable
+    from dextera_build.gc.collection import collect
+    from dextera_build.session import reading
+
+    answer = collect(reading(options.project(args)), size=limit, age_s=age_s, dry=not args.yes)
+    said = answer.said
+    if args.json:
+        print(json.dumps({**asdict(said), "vanished": answer.vanished, "dry": not args.yes}))
+        return 0
+    for verb, rows in (("drop", said.gone), ("keep", said.stays)):
+        for row in rows:
+            # It names folders, by files that somebody may have changed.
+            print(f"{verb}\t{row.kind}\t{row.count}\t{row.bytes}\t{printable(row.why)}")
+    _explain(answer, limit, dry=not args.yes)
+    return 0
+
+
+def _explain(answer: Answer, limit: int | None, *, dry: bool) -> None:
+    said = answer.said
+    for workspace in answer.vanished:
+        print(f"`{workspace}` is not there any more: what it built last is not held", file=sys.stderr)
+    if said.running:
+        who = "a build runs now; all that it" if said.running == 1 else f"{said.running} builds run now; all that they"
+        print(f"{who} may need stays", file=sys.stderr)
+    before, after = wording.size(said.before), wording.size(said.after)
+    if said.gone:
+        print(f"the store {'would shrink' if dry else 'shrank'} from {before} to {after}", file=sys.stderr)
+    else:
+        print(f"nothing {'would go' if dry else 'went'}: the store holds {after}", file=sys.stderr)
+    if limit is not None and said.after > limit:
+        print(f"that is above {wording.size(limit)}: the rest is held, see the lines `keep`", file=sys.stderr)
+    if dry and said.gone:
+        print("nothing was dropped; add `--yes`", file=sys.stderr)

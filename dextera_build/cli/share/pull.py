@@ -1,0 +1,84 @@
+"""`dxb cache pull`: brings targets from a remote, and runs nothing."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from typing import TYPE_CHECKING
+
+from dextera_build.build import fetch
+from dextera_build.cli import options
+from dextera_build.errors import StoreError, listing
+from dextera_build.recipe.addresses import parse_target
+
+if TYPE_CHECKING:
+    from dextera_build.engine.run import RunResult
+    from dextera_build.runs.events import Event
+    from dextera_build.session import Session
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what to bring, with all it came from")
+    parser.add_argument(
+        "--from", metavar="NAME|URL", dest="source", help="the remote; else those that the settings let be read"
+    )
+    options.request_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Place results as `build` does; one line each: address, main file."""
+    from dextera_build.session import Session
+
+    project = options.project(args)
+    lacking: list[str] = []
+    for text in args.targets:
+        wanted = parse_target(text)
+        session = Session(project, wanted.recipe, options.added(args), makes=True)
+        result = _bring(session, wanted.node, args)
+        lacking += [f"{wanted.recipe}:{place}" for place in result.errors]
+    if lacking:
+        count = "1 node is" if len(lacking) == 1 else f"{len(lacking)} nodes are"
+        raise StoreError(
+            f"{count} neither in the store nor in a remote",
+            code="DXB-S202",
+            facts={"lacking": listing(lacking, most=40)},
+            hint=f"`{shlex.join(['dxb', 'build', *args.targets, *options.again(args)])}` makes what is lacking",
+        )
+    return 0
+
+
+def _bring(session: Session, target: str, args: argparse.Namespace) -> RunResult:
+    from dextera_build.build.build import Order, build
+    from dextera_build.build.lock import Locking
+    from dextera_build.cli.build.shown import lines, tell
+
+    order = Order([target], keep_going=True, argv=sys.argv[1:], bring_from=fetch.exchange(session, "r", args.source))
+    built = build(session, order, Locking(session.project, lock=False, locked=False, added=session.added), _Shown())
+    tell(built)
+    print(lines(built.placed.paths), end="", flush=True)
+    return built.run_result
+
+
+class _Shown:
+    """One line for what came, and one for the whole."""
+
+    def __init__(self) -> None:
+        from dextera_build.cli.consoles.lines import Columns
+
+        self._columns = Columns()
+        self._recipe = ""
+
+    def __call__(self, event: Event) -> None:
+        from dextera_build.cli.consoles import lines
+        from dextera_build.runs import events
+
+        if isinstance(event, events.RunStarted):
+            self._recipe = event.recipe
+        elif isinstance(event, events.NodeFinished) and event.status == "fetched":
+            print(lines.plain(self._columns.node(event)), file=sys.stderr, flush=True)
+        elif isinstance(event, events.RemoteGivenUp):
+            print(lines.plain(lines.given_up(event)), file=sys.stderr, flush=True)
+        elif isinstance(event, events.RunFinished):
+            print(lines.plain(lines.pulled(self._recipe, event)), file=sys.stderr, flush=True)

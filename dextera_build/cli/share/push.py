@@ -1,0 +1,87 @@
+"""`dxb cache push`: uploads what was built."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from typing import TYPE_CHECKING, TextIO
+
+from dextera_build.build import fetch
+from dextera_build.cli import options
+from dextera_build.errors import StoreError, listing
+from dextera_build.recipe.addresses import parse_target
+
+if TYPE_CHECKING:
+    from dextera_build.remotes.exchange import Exchange
+
+_TICK_S = 0.2
+_SAY_S = 5.0
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill in the parser."""
+    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what to upload, with all it came from")
+    parser.add_argument("--to", metavar="NAME|URL", help="the remote; else those that the settings let be written")
+    options.request_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print one node a line: address, remote, key."""
+    from dextera_build.engine.dry import plan
+    from dextera_build.session import Session, addresses
+
+    project = options.project(args)
+    exchange = None
+    sent: list[tuple[str, str]] = []
+    stale: list[str] = []
+    bare: list[str] = []
+    for text in args.targets:
+        wanted = parse_target(text)
+        session = Session(project, wanted.recipe, options.added(args))
+        graph = session.plan().graph
+        exchange = exchange or fetch.exchange(session, "w", args.to)
+        for node in plan(graph, addresses(graph, wanted.node), session.store):
+            address = f"{wanted.recipe}:{node.address}"
+            if node.status == "cached" and node.bare:
+                bare.append(address)
+            elif node.status == "cached" and node.key is not None:
+                exchange.offer(node.key)
+                sent.append((address, node.key))
+            else:
+                stale.append(address)
+    assert exchange is not None
+    left = _finish_uploads(exchange, sys.stderr)
+    print("".join(f"{address}\t{key}\n" for address, key in sent if key not in left), end="")
+    if bare:
+        are = "node was not uploaded, its bytes are" if len(bare) == 1 else "nodes were not uploaded, their bytes are"
+        print(f"{len(bare)} {are} not in the store: {listing(bare)}", file=sys.stderr)
+    if stale:
+        raise StoreError(
+            f"{len(stale)} nodes are not built, so they were not uploaded",
+            code="DXB-S201",
+            facts={"not built": listing(stale)},
+            hint=f"dxb build {' '.join(args.targets)}",
+        )
+    return 1 if left else 0
+
+
+def _finish_uploads(exchange: Exchange, stream: TextIO) -> set[str]:
+    """Wait for uploads, say how they went, and return the keys of those that failed."""
+    from dextera_build.cli.consoles import lines
+    from dextera_build.runs import events
+
+    said = time.monotonic()
+    while left := exchange.wait(_TICK_S):
+        if time.monotonic() - said > _SAY_S:
+            said = time.monotonic()
+            progress = events.Uploading(time.time(), exchange.offered - left, exchange.offered)
+            print(lines.plain(lines.uploading(progress)), file=stream, flush=True)
+    uploads = exchange.close()
+    for upload in uploads:
+        told = events.Uploaded(
+            time.time(), upload.remote, upload.results, upload.octets, len(upload.left), upload.reason
+        )
+        for line in lines.uploaded(told):
+            print(lines.plain(line).strip(), file=stream)
+    return {key for upload in uploads for key in upload.left}

@@ -1,0 +1,144 @@
+"""What a build would do, without running anything."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Literal, overload
+
+from dextera_build.engine.expand import Wiring
+from dextera_build.engine.graph import Address, Graph, RuleFacts, parse_address
+from dextera_build.engine.lookup import leaves, lookup, reach
+from dextera_build.engine.policy import Policy
+from dextera_build.engine.schedule import Scheduler
+from dextera_build.engine.states import State
+from dextera_build.engine.units import Node, Path
+from dextera_build.runs.history import History
+from dextera_build.store.store import Store
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """What a build would do with one node."""
+
+    address: str
+    """`body[mug].mesh`; `body.mesh` stands for copies that are not known yet."""
+    status: Literal["cached", "stale", "unknown"]
+    """`stale`: it would run. `unknown`: it reads something that is stale, whose output may come out equal."""
+    key: str | None
+    """None where it is not known; that of a stale node which reads by itself is right if it reads what it read last."""
+    seconds_last: float | None
+    """How long it ran the last time [s], where that is known."""
+    output: str | None = None
+    """Digest of the output of a cached node."""
+    bare: bool = False
+    """Its result is known, its bytes are absent: cached as long as nobody needs them, stale where somebody does."""
+    rule: RuleFacts | None = field(default=None, repr=False, compare=False)
+    """Of its call; None for copies that are not known yet."""
+    spell: Callable[[], bytes] = field(default=bytes, repr=False, compare=False)
+
+    @property
+    def key_document(self) -> bytes:
+        """The key document of a cached or stale node, spelled anew each time."""
+        return self.spell()
+
+
+class Forecast(Sequence[Planned]):
+    """What a build would do with each node, made when asked for: there may be a hundred thousand.
+
+    Args:
+        scheduler: Of the dry run.
+        entries: Nodes, and calls whose copies are not known yet.
+        history: When nodes were last made.
+    """
+
+    def __init__(self, scheduler: Scheduler, entries: Sequence[Node | Path], history: History | None) -> None:
+        self._scheduler, self._entries, self._history = scheduler, entries, history
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    @overload
+    def __getitem__(self, place: int) -> Planned: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> list[Planned]: ...
+
+    def __getitem__(self, place: int | slice) -> Planned | list[Planned]:
+        if isinstance(place, slice):
+            return [self._made(entry) for entry in self._entries[place]]
+        return self._made(self._entries[place])
+
+    def _made(self, entry: Node | Path) -> Planned:
+        return self._planned(entry) if isinstance(entry, Node) else _open(entry, self._history)
+
+    def _planned(self, node: Node) -> Planned:
+        if node.state is State.DONE:
+            seconds = node.result.seconds if node.result else None
+            if node.bare and node.asked:
+                return self._told(node, "stale", seconds)
+            return replace(self._told(node, "cached", seconds), output=node.output)
+        last = self._history.get(node.address) if self._history else None
+        seconds = last.seconds if last else None
+        if node.state is State.STALE:
+            if node.rule.discovers:
+                self._scheduler.reading.suppose(node, last.key if last else "")
+            return self._told(node, "stale", seconds)
+        return Planned(node.address, "unknown", None, seconds, rule=node.rule)
+
+    def _told(self, node: Node, status: Literal["cached", "stale"], seconds: float | None) -> Planned:
+        spell = partial(self._scheduler.reading.document, node)
+        return Planned(node.address, status, node.key, seconds, bare=node.bare, rule=node.rule, spell=spell)
+
+
+def plan(
+    graph: Graph, targets: Sequence[Address | tuple[str, ...]], store: Store, *, history: History | None = None
+) -> Forecast:
+    """What a build of `targets` would do with each node that they need, in the order of the recipe.
+
+    Raises:
+        UsageError: A target names nothing.
+        RecipeError: A file or folder is missing or cannot be read.
+    """
+    wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
+    for target in wanted:
+        lookup(graph, target)
+    scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True))
+    scheduler.run(wanted)
+    for error in scheduler.wiring.unread:
+        raise error
+    for unit, error in zip(scheduler.failed, scheduler.errors, strict=True):
+        if unit in scheduler.wishes:
+            raise error
+    if scheduler.wiring.openings:  # what copies read of a group that is not open yet
+        for leaf in leaves(graph, wanted):
+            scheduler.wiring.leaf(leaf)
+    store.leaves.save()
+    return Forecast(scheduler, list(_entries(graph, wanted, scheduler.wiring)), history)
+
+
+def _entries(graph: Graph, wanted: Sequence[Address], wiring: Wiring) -> Iterator[Node | Path]:
+    """Nodes, and calls whose copies are not known yet, in the order of the recipe."""
+    copies: dict[Path, list[Node]] = {}
+    for node in wiring.nodes.values():
+        if node.labels:
+            copies.setdefault(node.path, []).append(node)
+    # Where no group is needed each call is one node, so that the graph need not be walked once more.
+    reached = set(reach(graph, wanted)) if wiring.openings else set()
+    for name in graph.members:
+        if name in wiring.nodes:
+            yield wiring.nodes[name]
+        elif reached:
+            for path, _ in graph.below(name):
+                if path in copies:
+                    yield from copies[path]
+                elif path in reached:
+                    yield path
+
+
+def _open(path: Path, history: History | None) -> Planned:
+    name = ".".join(path)
+    known = history.all() if history else {}
+    past = [entry.seconds for address, entry in known.items() if parse_address(address).call == path]
+    return Planned(name, "unknown", None, sum(past) if past else None)

@@ -1,0 +1,223 @@
+"""From the plan to units: only what the targets need, each once, connected to what it reads."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
+from pathlib import Path as FilePath
+
+from dextera_build.engine.graph import (
+    Address,
+    Call,
+    Fixed,
+    Gather,
+    Graph,
+    Input,
+    Item,
+    Leaf,
+    Output,
+    node_address,
+    parts_of,
+)
+from dextera_build.engine.lookup import copy_of, group_at, leaves_of, no_copy
+from dextera_build.engine.states import State
+from dextera_build.engine.units import Gathering, Labels, Node, Opening, Path, Unit
+from dextera_build.errors import DxbError
+
+
+class Wiring:
+    """The units of one run.
+
+    Args:
+        graph: The plan.
+        digest_leaf: Puts a file or folder into the store and returns its artifact's digest.
+    """
+
+    def __init__(self, graph: Graph, digest_leaf: Callable[[FilePath], str]) -> None:
+        self.graph = graph
+        self.nodes: dict[str, Node] = {}
+        """By address."""
+        self.openings: dict[tuple[Path, Labels], Opening] = {}
+        self.fresh: deque[Unit] = deque()
+        """Units that are not connected yet."""
+        self._gatherings: dict[tuple[Path, Labels, tuple[str, ...]], Gathering] = {}
+        self.leaves: dict[str, str] = {}
+        """Files and folders that were looked at -> digest; as texts they take a quarter of the memory."""
+        self.unread: list[DxbError] = []
+        """Why files and folders could not be looked at."""
+        self.readers: list[Node] = []
+        """Nodes that read files or folders directly; one that was connected again stands there again."""
+        self._asked: list[Gathering] = []
+        """The targets."""
+        self._digest_leaf = digest_leaf
+
+    def ask(self, targets: Iterable[Address]) -> list[Gathering]:
+        """Ask for targets."""
+        self._asked = [self._wish(target) for target in targets]
+        return self._asked
+
+    def asked(self) -> Iterator[str]:
+        """The nodes that targets name, as far as groups are open."""
+        for wish in self._asked:
+            yield from (node.address for node in wish.nodes.values())
+
+    def _wish(self, target: Address) -> Gathering:
+        """Ask for all copies of a call that `target` names."""
+        unit = Gathering(address=str(target), path=target.call, labels=target.labels or (), collect=False)
+        self.fresh.append(unit)
+        return unit
+
+    def node(self, path: Path, labels: Labels) -> Node:
+        """The copy of a call with these labels."""
+        address = node_address(path, labels) if labels else path[0]
+        unit = self.nodes.get(address)
+        if unit is None:
+            unit = self.nodes[address] = Node(
+                address=address, path=path, labels=labels, call=copy_of(self.graph, path, labels)
+            )
+            self.fresh.append(unit)
+        return unit
+
+    def opening(self, path: Path, labels: Labels) -> Opening:
+        """The group at `path` within the copies with these labels."""
+        unit = self.openings.get((path, labels))
+        if unit is None:
+            group = group_at(self.graph, path)
+            unit = Opening(address=node_address(path, labels), path=path, labels=labels, group=group)
+            self.openings[path, labels] = unit
+            self.fresh.append(unit)
+        return unit
+
+    def gatherings(self) -> Iterable[Gathering]:
+        """All collections of copies; what targets ask for is not among them."""
+        return self._gatherings.values()
+
+    def count(self) -> int:
+        """How many nodes there are, as far as is known."""
+        return len(self.nodes)
+
+    def leaf(self, leaf: Leaf) -> str:
+        """Digest of a file or folder; one look a run.
+
+        Raises:
+            RecipeError: It is missing or cannot be read.
+        """
+        path = str(leaf.path)
+        if path not in self.leaves:
+            try:
+                self.leaves[path] = self._digest_leaf(leaf.path)
+            except DxbError as error:
+                error.where = error.where or leaf.where
+                self.unread.append(error)
+                raise
+        return self.leaves[path]
+
+    def forget_leaves(self, node: Node) -> None:
+        """Look anew at the files and folders of `node` when it is connected again."""
+        for leaf in leaves_of((node.call,)):
+            self.leaves.pop(str(leaf.path), None)
+
+    def note_leaves(self, node: Node, call: Call) -> None:
+        """Note which files and folders `node`, a copy of `call`, reads, and what they hold now.
+
+        Raises:
+            RecipeError: One of them cannot be read.
+        """
+        node.leaves = [(leaf, self.leaf(leaf)) for leaf in leaves_of((call,))]
+
+    def connect(self, unit: Unit) -> None:
+        """Find what `unit` reads and wait for what is not known; what is met for the first time is connected next.
+
+        Raises:
+            DxbError: A leaf cannot be read, or a label does not exist.
+        """
+        known = len(self.fresh)
+        self._connect(unit)
+        for _ in range(len(self.fresh) - known):  # so the first that can run are met soon
+            self.fresh.appendleft(self.fresh.pop())
+
+    def _connect(self, unit: Unit) -> None:
+        if isinstance(unit, Node):
+            call = unit.call
+            self.note_leaves(unit, call)
+            if unit.leaves:
+                self.readers.append(unit)
+            sources = (self.sources(source, unit) for source in call.inputs.values())
+            unit.await_(dict.fromkeys(chain.from_iterable(sources)))
+        elif isinstance(unit, Opening) and not isinstance(unit.group.over, Fixed):
+            unit.await_(self.sources(unit.group.over, unit))
+        elif isinstance(unit, Gathering):
+            unit.nodes = {}
+            self._spread(unit, [()])
+
+    def sources(self, source: Input, reader: Unit) -> Iterator[Unit]:
+        """The units that an input of `reader` comes from; none for a file or folder."""
+        for part in parts_of(source):
+            unit = self.source(part, reader)
+            if unit is not None:
+                yield unit
+
+    def source(self, part: Leaf | Output | Item | Gather, reader: Unit) -> Unit | None:
+        """The unit that one part of an input of `reader` comes from, None for a file or folder."""
+        if isinstance(part, Output):
+            level = len(part.call) - 1
+            assert not level or part.call[:-1] == reader.path[:-1][:level], f"{reader} reads into a group: {part.call}"
+            return self.node(part.call, reader.labels[:level])
+        if isinstance(part, Leaf):
+            return None
+        if isinstance(part, Item):
+            return self.opening(part.group, reader.labels[: len(part.group) - 1])
+        return self._gathering(part, reader.path[:-1], reader.labels)
+
+    def expand(self, unit: Gathering, opened: Opening) -> None:
+        """Go on from a group that `unit` waited for and that is open now.
+
+        Raises:
+            UsageError: A target names a copy that the group does not have.
+        """
+        self._spread(unit, [(*opened.labels, label) for label in reversed(_chosen(unit, opened))])
+
+    def _spread(self, unit: Gathering, frontier: list[Labels]) -> None:
+        depth = len(unit.path) - 1
+        found: list[Unit] = []
+        while frontier:
+            labels = frontier.pop()
+            if len(labels) == depth:
+                node = unit.nodes[labels] = self.node(unit.path, labels)
+                node.asked |= not unit.collect
+                found.append(node)
+                continue
+            opening = self.opening(unit.path[: len(labels) + 1], labels)
+            found.append(opening)
+            if opening.state is State.DONE:
+                frontier += [(*labels, label) for label in reversed(_chosen(unit, opening))]
+        unit.await_(found)
+
+    def _gathering(self, source: Gather, scope: Path, labels: Labels) -> Gathering:
+        shared = 0
+        for mine, other in zip(scope, source.call[:-1], strict=False):
+            if mine != other:
+                break
+            shared += 1
+        place = (source.call, labels[:shared], source.fields)
+        unit = self._gatherings.get(place)
+        if unit is None:
+            address = str(Address(source.call, labels[:shared] or None))
+            unit = Gathering(
+                address=address, path=source.call, labels=labels[:shared], collect=True, fields=source.fields
+            )
+            self._gatherings[place] = unit
+            self.fresh.append(unit)
+        return unit
+
+
+def _chosen(unit: Gathering, opened: Opening) -> list[str]:
+    """Labels of `opened` that `unit` wants."""
+    level = len(opened.labels)
+    if level >= len(unit.labels):
+        return list(opened.items)
+    wanted = unit.labels[level]
+    if wanted not in opened.items:
+        raise no_copy(unit.address, opened.address, wanted, opened.items)
+    return [wanted]

@@ -1,0 +1,85 @@
+"""Past runs, from their event logs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+from dextera_build.errors import UsageError
+from dextera_build.project.project import Project
+from dextera_build.session import Added, Session, reading
+
+Events = list[dict[str, Any]]
+
+
+def runs(project: Project) -> Iterator[dict[str, str]]:
+    """One row per run, the newest first."""
+    from dextera_build.runs import log
+
+    store = reading(project)
+    for run in reversed(log.runs(store)):
+        events = log.read(store, run)
+        start = next((event for event in events if event["event"] == "run_started"), None)
+        end = next((event for event in events if event["event"] == "run_finished"), None)
+        if start is not None:
+            yield {
+                "run": run,
+                "when": time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(start["time"])),
+                "recipe": start["recipe"],
+                "ended": _ended(end),
+                "seconds": f"{end['seconds']:.1f}" if end else "-",
+            }
+
+
+def find(project: Project, text: str | None) -> tuple[str, Events]:
+    """The events of a run named by its id, of the last run of a recipe, or of the last run.
+
+    Raises:
+        UsageError: There is none.
+    """
+    from dextera_build.runs import log
+
+    store = reading(project)
+    known = list(log.runs(store))
+    run = text if text in known else log.latest(store, text)
+    if run is None:
+        what = f"of `{text}` " if text else ""
+        raise UsageError(f"no run {what}is logged here", code="DXB-U112", hint="`dxb ls runs`, or `dxb build RECIPE`")
+    return run, log.read(store, run)
+
+
+def of_last_built(project: Project, text: str | None, added: Added) -> Events:
+    """The events of a run named by its id, or of the last run of the request of a recipe that was built last.
+
+    That build may have found everything cached, so the run may be older than others of the recipe.
+
+    Args:
+        project: Where to look.
+        text: A run's id, a recipe, or None for the recipe of the last run.
+        added: With it, the request that adds this to the recipe.
+
+    Raises:
+        UsageError: There is none.
+    """
+    from dextera_build.runs import log
+
+    run, found = find(project, text)
+    if run == text:
+        return found
+    recipe = next(event["recipe"] for event in found if event["event"] == "run_started")
+    session = Session(project, recipe, added, last=True)
+    of_request = log.latest(session.store, recipe, session.variant)
+    if of_request is None:
+        raise UsageError(
+            f"no run of `{recipe}` with these flags is logged here", code="DXB-U112", hint=f"`dxb build {recipe}`"
+        )
+    return log.read(session.store, of_request)
+
+
+def _ended(end: dict[str, Any] | None) -> str:
+    if end is None:
+        return "cut off"
+    if end["interrupted"]:
+        return "interrupted"
+    return "done" if end["ok"] else "failed"

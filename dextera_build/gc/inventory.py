@@ -1,0 +1,146 @@
+"""The contents of a store as its folders list them: blobs and results with size and last use, and leftovers."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeAlias
+
+from dextera_build.store import entry as entries
+from dextera_build.store import files
+from dextera_build.store.blobs import is_digest
+from dextera_build.store.store import Store
+
+Sizes: TypeAlias = "dict[str, int] | None"
+"""Digest -> size of the blobs that a result names; None where it cannot be read."""
+
+
+@dataclass(frozen=True)
+class Kept:
+    """One result."""
+
+    size: int
+    """Bytes of the entry itself."""
+    used: float
+    """Last use (seconds since the epoch)."""
+    needs: tuple[str, ...]
+    """Digests of the blobs that it names, each once."""
+
+
+@dataclass
+class Inventory:
+    """What lies in a store at one time."""
+
+    blobs: dict[str, tuple[int, float]] = field(default_factory=dict)
+    """Digest -> (bytes, last use)."""
+    results: dict[str, Kept] = field(default_factory=dict)
+    """Key -> result, if every blob that it names is there; bare results name no bytes."""
+    broken: dict[str, Kept] = field(default_factory=dict)
+    """Key -> result that cannot be read or lacks a blob: a miss for every build."""
+    keep: dict[str, tuple[int, float]] = field(default_factory=dict)
+    """Key -> (bytes, last use) of the folders in which calls saved their progress."""
+
+    def bytes(self) -> int:
+        """Size of all of it."""
+        entries = (*self.results.values(), *self.broken.values())
+        sizes = (*self.blobs.values(), *self.keep.values())
+        return sum(entry.size for entry in entries) + sum(size for size, _ in sizes)
+
+
+def read(store: Store) -> Inventory:
+    """Look at everything; nothing is changed, and no use is noted."""
+    found = Inventory()
+    # Entries first: blobs of results that are published meanwhile are named by no entry, but are too young to go.
+    held = dict(results(store))
+    found.blobs = {digest: (size, used) for digest, size, used in listing(store.blobs.root)}
+    for key, (entry, sizes) in held.items():
+        there = (found.blobs.get(name, (-1, 0))[0] == size for name, size in (sizes or {}).items())
+        whole = sizes is not None and all(there)
+        (found.results if whole else found.broken)[key] = entry
+    for key, size in store.keep.all():
+        with suppress(OSError):
+            found.keep[key] = (size, _last_change(store.keep.path(key)))
+    return found
+
+
+def results(store: Store, known: frozenset[str] = frozenset()) -> Iterator[tuple[str, tuple[Kept, Sizes]]]:
+    """Every result except those of `known` keys: key, its size and last use, the blobs that it names."""
+    names: dict[str, str] = {}
+    for key, size, used in listing(store.actions.root):
+        if key not in known:
+            sizes: Sizes = None
+            with suppress(OSError, ValueError):
+                found = entries.read(files.read(path_of(store, key)))
+                if found.key == key:
+                    sizes = {names.setdefault(file.digest, file.digest): file.size for file in found.files}
+            yield key, (Kept(size, used, tuple(sizes or ())), sizes)
+
+
+def path_of(store: Store, key: str) -> str:
+    """The file of a result."""
+    return f"{store.actions.root}/{key[:2]}/{key[2:]}"
+
+
+def listing(root: Path) -> Iterator[tuple[str, int, float]]:
+    """Every file `ab/cdef...` below `root` whose name is a digest: (digest, bytes, last use)."""
+    for shard in _scan(str(root)):
+        if len(shard.name) == 2 and shard.is_dir(follow_symlinks=False):
+            for entry in _scan(shard.path):
+                if is_digest(shard.name + entry.name):
+                    with suppress(FileNotFoundError):
+                        state = entry.stat(follow_symlinks=False)
+                        yield shard.name + entry.name, state.st_size, state.st_mtime
+
+
+def leftovers(store: Store) -> Iterator[tuple[str, int, float]]:
+    """Unfinished files of processes that were killed, and damaged blobs set aside: (path, bytes, last change)."""
+    for folder, below, names in os.walk(store.root):
+        aside = folder == str(store.local / "quarantine")
+        begun = [name for name in below if name.startswith(f"{files.TEMPORARY}-")]
+        below[:] = [name for name in below if name not in begun]
+        if folder == str(store.root):
+            below[:] = [name for name in below if name in ("cas", "ac", "local")]
+        if folder == str(store.local):
+            below[:] = [name for name in below if name != "keep"]
+        for name in (*begun, *names):
+            if aside or name.startswith(files.TEMPORARY):
+                path = os.path.join(folder, name)
+                with suppress(FileNotFoundError):
+                    state = os.lstat(path)
+                    yield path, state.st_size, state.st_mtime
+
+    for left in store.keep.root.glob(f"{files.TEMPORARY}-*"):
+        with suppress(FileNotFoundError):
+            yield str(left), 0, os.lstat(left).st_mtime
+
+
+def remove(path: str) -> None:
+    """Remove a leftover, a file or a folder.
+
+    Raises:
+        OSError: It cannot be removed.
+    """
+    if os.path.isdir(path):
+        shutil.rmtree(path)
+    else:
+        os.unlink(path)
+
+
+def _last_change(folder: Path) -> float:
+    found = os.stat(folder).st_mtime
+    for place, _, names in os.walk(folder):
+        for name in names:
+            with suppress(OSError):
+                found = max(found, os.lstat(os.path.join(place, name)).st_mtime)
+    return found
+
+
+def _scan(folder: str) -> list[os.DirEntry[str]]:
+    try:
+        return sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except (FileNotFoundError, NotADirectoryError):
+        return []

@@ -1,0 +1,203 @@
+"""Verification of a store: blobs against their names, and results against the blobs that they name."""
+
+from __future__ import annotations
+
+import os
+import stat
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dextera_build import digest as digests
+from dextera_build.errors import StoreError
+from dextera_build.gc import inventory
+from dextera_build.store import entry as entries
+from dextera_build.store import failpoints, files, last_use, permissions
+from dextera_build.store.blobs import is_digest
+from dextera_build.store.store import Store
+
+DAMAGE = ("damaged", "truncated", "misnamed", "unreadable", "lacking", "misfiled")
+"""Kinds of findings that can cost a build time; the others are only untidy."""
+_MODE = 0o444
+
+Progress = Callable[[int, int], None]
+"""Takes how many blobs were read so far, and their bytes."""
+
+
+@dataclass(frozen=True, order=True)
+class Finding:
+    """One thing that is not as it should be."""
+
+    kind: str
+    """`damaged`, `truncated`, `misnamed`: a blob; `unreadable`, `lacking`, `misfiled`: a result; `writable`: a blob
+    that may be written to; `leftover`: an unfinished file of a killed process."""
+    name: str
+    """Digest, key or path."""
+    detail: str
+    repaired: bool = False
+
+
+@dataclass
+class Verdict:
+    """What was found."""
+
+    blobs: int = 0
+    bytes: int = 0
+    results: int = 0
+    findings: list[Finding] = field(default_factory=list)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing is damaged, or all of it was repaired."""
+        return all(finding.repaired or finding.kind not in DAMAGE for finding in self.findings)
+
+
+def verify(
+    store: Store, *, fast: bool = False, repair: bool = False, jobs: int = 0, progress: Progress | None = None
+) -> Verdict:
+    """Look at every blob and every result.
+
+    Args:
+        store: The store; builds may run meanwhile.
+        fast: Compare sizes only, and read no blob.
+        repair: Set damaged blobs aside, drop results that cannot stand, make blobs read-only, remove leftovers. What
+            was dropped is a miss, and is built again when it is needed.
+        jobs: How many blobs to read at a time; 0: one per core.
+        progress: Is told how far it is, at most ten times a second.
+
+    Raises:
+        StoreError: It shall be repaired and cannot be written.
+    """
+    if repair:
+        _refuse_unwritable(store)
+    verifier = _Verifier(store, fast, repair, progress or (lambda count, size: None))
+    verifier.blobs(jobs or len(os.sched_getaffinity(0)))
+    verifier.results()
+    verifier.leftovers()
+    verifier.verdict.findings.sort()
+    return verifier.verdict
+
+
+class _Verifier:
+    def __init__(self, store: Store, fast: bool, repair: bool, progress: Progress) -> None:
+        self._store = store
+        self._fast = fast
+        self._repair = repair
+        self._progress = progress
+        self._told = 0.0
+        self._guard = threading.Lock()
+        self._sizes = {
+            digest: size for _, (_, needs) in inventory.results(store) for digest, size in (needs or {}).items()
+        }
+        self.verdict = Verdict()
+
+    def blobs(self, jobs: int) -> None:
+        """Read every blob, folder by folder in parallel: hashing and reading let other threads run."""
+        root = str(self._store.blobs.root)
+        shards = [entry.path for entry in os.scandir(root) if entry.is_dir()] if os.path.isdir(root) else []
+        with ThreadPoolExecutor(jobs) as pool:
+            for _ in pool.map(self._shard, sorted(shards)):
+                pass
+
+    def _shard(self, folder: str) -> None:
+        if os.path.basename(folder) == files.TEMPORARY:
+            return
+        for entry in sorted(os.scandir(folder), key=lambda entry: entry.name):
+            if entry.name.startswith(files.TEMPORARY):
+                continue
+            with suppress(FileNotFoundError):
+                state = entry.stat(follow_symlinks=False)
+                self._blob(os.path.basename(folder) + entry.name, entry.path, state)
+
+    def _blob(self, name: str, path: str, state: os.stat_result) -> None:
+        if not (is_digest(name) and stat.S_ISREG(state.st_mode) and len(os.path.basename(os.path.dirname(path))) == 2):
+            self._find("misnamed", path, "not a blob's name", lambda: self._aside(path))
+            return
+        with self._guard:
+            self.verdict.blobs += 1
+            self.verdict.bytes += state.st_size
+            self._tell()
+        size = self._sizes.get(name, state.st_size)
+        # A result may be wrong about a size; the digest decides.
+        if (state.st_size != size or not self._fast) and not _is_named_right(name, path):
+            kind = "truncated" if state.st_size < size else "damaged"
+            what = f"{state.st_size} of {size} bytes" if kind == "truncated" else "its bytes are not those of its name"
+            self._find(kind, name, what, lambda: self._aside(path))
+        elif stat.S_IMODE(state.st_mode) & 0o222:
+            self._find("writable", name, f"mode {stat.S_IMODE(state.st_mode):04o}", lambda: os.chmod(path, _MODE))
+
+    def results(self) -> None:
+        """Read every result."""
+        for key, _, _ in inventory.listing(self._store.actions.root):
+            path = f"{self._store.actions.root}/{key[:2]}/{key[2:]}"
+            with suppress(FileNotFoundError):
+                self.verdict.results += 1
+                kind, detail = self._judge(key, path)
+                if kind:
+                    self._find(kind, key, detail, lambda path=path: inventory.remove(path))  # type: ignore[misc]
+
+    def _judge(self, key: str, path: str) -> tuple[str, str]:
+        try:
+            found = entries.read(files.read(path))
+        except FileNotFoundError:
+            raise
+        except (OSError, ValueError):
+            return "unreadable", "not a result"
+        lacks = [file for file in found.files if self._store.blobs.size(file.digest) != file.size]
+        if lacks:
+            return "lacking", f"{len(lacks)} of {len(found.files)} blobs are not there"
+        if found.key != key:
+            return "misfiled", f"it belongs under {found.key}"
+        return "", ""
+
+    def leftovers(self) -> None:
+        """Find what killed processes left; what may still be written now is left alone."""
+        horizon = min([time.time(), *self._store.running.starts()]) - last_use.STEP_S - last_use.SLACK_S
+        aside = str(self._store.local / "quarantine")
+        for path, size, used in inventory.leftovers(self._store):
+            if used < horizon and os.path.dirname(path) != aside:
+                self._find("leftover", path, f"{size} bytes", lambda path=path: inventory.remove(path))  # type: ignore[misc]
+
+    def _find(self, kind: str, name: str, detail: str, repair: Callable[[], None]) -> None:
+        repaired = False
+        if self._repair:
+            with suppress(OSError):
+                failpoints.reach("repair.found")
+                repair()
+                repaired = True
+        with self._guard:
+            self.verdict.findings.append(Finding(kind, name, detail, repaired))
+
+    def _aside(self, path: str) -> None:
+        folder = self._store.local / "quarantine"
+        permissions.make_folder(str(folder))
+        os.replace(path, folder / (os.path.basename(os.path.dirname(path)) + os.path.basename(path)))
+
+    def _tell(self) -> None:
+        if time.monotonic() - self._told >= 0.1:
+            self._told = time.monotonic()
+            self._progress(self.verdict.blobs, self.verdict.bytes)
+
+
+def _is_named_right(name: str, path: str) -> bool:
+    try:
+        return digests.of_file(Path(path)) == name
+    except FileNotFoundError:
+        raise
+    except OSError:
+        return False
+
+
+def _refuse_unwritable(store: Store) -> None:
+    for place in (store.blobs.root, store.actions.root, store.root):
+        if place.is_dir() and not os.access(place, os.W_OK):
+            raise StoreError(
+                "the store cannot be repaired, it may only be read",
+                code="DXB-S402",
+                facts={"folder": str(place)},
+                hint="ask whoever owns it; `dxb cache verify` without `--repair` only reads",
+            )

@@ -1,0 +1,176 @@
+"""`dxb.lock`: which key and which output each target of a project has, in a file that git keeps.
+
+The file is TOML, sorted, one block a target, so that two branches which pin different targets merge without a conflict:
+
+    version = 1
+
+    [cpu."twin/laptop_scene:scene"]
+    key = "7f1c..."
+    output = "91c2..."
+    size = 48213
+
+A block's name is the profile and the node's address. `size` counts all blobs of the output [bytes].
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dextera_build.errors import Place, RecipeError, StoreError, did_you_mean, listing
+from dextera_build.project.project import PROFILES
+from dextera_build.store import failpoints, files
+from dextera_build.store.blobs import is_digest
+
+_VERSION = 1
+_HEAD = "# Which key and output each target has. `dxb build --lock` writes this file, `--locked` builds by it.\n"
+_CONFLICT = re.compile(r"^(<{7}|={7}|>{7}|\|{7})( |$)", re.MULTILINE)
+_PLACE = re.compile(r" \(at line (\d+), column (\d+)\)$")
+
+
+@dataclass(frozen=True)
+class Pin:
+    """What a target was when it was locked."""
+
+    key: str
+    output: str
+    """Digest of the output's header."""
+    size: int
+    """Of the output with all that it refers to [bytes]."""
+
+
+@dataclass(frozen=True)
+class Name:
+    """Whose pin it is; names sort as their blocks stand in the file."""
+
+    profile: str
+    recipe: str
+    node: str
+
+    def __str__(self) -> str:
+        """The target as the command line takes it."""
+        return f"{self.recipe}:{self.node}"
+
+
+Pins = Mapping[Name, Pin]
+
+
+def read(path: Path, shown: str | None = None) -> dict[Name, Pin] | None:
+    """The pins of a lock file, or None where there is no file.
+
+    Args:
+        path: The file.
+        shown: Its name in messages.
+
+    Raises:
+        RecipeError: It holds a merge conflict, is not valid, or comes from a newer dxb.
+    """
+    where = Place(shown or str(path))
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return None
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecipeError(f"cannot read the lock file: {error}", code="DXB-R501", where=where) from None
+    raw = _parsed(text, where)
+    if raw.pop("version", None) != _VERSION:
+        raise _wrong(f"the lock file has no `version = {_VERSION}`", where)
+    return {
+        Name(profile, *address): pin for profile, block in raw.items() for address, pin in _pins(profile, block, where)
+    }
+
+
+def write(path: Path, pins: Pins) -> bool:
+    """Write the file, all or nothing, unless it holds this already; returns whether it was written.
+
+    Raises:
+        StoreError: It cannot be written.
+    """
+    files.clear(str(path.parent))
+    text = spell(pins)
+    if path.is_file() and path.read_bytes() == text.encode():
+        return False
+    failpoints.reach("pins.write")
+    try:
+        files.write(str(path), text.encode(), 0o644)
+    except StoreError as error:
+        facts = {name: fact for name, fact in error.facts.items() if name != "file"}
+        raise StoreError(
+            "the lock file cannot be written",
+            code="DXB-S107",
+            where=Place(str(path)),
+            facts=facts,
+            hint="what was built is in the store; make room there or allow writing, and build again",
+        ) from None
+    return True
+
+
+def spell(pins: Pins) -> str:
+    """The text of a lock file; equal pins have equal texts."""
+    blocks = [f"{_HEAD}\nversion = {_VERSION}\n"]
+    for name in sorted(pins, key=lambda name: (name.profile, str(name))):
+        pin = pins[name]
+        # What JSON escapes TOML escapes alike, but for DEL, which TOML refuses as it stands.
+        quoted = json.dumps(str(name), ensure_ascii=False).replace("\x7f", "\\u007f")
+        blocks.append(f'[{name.profile}.{quoted}]\nkey = "{pin.key}"\noutput = "{pin.output}"\nsize = {pin.size}\n')
+    return "\n".join(blocks)
+
+
+def _parsed(text: str, where: Place) -> dict[str, Any]:
+    mark = _CONFLICT.search(text)
+    if mark is not None:
+        raise RecipeError(
+            "the lock file holds a merge conflict",
+            code="DXB-R502",
+            where=Place(where.file, text.count("\n", 0, mark.start()) + 1),
+            hint=f"take either side with `git checkout --ours {where.file}`, then `dxb build --lock` the targets in it",
+        )
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        place = _PLACE.search(str(error))
+        at = Place(where.file, int(place[1]), int(place[2])) if place else where
+        raise _wrong(f"not valid TOML: {_PLACE.sub('', str(error))}", at) from None
+    except RecursionError:
+        raise _wrong("not valid TOML: values are nested too deep", where) from None
+    except ValueError as error:  # a number of thousands of digits
+        raise _wrong(f"not valid TOML: {error}", where) from None
+
+
+def _pins(profile: str, block: object, where: Place) -> list[tuple[tuple[str, str], Pin]]:
+    if profile not in PROFILES or not isinstance(block, dict):
+        raise RecipeError(
+            f"`{profile}` in the lock file is not a profile",
+            code="DXB-R503",
+            where=where,
+            facts={"profiles": listing(PROFILES)},
+            hint=did_you_mean(profile, PROFILES),
+        )
+    return [(_address(name, where), _pin(name, fields, where)) for name, fields in block.items()]
+
+
+def _address(name: str, where: Place) -> tuple[str, str]:
+    recipe, colon, node = name.partition(":")
+    if not (recipe and colon and node):
+        raise _wrong(f"`{name}` in the lock file is not of the form `RECIPE:NODE`", where)
+    return recipe, node
+
+
+def _pin(name: str, fields: object, where: Place) -> Pin:
+    match fields:
+        case {"key": str(key), "output": str(output), "size": int(size), **rest} if (
+            not rest and is_digest(key) and is_digest(output) and not isinstance(size, bool) and size >= 0
+        ):
+            return Pin(key, output, size)
+    raise _wrong(f"the block of `{name}` in the lock file does not have exactly `key`, `output` and `size`", where)
+
+
+def _wrong(message: str, where: Place) -> RecipeError:
+    return RecipeError(
+        message, code="DXB-R503", where=where, hint="`git diff` shows what was edited; `dxb build --lock` writes blocks"
+    )

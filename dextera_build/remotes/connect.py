@@ -1,0 +1,89 @@
+"""From the address of a remote to the remote; the libraries that speak to it are loaded here and nowhere else."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+from dextera_build.errors import MachineError, UsageError
+from dextera_build.remotes.breaker import Guarded
+from dextera_build.remotes.remote import Remote
+from dextera_build.remotes.spec import Spec, checked, refuse_clear
+
+
+def open_remote(spec: Spec) -> Remote:
+    """The remote of an address; nothing is asked yet.
+
+    Raises:
+        MachineError: A package is missing.
+        UsageError: The address holds a variable that is not set, is malformed, or would send a password in the clear.
+    """
+    address = checked(_filled(spec.address, spec.name))  # a variable may have brought anything
+    refuse_clear(address)
+    scheme = address.partition("://")[0] if "://" in address else "file"
+    try:
+        return _OPENERS[scheme](address, spec)
+    except ImportError as error:
+        raise MachineError(
+            f"remote `{spec.name}` needs a package that is not installed",
+            code="DXB-E330",
+            facts={"address": spec.shown, "missing": error.name or str(error)},
+            hint="pip install 'dextera-build[share]'",
+        ) from None
+    except ValueError as error:
+        raise UsageError(
+            f"`{spec.shown}` is not the address of a remote",
+            code="DXB-U131",
+            facts={"remote": spec.name, "because": str(error).partition(chr(10))[0]},
+        ) from None
+
+
+def guarded(spec: Spec) -> Guarded:
+    """The remote with its circuit breaker; connects when it is first needed."""
+    opener = partial(open_remote, spec)
+    return Guarded(spec.name, spec.shown, opener, timeout_s=spec.timeout_s, mode=spec.mode)
+
+
+def _directory(address: str, spec: Spec) -> Remote:
+    from dextera_build.remotes.folder import Directory
+
+    return Directory(Path(os.path.expanduser(address.removeprefix("file://"))).absolute())
+
+
+def _http(address: str, spec: Spec) -> Remote:
+    from dextera_build.remotes.http import HttpCache
+
+    return HttpCache(address, timeout_s=spec.timeout_s)
+
+
+def _objects(address: str, spec: Spec) -> Remote:
+    from dextera_build.remotes.s3 import ObjectStore
+
+    options = {name: _filled(value, spec.name) for name, value in spec.options.items()}
+    return ObjectStore(address, options, timeout_s=spec.timeout_s)
+
+
+_OPENERS: Mapping[str, Callable[[str, Spec], Remote]] = {
+    "file": _directory,
+    "http": _http,
+    "https": _http,
+    "s3": _objects,
+    "gs": _objects,
+    "az": _objects,
+}
+
+
+def _filled(text: str, name: str) -> str:
+    def value(match: re.Match[str]) -> str:
+        if match[1] not in os.environ:
+            raise UsageError(
+                f"remote `{name}` needs the variable `{match[1]}`, which is not set",
+                code="DXB-U135",
+                hint=f"export {match[1]}=...",
+            )
+        return os.environ[match[1]]
+
+    return re.sub(r"\$\{(\w+)\}", value, text)

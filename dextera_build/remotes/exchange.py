@@ -1,0 +1,203 @@
+"""Downloads and uploads of one build, in the background."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from queue import Empty, SimpleQueue
+
+from dextera_build.errors import StoreError
+from dextera_build.remotes.breaker import GivenUp, Guarded
+from dextera_build.remotes.remote import DamagedBlob, RemoteFault
+from dextera_build.remotes.threads import Crew
+from dextera_build.remotes.transfer import Transfer
+from dextera_build.store.entry import ActionResult
+from dextera_build.store.store import Store
+
+_READERS = 16
+_WRITERS = 4
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """The answer to one question."""
+
+    key: str
+    result: ActionResult | None
+    """None: no remote has it; then it must be made."""
+    is_whole: bool = True
+    """Whether its bytes came, too."""
+    remote: str = ""
+    """Name of the remote that had it."""
+    seconds: float = 0.0
+    """How long that took [s]."""
+
+
+@dataclass
+class Upload:
+    """What became of the results that were made for one remote."""
+
+    remote: str
+    results: int = 0
+    octets: int = 0
+    left: list[str] = field(default_factory=list)
+    """Keys of results that were not uploaded."""
+    reason: str = ""
+    """Why the first of them was not."""
+
+
+class Exchange:
+    """Remotes in the order in which they are asked. Only the scheduling thread calls these methods.
+
+    Args:
+        store: The local end.
+        remotes: The remotes.
+    """
+
+    def __init__(self, store: Store, remotes: Sequence[Guarded]) -> None:
+        self.remotes = list(remotes)
+        self._transfer = Transfer(store)
+        self._writing = [remote for remote in self.remotes if remote.may("write")]
+        self._readers, self._writers = Crew(_READERS, "dxb fetch"), Crew(_WRITERS, "dxb upload")
+        self._asked: set[str] = set()
+        self._answers: SimpleQueue[Arrival] = SimpleQueue()
+        self._sent: SimpleQueue[tuple[Guarded, str, int, str]] = SimpleQueue()
+        self._uploads = {remote.name: Upload(remote.name) for remote in self._writing}
+        self._to_send: dict[tuple[str, str], None] = {}
+        self.offered = 0
+        """How many uploads were begun."""
+
+    @property
+    def reads(self) -> bool:
+        """Whether a remote may still be read."""
+        return any(remote.may("read") for remote in self.remotes)
+
+    @property
+    def uploading(self) -> int:
+        """How many uploads are not over."""
+        self._hear()
+        return len(self._to_send)
+
+    def ask(self, key: str, *, whole: bool = True) -> None:
+        """Look for a result in the background, with or without its bytes; `arrived` returns the answer later."""
+        self._asked.add(key)
+        self._readers.start(lambda: self._answer(key, whole))
+
+    def arrived(self, patience_s: float) -> list[Arrival]:
+        """Answers that have come, or come within `patience_s` [s]."""
+        found = []
+        try:
+            found.append(self._answers.get(timeout=patience_s) if patience_s else self._answers.get_nowait())
+            while True:
+                found.append(self._answers.get_nowait())
+        except Empty:
+            pass
+        for remote in self.remotes:
+            remote.watch()
+        if not self.reads:
+            # Threads may hang in a remote that was given up; what they were asked is answered here.
+            found += [Arrival(key, None) for key in self._asked]
+        fresh = {answer.key: answer for answer in reversed(found) if answer.key in self._asked}
+        self._asked -= fresh.keys()
+        return list(fresh.values())
+
+    def offer(self, key: str) -> None:
+        """Upload a result of the store in the background."""
+        for remote in self._writing:
+            self._to_send[remote.name, key] = None
+            self.offered += 1
+            self._writers.start(lambda remote=remote: self._send(remote, key))  # type: ignore[misc]
+
+    def notices(self) -> list[GivenUp]:
+        """Remotes that were given up since the last call."""
+        found = [notice for remote in self.remotes for notice in remote.given_up]
+        for remote in self.remotes:
+            remote.given_up = []
+        return found
+
+    def wait(self, patience_s: float) -> int:
+        """Wait at most so long [s] for uploads, and return how many are not over."""
+        end = time.monotonic() + patience_s
+        while self.uploading and (left := end - time.monotonic()) > 0:
+            for remote in self._writing:
+                remote.watch()
+            self._drop_hopeless()
+            time.sleep(min(left, 0.02))
+        return self.uploading
+
+    def close(self) -> list[Upload]:
+        """Close connections, and return what was uploaded; uploads that are not over are abandoned."""
+        self._hear()
+        for name, key in self._to_send:
+            self._leave(name, key, "the build ended before")
+        self._to_send = {}
+        for remote in self.remotes:
+            remote.close()
+        self._readers.dismiss()
+        self._writers.dismiss()
+        return [upload for upload in self._uploads.values() if upload.results or upload.left]
+
+    def _answer(self, key: str, whole: bool) -> None:
+        answer = Arrival(key, None)
+        try:
+            answer = self.fetch(key, whole=whole)
+        finally:
+            self._answers.put(answer)
+
+    def fetch(self, key: str, *, whole: bool = True) -> Arrival:
+        """Look for a result in this thread."""
+        began = time.monotonic()
+        for remote in self.remotes:
+            if not remote.may("read"):
+                continue
+            try:
+                found = self._transfer.fetch(remote, key, whole=whole)
+            except DamagedBlob as fault:
+                remote.blame(fault)
+            except RemoteFault:
+                pass  # counted where it came up
+            except StoreError:
+                break  # a full disk; the node finds out itself
+            else:
+                if found is not None:
+                    seconds = time.monotonic() - began
+                    return Arrival(key, found.result, found.is_whole, remote.name, seconds)
+        return Arrival(key, None)
+
+    def _send(self, remote: Guarded, key: str) -> None:
+        octets, reason = -1, ""
+        try:
+            octets = self._transfer.send(remote, key).octets
+        except RemoteFault as fault:
+            reason = fault.reason
+        except StoreError as error:
+            reason = error.message
+        self._sent.put((remote, key, octets, reason))
+
+    def _hear(self) -> None:
+        try:
+            while True:
+                remote, key, octets, reason = self._sent.get_nowait()
+                if (remote.name, key) not in self._to_send:
+                    continue
+                del self._to_send[remote.name, key]
+                if octets < 0:
+                    self._leave(remote.name, key, reason)
+                else:
+                    self._uploads[remote.name].results += 1
+                    self._uploads[remote.name].octets += octets
+        except Empty:
+            pass
+
+    def _drop_hopeless(self) -> None:
+        for remote in self._writing:
+            if not remote.may("write"):
+                for name, key in [each for each in self._to_send if each[0] == remote.name]:
+                    del self._to_send[name, key]
+                    self._leave(name, key, remote.reasons.get("write", ""))
+
+    def _leave(self, name: str, key: str, reason: str) -> None:
+        upload = self._uploads[name]
+        upload.left.append(key)
+        upload.reason = upload.reason or reason

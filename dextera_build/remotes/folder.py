@@ -1,0 +1,140 @@
+"""A folder as a remote: a network share, or another store, in the layout of the store.
+
+Files are written aside and renamed, so no locks are needed; on NFS, too, a reader sees all of a file or none.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from dextera_build.errors import StoreError
+from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault
+from dextera_build.remotes.threads import Crew
+from dextera_build.store import failpoints, files
+
+_CHUNK = 1 << 20
+_THREADS = 8
+_ABSENT = (FileNotFoundError, IsADirectoryError)
+"""A folder in the place of a file is damage, and is replaced with the next upload."""
+_ABANDONED_S = 86400.0
+"""Age from which what somebody did not write to its end counts as left by a killed process [s]."""
+
+
+class Directory:
+    """Blobs under `cas/ab/cdef...` and results under `ac/ab/cdef...` of one folder.
+
+    Args:
+        root: The folder; made with the first thing that is written, where the folder around it is there.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.address = str(root)
+        self._root = root
+        self._crew = Crew(_THREADS, f"dxb {root.name}")
+        self._tidied = False
+
+    def get_entry(self, key: str) -> bytes | None:
+        """The entry under a key, or None."""
+        try:
+            with open(self._file("ac", key), "rb") as file:
+                size = os.fstat(file.fileno()).st_size
+                if size > MOST_ENTRY:
+                    raise RemoteFault(self.address, f"the entry of `{key[:12]}` has {size:,} bytes")
+                return file.read(size)
+        except _ABSENT:
+            return None
+        except OSError as error:
+            raise self._fault(error) from None
+
+    def put_entry(self, key: str, message: bytes) -> None:
+        """Publish a result, all of whose blobs the folder holds."""
+        with self._writing("ac", key) as target:
+            failpoints.reach("remote.entry")
+            files.write_all(target, message)
+
+    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
+        """Those that the folder lacks, or holds with another size."""
+        lacking: set[Digest] = set()
+
+        def look(digest: Digest) -> None:
+            try:
+                state = os.stat(self._file("cas", digest.hash))
+                if state.st_size == digest.size and stat.S_ISREG(state.st_mode):
+                    return
+            except _ABSENT:
+                pass
+            except OSError as error:
+                raise self._fault(error) from None
+            lacking.add(digest)
+
+        self._crew.each(look, digests)
+        return lacking
+
+    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
+        """Hand `take` the bytes of every blob that the folder holds."""
+        self._crew.each(lambda digest: self._fetch_one(digest, take), digests)
+
+    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
+        """Copy blobs into the folder."""
+
+        def send_one(digest: Digest) -> None:
+            with (
+                give(digest) as source,
+                self._writing("cas", digest.hash) as target,
+                open(target, "wb", closefd=False) as to,
+            ):
+                failpoints.reach("remote.blob")
+                shutil.copyfileobj(source, to, _CHUNK)
+
+        self._crew.each(send_one, digests)
+
+    def close(self) -> None:
+        """Let the threads go."""
+        self._crew.dismiss()
+
+    def _fetch_one(self, digest: Digest, take: Callable[[Digest, Iterator[bytes]], None]) -> None:
+        try:
+            file = open(self._file("cas", digest.hash), "rb")  # noqa: SIM115 - closed below; only opening may find nothing
+        except _ABSENT:
+            return
+        except OSError as error:
+            raise self._fault(error) from None
+        with file:
+            take(digest, self._pieces(file))
+
+    def _pieces(self, file: BinaryIO) -> Iterator[bytes]:
+        try:
+            while piece := file.read(_CHUNK):
+                yield piece
+        except OSError as error:
+            raise self._fault(error) from None
+
+    def _file(self, kind: str, digest: str) -> str:
+        return f"{self._root}/{kind}/{digest[:2]}/{digest[2:]}"
+
+    @contextmanager
+    def _writing(self, kind: str, digest: str) -> Iterator[int]:
+        if not self._root.parent.is_dir():
+            raise RemoteFault(self.address, f"there is no folder `{self._root.parent}`", refused=True)
+        workshop = f"{self._root}/{kind}/{files.TEMPORARY}"
+        if not self._tidied:
+            self._tidied = True
+            for each in ("cas", "ac"):
+                files.clear(f"{self._root}/{each}/{files.TEMPORARY}", _ABANDONED_S)
+        try:
+            with files.new_file(self._file(kind, digest), workshop=workshop) as target:
+                yield target
+        except StoreError as error:
+            system = error.facts.get("system says", error.message)
+            raise RemoteFault(self.address, f"nothing can be written there: {system}", refused=True) from None
+        except OSError as error:
+            raise self._fault(error) from None
+
+    def _fault(self, error: OSError) -> RemoteFault:
+        return RemoteFault(self.address, error.strerror or str(error), refused=isinstance(error, PermissionError))

@@ -1,0 +1,171 @@
+"""A Bazel HTTP cache as a remote: results under `/ac/<hex>`, blobs under `/cas/<hex>`, with GET, HEAD and PUT.
+
+nginx with WebDAV, bazel-remote and `dxb cache serve` speak it. Credentials come from the address or from `~/.netrc`.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import BinaryIO
+
+import httpx
+
+from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault
+from dextera_build.remotes.spec import is_loopback
+from dextera_build.remotes.threads import Crew
+
+_CHUNK = 1 << 18
+_CONNECTIONS = 16
+_CONNECT_S = 5.0
+_REFUSED = {
+    401: "it wants a name and a password",
+    403: "it forbids that",
+    405: "it does not allow that",
+    501: "it cannot do that",
+}
+
+
+class HttpCache:
+    """One server.
+
+    Args:
+        url: `https://user:password@host/prefix?token=...`; user, password and query are used and never shown.
+        timeout_s: How long to wait for the next bytes [s].
+
+    Raises:
+        ValueError: The address is malformed.
+    """
+
+    def __init__(self, url: str, *, timeout_s: float = 10.0) -> None:
+        try:
+            parsed = httpx.URL(url)
+        except httpx.InvalidURL:  # its message quotes the address
+            raise ValueError("a password has `/`, `?`, `#`, `@` and `:` as %2F, %3F, %23, %40 and %3A") from None
+        self.address = str(parsed.copy_with(username=None, password=None, query=None)).rstrip("/")
+        self._crew = Crew(_CONNECTIONS - 1, f"dxb {parsed.host}")
+        self._timeout_s = timeout_s
+        self._client = httpx.Client(
+            auth=(parsed.username, parsed.password) if parsed.username else _netrc(parsed),
+            params=parsed.params,
+            # A compressed body would have another size than its digest says.
+            headers={"Accept-Encoding": "identity"},
+            timeout=httpx.Timeout(timeout_s, connect=min(_CONNECT_S, timeout_s), pool=None),
+            limits=httpx.Limits(max_connections=_CONNECTIONS * 2, max_keepalive_connections=_CONNECTIONS),
+            follow_redirects=True,
+        )
+
+    def get_entry(self, key: str) -> bytes | None:
+        """The entry under a key, or None."""
+        with self._faults(), self._client.stream("GET", self._url("ac", key)) as answer:
+            if answer.status_code == 404:
+                return None
+            self._expect(answer, 200)
+            found = bytearray()
+            for piece in answer.iter_raw(_CHUNK):
+                found += piece
+                if len(found) > MOST_ENTRY:
+                    raise RemoteFault(self.address, f"the entry of `{key[:12]}` does not end")
+            return bytes(found)
+
+    def put_entry(self, key: str, message: bytes) -> None:
+        """Publish a result, all of whose blobs the server holds."""
+        self._put("ac", key, message, {})
+
+    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
+        """Those that the server lacks, or holds with another size."""
+        lacking: set[Digest] = set()
+
+        def look(digest: Digest) -> None:
+            with self._faults():
+                answer = self._client.head(self._url("cas", digest.hash))
+            if answer.status_code == 404 or answer.headers.get("Content-Length", str(digest.size)) != str(digest.size):
+                lacking.add(digest)
+            else:
+                self._expect(answer, 200, 204)
+
+        self._crew.each(look, digests)
+        return lacking
+
+    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
+        """Hand `take` the bytes of every blob that the server holds."""
+
+        def fetch_one(digest: Digest) -> None:
+            with self._faults(), self._client.stream("GET", self._url("cas", digest.hash)) as answer:
+                if answer.status_code != 404:
+                    self._expect(answer, 200)
+                    take(digest, self._pieces(answer))
+
+        self._crew.each(fetch_one, digests)
+
+    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
+        """Upload blobs."""
+
+        def send_one(digest: Digest) -> None:
+            # With its length said, so that it is not sent in chunks, which not every server takes.
+            size = {"Content-Length": str(digest.size)}
+            with give(digest) as file:
+                self._put("cas", digest.hash, iter(lambda: file.read(_CHUNK), b""), size)
+
+        self._crew.each(send_one, digests)
+
+    def close(self) -> None:
+        """Let connections go."""
+        self._client.close()
+        self._crew.dismiss()
+
+    def _put(self, kind: str, digest: str, content: bytes | Iterator[bytes], headers: Mapping[str, str]) -> None:
+        url = self._url(kind, digest)
+        with self._faults(), self._client.stream("PUT", url, content=content, headers=headers) as answer:
+            self._expect(answer, 200, 201, 202, 204)
+            said = 0
+            for piece in answer.iter_raw(_CHUNK):  # to its end, so that the connection serves again
+                said += len(piece)
+                if said > _CHUNK:
+                    break
+
+    def _pieces(self, answer: httpx.Response) -> Iterator[bytes]:
+        # Not decoded: nothing unpacks to more than was sent.
+        with self._faults():
+            yield from answer.iter_raw(_CHUNK)
+
+    def _url(self, kind: str, digest: str) -> str:
+        return f"{self.address}/{kind}/{digest}"
+
+    def _expect(self, answer: httpx.Response, *codes: int) -> None:
+        code = answer.status_code
+        if code in codes:
+            return
+        reason = _REFUSED.get(code, answer.reason_phrase)
+        verb = answer.request.method
+        raise RemoteFault(self.address, f"{verb} was answered {code}: {reason}", refused=code in _REFUSED)
+
+    @contextmanager
+    def _faults(self) -> Iterator[None]:
+        try:
+            yield
+        except httpx.ConnectTimeout:
+            raise RemoteFault(self.address, "no connection in time") from None
+        except httpx.TimeoutException:
+            raise RemoteFault(self.address, f"no answer in {self._timeout_s:g} s") from None
+        except httpx.ConnectError as error:
+            raise RemoteFault(self.address, f"no connection: {_plain(error)}") from None
+        except (httpx.HTTPError, httpx.StreamError, httpx.InvalidURL, RuntimeError, OSError) as error:
+            # RuntimeError: the client was closed by another thread, which gave this remote up.
+            raise RemoteFault(self.address, f"the connection broke: {_plain(error)}") from None
+
+
+def _plain(error: Exception) -> str:
+    said = str(error).partition("\n")[0]
+    return re.sub(r"^\[Errno -?\d+\] ", "", said) or type(error).__name__
+
+
+def _netrc(url: httpx.URL) -> httpx.NetRCAuth | None:
+    if url.scheme != "https" and not is_loopback(url.host):
+        return None  # it goes over TLS or nowhere
+    try:
+        return httpx.NetRCAuth(os.environ.get("NETRC"))
+    except (OSError, SyntaxError):
+        return None

@@ -1,0 +1,164 @@
+"""An object store as a remote: S3 and what speaks like it, Google Cloud Storage, Azure Blob Storage.
+
+Objects are called as a Bazel HTTP cache calls them, `ac/<hex>` and `cas/<hex>`, so a bucket that is served over HTTP
+serves other tools, too.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import timedelta
+from typing import Any, BinaryIO
+
+import obstore
+from obstore import exceptions
+from obstore.store import from_url
+
+from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault
+from dextera_build.remotes.threads import Crew
+
+_CHUNK = 1 << 20
+_PART = 8 << 20
+_THREADS = 15
+_METADATA = "169.254.169.254"
+"""Where a machine of the cloud is asked for credentials, when nothing else has any."""
+_REQUEST = re.compile(r"^(Generic \w+ error: )?(Error performing \w+ \S+ in [\d.]+\w+(, after \d+ retries.*?)? +- )?")
+_CAUSE = re.compile(r'(?:message|error): "([^"]+)"')
+_REFUSALS = (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError, exceptions.NotSupportedError)
+_CLIENT = (
+    "allow_http",
+    "allow_invalid_certificates",
+    "connect_timeout",
+    "default_content_type",
+    "http1_only",
+    "http2_only",
+    "http2_keep_alive_interval",
+    "http2_keep_alive_timeout",
+    "http2_keep_alive_while_idle",
+    "pool_idle_timeout",
+    "pool_max_idle_per_host",
+    "proxy_url",
+    "timeout",
+    "user_agent",
+)
+"""What obstore's configuration says of the connection."""
+
+
+class ObjectStore:
+    """One bucket, or what lies under a prefix of it.
+
+    Args:
+        url: `s3://bucket/prefix`, `gs://bucket/prefix` or `az://container/prefix`.
+        options: What obstore's configuration takes: `endpoint`, `region`, ...; beside it the environment counts
+            (`AWS_ACCESS_KEY_ID`, ...).
+        timeout_s: How long to wait for an answer [s].
+
+    Raises:
+        ValueError: The address or an option is not understood.
+    """
+
+    def __init__(self, url: str, options: Mapping[str, str] | None = None, *, timeout_s: float = 10.0) -> None:
+        self.address = url.rstrip("/")
+        patience = timedelta(seconds=timeout_s)
+        said = options or {}
+        # Among the settings of the bucket these make the library panic.
+        config: Any = {name: value for name, value in said.items() if name not in _CLIENT}
+        # The library must not retry ten times on its own: a build retries once, or goes on without the remote.
+        retry: Any = {"max_retries": 1, "retry_timeout": patience}
+        plain = any(value.startswith("http://") for name, value in config.items() if "endpoint" in name)
+        client: Any = {"timeout": f"{max(timeout_s * 6, 60.0):g}s", "connect_timeout": f"{min(timeout_s, 5.0):g}s"}
+        client |= {"allow_http": plain} | {name: value for name, value in said.items() if name in _CLIENT}
+        try:
+            self._store = from_url(self.address, config=config, client_options=client, retry_config=retry)
+        except exceptions.BaseError as error:
+            raise ValueError(str(error)) from None
+        self._crew = Crew(_THREADS, f"dxb {self.address}")
+
+    def get_entry(self, key: str) -> bytes | None:
+        """The entry under a key, or None."""
+        with self._faults():
+            try:
+                found = obstore.get(self._store, f"ac/{key}")
+            except FileNotFoundError:
+                return None
+            if found.meta["size"] > MOST_ENTRY:
+                raise RemoteFault(self.address, f"the entry of `{key[:12]}` has {found.meta['size']:,} bytes")
+            return bytes(found.bytes())
+
+    def put_entry(self, key: str, message: bytes) -> None:
+        """Publish a result, all of whose blobs the bucket holds."""
+        with self._faults():
+            obstore.put(self._store, f"ac/{key}", message)
+
+    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
+        """Those that the bucket lacks, or holds with another size."""
+        lacking: set[Digest] = set()
+
+        def look(digest: Digest) -> None:
+            with self._faults():
+                try:
+                    if obstore.head(self._store, f"cas/{digest.hash}")["size"] == digest.size:
+                        return
+                except FileNotFoundError:
+                    pass
+                lacking.add(digest)
+
+        self._crew.each(look, digests)
+        return lacking
+
+    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
+        """Hand `take` the bytes of every blob that the bucket holds."""
+
+        def fetch_one(digest: Digest) -> None:
+            with self._faults():
+                try:
+                    found = obstore.get(self._store, f"cas/{digest.hash}")
+                except FileNotFoundError:
+                    return
+            take(digest, self._pieces(found))
+
+        self._crew.each(fetch_one, digests)
+
+    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
+        """Upload blobs; large ones in parts."""
+
+        def send_one(digest: Digest) -> None:
+            with give(digest) as file, self._faults():
+                obstore.put(self._store, f"cas/{digest.hash}", file, chunk_size=_PART, max_concurrency=4)
+
+        self._crew.each(send_one, digests)
+
+    def close(self) -> None:
+        """Let the threads go."""
+        self._crew.dismiss()
+
+    def _pieces(self, found: obstore.GetResult) -> Iterator[bytes]:
+        with self._faults():
+            for piece in found.stream(min_chunk_size=_CHUNK):
+                yield bytes(piece)
+
+    @contextmanager
+    def _faults(self) -> Iterator[None]:
+        try:
+            yield
+        except RemoteFault:
+            raise
+        except _REFUSALS as error:
+            raise RemoteFault(self.address, f"it refuses: {_plain(error)}", refused=True) from None
+        except exceptions.BaseError as error:
+            raise RemoteFault(self.address, _plain(error)) from None
+        except OSError as error:
+            raise RemoteFault(self.address, _plain(error), refused=isinstance(error, PermissionError)) from None
+
+
+def _plain(error: Exception) -> str:
+    """What the library says in one line, without the address of the request, which may hold a signature."""
+    text, _, more = str(error).partition("\n")
+    if _METADATA in text:
+        return "there are no credentials for it: set `AWS_ACCESS_KEY_ID` and `AWS_SECRET_ACCESS_KEY`"
+    text = _REQUEST.sub("", text).partition(" (http")[0]
+    if causes := _CAUSE.findall(more):
+        text += f": {causes[-1]}"
+    return text[:200] or type(error).__name__

@@ -1,0 +1,214 @@
+"""Results between the store and a remote, whole or not at all.
+
+Downloads are checked: blobs against digest and size, entries against their key, and the local entry is rebuilt from the
+headers that arrived. Uploads are checked, too, since many remotes check nothing themselves.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, BinaryIO
+
+from dextera_build import digest as digests
+from dextera_build.errors import StoreError
+from dextera_build.remotes.breaker import Guarded
+from dextera_build.remotes.remote import MOST_ENTRY, DamagedBlob, Digest, Remote
+from dextera_build.store import disk_full, failpoints, headers
+from dextera_build.store import entry as entries
+from dextera_build.store.blobs import MissingBlob
+from dextera_build.store.entry import ActionResult, Entry, File
+from dextera_build.store.references import UNREADABLE
+from dextera_build.store.store import Store
+from dextera_build.store.traces import lists
+from dextera_build.store.traces import steps as traces
+
+
+@dataclass(frozen=True)
+class Fetched:
+    """A result that a remote had."""
+
+    result: ActionResult
+    is_whole: bool
+    """Whether its bytes are here; if not, its entry and the headers of its output are."""
+    octets: int
+    """How many bytes had to come."""
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A result that a remote has now."""
+
+    blobs: int
+    octets: int
+
+
+class Transfer:
+    """Fetches and uploads results; may be used by several threads.
+
+    Args:
+        store: The local end.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._guard = threading.Lock()
+        self._held: defaultdict[str, set[Digest]] = defaultdict(set)
+        """Remote -> blobs that it is known to have."""
+        self._damaged: defaultdict[str, set[Digest]] = defaultdict(set)
+        """Remote -> blobs that came from it with other bytes; uploaded again although it claims to have them."""
+
+    def fetch(self, remote: Remote, key: str, *, whole: bool = True) -> Fetched | None:
+        """Download the result of `key`; None if the remote lacks it or a part of it.
+
+        Args:
+            remote: Where from.
+            key: Digest of the key document.
+            whole: With every blob that it names; otherwise without its bytes.
+
+        Raises:
+            RemoteFault: The remote did not answer rightly.
+            StoreError: The local disk is full, or the store cannot be written.
+        """
+        entry = entry_at(remote, key)
+        if entry is None:
+            return None
+        try:
+            octets = self._bring(remote, entry.files) if whole else self._headers(remote, entry)
+            if octets is None:
+                return None
+            failpoints.reach("fetch.blobs")
+            is_whole = lists.publish(self._store, key, entry.result, entry.document, may_lack=not whole)
+        except UNREADABLE:
+            # A header is malformed, or names a blob that the entry does not name.
+            return None
+        except StoreError as error:
+            if error.code != headers.ESCAPES:
+                raise
+            return None
+        return Fetched(entry.result, is_whole, octets)
+
+    def _headers(self, remote: Remote, entry: Entry) -> int | None:
+        """Download the key document of an entry and the headers of its output, level by level."""
+        known = {file.digest: file for file in entry.files}
+        front = [entry.result.output]
+        seen = set(front)
+        octets = self._bring(remote, [file for file in entry.files if file.role == entries.KEY])
+        while front and octets is not None:
+            came = self._bring(remote, [known[digest] for digest in front])
+            if came is None:
+                return None
+            octets += came
+            below = [ref for digest in front for ref in self._store.actions.references.directly(digest)[0]]
+            front = [ref for ref in dict.fromkeys(below) if ref not in seen]
+            seen.update(front)
+        return octets
+
+    def _bring(self, remote: Remote, files: Iterable[File]) -> int | None:
+        """Download the blobs that are not here; returns their bytes, or None if the remote lacks one."""
+        blobs = dict.fromkeys(Digest(file.digest, file.size) for file in files)
+        wanted = [blob for blob in blobs if self._store.blobs.size(blob.hash) != blob.size]
+        if sum(blob.size for blob in wanted) > disk_full.free_bytes(str(self._store.root)):
+            return None  # an entry may claim any size; a download that cannot fit is not started
+        return sum(blob.size for blob in wanted) if self.blobs(remote, wanted) else None
+
+    def blobs(self, remote: Remote, wanted: Iterable[Digest]) -> bool:
+        """Download blobs; returns False if the remote lacks one.
+
+        Raises:
+            RemoteFault: The remote did not answer rightly, or gave other bytes.
+            StoreError: The local disk is full, or the store cannot be written.
+        """
+        came: set[Digest] = set()
+        wrong: list[Digest] = []
+        troubles: list[StoreError] = []
+
+        def take(digest: Digest, pieces: Iterator[bytes]) -> None:
+            try:
+                if not troubles:
+                    (came.add if self._store.blobs.receive(*digest, pieces) else wrong.append)(digest)
+            except StoreError as error:
+                troubles.append(error)
+
+        asked = list(dict.fromkeys(wanted))
+        if asked:
+            remote.fetch(asked, take)
+        if troubles:
+            raise troubles[0]
+        with self._guard:
+            self._held[remote.address] |= came
+            self._damaged[remote.address].update(wrong)
+        if wrong:
+            raise DamagedBlob(remote.address, f"blob `{wrong[0].hash[:12]}` came with other bytes")
+        return came.issuperset(asked)
+
+    def send(self, remote: Remote, key: str) -> Sent:
+        """Upload the result of `key`: blobs first, the entry last and only if all of them arrived.
+
+        Raises:
+            RemoteFault: The remote did not take it.
+            MissingBlob: The local store does not hold the result, or not all of it.
+        """
+        entry = self._store.actions.entry(key)
+        if entry is None or entry.is_bare:
+            raise MissingBlob(key, "the store has no whole result under this key")
+        for call, _ in entry.result.calls:  # first, so that nodes with other keys find the answer, too
+            self.send(remote, call)
+        sent = self._deliver(remote, entry)
+        parts = traces.parts_of(entry.document or self._store.blobs.get(key))
+        if parts is not None and parts[1] is not None:
+            self._send_traces(remote, parts[0])
+        return sent
+
+    def _send_traces(self, remote: Remote, static: Mapping[str, Any]) -> None:
+        """Add the traces of a call that reads by itself to those that the remote has."""
+        key = digests.of_bytes(traces.spelled(static, None))
+        here = lists.known(self._store, key)
+        asked = remote.aside if isinstance(remote, Guarded) else lambda work: work(remote)
+        there = asked(lambda other: self._traces(other, key)) or []
+        found = lists.merged(here, there)
+        if found != there:
+            self._deliver(remote, self._store.actions.made(lists.made(self._store, static, found)))
+
+    def _traces(self, remote: Remote, key: str) -> list[traces.Steps]:
+        entry = entry_at(remote, key)
+        if entry is None or entry.files[0].size > MOST_ENTRY:
+            return []
+        return lists.listed(self._store, entry.result) if self._bring(remote, entry.files[:1]) is not None else []
+
+    def _deliver(self, remote: Remote, entry: Entry) -> Sent:
+        blobs = list(dict.fromkeys(Digest(file.digest, file.size) for file in entry.files))
+        with self._guard:
+            damaged = self._damaged[remote.address].intersection(blobs)
+            asked = [blob for blob in blobs if blob not in self._held[remote.address] and blob not in damaged]
+        wanted = [*damaged, *(remote.missing(asked) if asked else ())]
+        if wanted:
+            remote.send(sorted(wanted), self._open)
+        with self._guard:
+            self._held[remote.address].update(blobs)
+            self._damaged[remote.address].difference_update(wanted)
+        remote.put_entry(entry.key, entry.spell())
+        return Sent(len(wanted), sum(blob.size for blob in wanted))
+
+    def _open(self, digest: Digest) -> BinaryIO:
+        if not self._store.blobs.verify(digest.hash):
+            raise MissingBlob(digest.hash)
+        return self._store.blobs.open(digest.hash)
+
+
+def entry_at(remote: Remote, key: str) -> Entry | None:
+    """The whole entry that a remote has under a key, or None; the blobs that it names are not looked for.
+
+    Raises:
+        RemoteFault: The remote did not answer rightly.
+    """
+    message = remote.get_entry(key)
+    if message is None or len(message) > MOST_ENTRY:
+        return None
+    try:
+        found = entries.read(message)
+    except ValueError:
+        return None
+    return found if found.key == key and not found.is_bare else None

@@ -1,0 +1,177 @@
+"""The log of a run: its events, one JSON line each, under `runs/<id>/events.jsonl`."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from dextera_build import digest as digests
+from dextera_build.errors import UsageError, listing
+from dextera_build.runs import events
+from dextera_build.runs.events import Event, NodeProgress
+from dextera_build.store import disk_full, failpoints, files, permissions
+from dextera_build.store.store import Store
+
+_FILE = "events.jsonl"
+_PROGRESS_S = 1.0
+_MOST = 256
+"""So many events are gathered at most."""
+_NOT_WRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, *disk_full.FULL}
+
+
+class EventLog:
+    """A listener that writes every event down; use it as a context manager.
+
+    Whole lines are written at a time, so a killed build leaves whole lines and at most one torn one at the end. Where
+    the disk is full an event is left out: what the build makes matters more, and says by itself where it has no room.
+
+    Args:
+        store: The run gets the next free id there.
+        gathers: Events are written together; whoever tells them calls `flush` before he waits for anything.
+
+    Attributes:
+        run: Id of the run, `0143`; "" where the store cannot be written, then nothing is.
+        lost: How many events had no room.
+    """
+
+    def __init__(self, store: Store, *, gathers: bool = False) -> None:
+        self.run = ""
+        self.lost = 0
+        self._gathers = gathers
+        self._lines: list[bytes] = []
+        self._told: dict[str, float] = {}
+        self._descriptor = -1
+        self._size = 0
+        folder = store.root / "runs"
+        try:
+            permissions.make_folder(str(folder))
+            self.run = _allocate(folder)
+            permissions.share_tree(str(folder / self.run))
+            failpoints.reach("log.made")
+            path = folder / self.run / _FILE
+            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+            permissions.share_file(self._descriptor, str(folder), 0o644)
+        except OSError as error:
+            if error.errno in _NOT_WRITABLE:
+                self.run = ""
+                return
+            raise files.store_error(error, str(folder)) from None
+
+    def __call__(self, event: Event) -> None:
+        """Take one event; of a node's progress no more than what a second brings."""
+        if self._descriptor < 0 or self._is_told(event):
+            return
+        self._lines.append(event.to_line().encode() + b"\n")
+        if not self._gathers or len(self._lines) >= _MOST:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what was gathered."""
+        lines, self._lines = self._lines, []
+        if len(lines) > 1 and self._write(b"".join(lines)):
+            return
+        # Where there is no room for all there may be for some.
+        self.lost += sum(not self._write(line) for line in lines)
+
+    def _write(self, data: bytes) -> bool:
+        try:
+            failpoints.reach("log.event")
+            files.write_all(self._descriptor, data)
+        except OSError:
+            with suppress(OSError):
+                os.ftruncate(self._descriptor, self._size)  # a torn line would spoil the next one
+            return False
+        self._size += len(data)
+        return True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """No more events."""
+        if self._descriptor >= 0:
+            self.flush()
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    def _is_told(self, event: Event) -> bool:
+        if not isinstance(event, NodeProgress) or event.done == event.total:
+            return False
+        told = event.time - self._told.get(event.node, -_PROGRESS_S) < _PROGRESS_S
+        if not told:
+            self._told[event.node] = event.time
+        return told
+
+
+def runs(store: Store) -> list[str]:
+    """Ids of all runs, the oldest first."""
+    folder = store.root / "runs"
+    names = [name for name in os.listdir(folder) if name.isdecimal()] if folder.is_dir() else []
+    return sorted(names, key=int)
+
+
+def read(store: Store, run: str) -> list[dict[str, Any]]:
+    """The events of a run as plain data; a torn last line is left out.
+
+    Raises:
+        UsageError: There is no such run.
+    """
+    return list(lines(store, run))
+
+
+def latest(store: Store, recipe: str | None = None, variant: str | None = None) -> str | None:
+    """Id of the last run, or of the last one of `recipe` and of a variant of its request; None where there is none."""
+    for run in reversed(runs(store)):
+        first = next(lines(store, run), None)
+        if first is None or (recipe is not None and first.get("recipe") != recipe):
+            continue
+        if variant is None or first.get("variant", "") == variant:
+            return run
+    return None
+
+
+def lines(store: Store, run: str) -> Iterator[dict[str, Any]]:
+    """The events of a run one after another, so that a look at the first reads no more.
+
+    Raises:
+        UsageError: There is no such run.
+    """
+    path = store.root / "runs" / run / _FILE
+    try:
+        with path.open("rb") as file:
+            for line in file:
+                if line.endswith(b"\n"):
+                    with suppress(ValueError):  # a power cut may leave a hole in the middle
+                        event = digests.plain(line)
+                        if events.is_event(event):
+                            yield event
+    except (FileNotFoundError, NotADirectoryError):
+        if not path.parent.is_dir() or not run:
+            raise UsageError(
+                f"there is no run `{run}`",
+                code="DXB-U204",
+                facts={"runs": listing(runs(store)[-12:])},
+                hint="dxb ls runs",
+            ) from None
+
+
+def _allocate(folder: Path) -> str:
+    known = [int(name) for name in os.listdir(folder) if name.isdecimal()]
+    number = max(known, default=0) + 1
+    while True:
+        try:
+            (folder / f"{number:04d}").mkdir()
+        except FileExistsError:
+            number += 1
+        else:
+            return f"{number:04d}"

@@ -1,0 +1,279 @@
+"""Content-addressed blobs: digest -> bytes, one read-only file each under `ab/cdef...`."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import stat
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+
+from dextera_build.errors import StoreError
+from dextera_build.store import failpoints, files, permissions
+from dextera_build.store.last_use import Use
+from dextera_build.store.locks import Locks
+
+_DIGEST = re.compile(r"[0-9a-f]{64}", re.ASCII)
+_SMALL = 1 << 20
+"""Files up to this size [bytes] are read once, as a whole; others twice, in pieces."""
+
+
+class MissingBlob(StoreError):  # noqa: N818 - says what it found
+    """Bytes that something refers to are not in the store, or were damaged and set aside."""
+
+    CODE = "DXB-S103"
+
+    def __init__(self, digest: str, reason: str = "it is not there") -> None:
+        super().__init__(
+            f"blob `{digest[:12]}` cannot be read: {reason}",
+            code=self.CODE,
+            facts={"digest": digest},
+            hint="build again: what made it runs anew",
+        )
+        self.digest = digest
+
+
+class Blobs:
+    """Blobs below one folder.
+
+    Writers never replace a good file and readers check what they read, so any number of processes may share it.
+
+    Args:
+        root: The folder; made when the first blob comes.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._base = f"{root}/"
+        self._workshop = f"{root}/{files.TEMPORARY}"
+        self._quarantine = root.parent / "local" / "quarantine"
+        self.use = Use(Locks(root.parent / "local" / "locks"))
+        self.inside: Callable[[str], bytes | None] = _nowhere
+        """Bytes that lie elsewhere in the store than in a file of their own, by digest; they were compared with it."""
+
+    def path(self, digest: str) -> Path:
+        """Where the file of the blob is, or would be."""
+        return Path(self._file(digest))
+
+    def has(self, digest: str) -> bool:
+        """Whether there is such a blob; its bytes are not read."""
+        return self.size(digest) is not None
+
+    def size(self, digest: str) -> int | None:
+        """Size of the blob [bytes], or None where there is none."""
+        with suppress(OSError):
+            state = os.stat(self._file(digest))
+            if stat.S_ISREG(state.st_mode):
+                return state.st_size
+        data = self.inside(digest)
+        return None if data is None else len(data)
+
+    def put(self, data: bytes) -> str:
+        """Store `data` and return its digest.
+
+        Raises:
+            StoreError: The disk is full, or the store cannot be written.
+        """
+        digest = hashlib.sha256(data).hexdigest()
+        path = f"{self._base}{digest[:2]}/{digest[2:]}"
+        # Most are new: that is asked first, for no exception has to be made of the answer.
+        # A short file is what a power cut leaves; it is replaced.
+        if not os.access(path, os.F_OK) or not self._is_held(path, digest, len(data), lambda: files.read(path) == data):
+            files.write(path, data, workshop=self._workshop)
+        return digest
+
+    def holds(self, digest: str, size: int, check: Callable[[], bool] | None = None) -> bool:
+        """Whether the blob is there with this size, and stays while this build runs.
+
+        Args:
+            digest: Names the blob.
+            size: Its size [bytes].
+            check: Tells whether its bytes are right; asked of blobs that nobody used for a while.
+        """
+        return self._is_held(self._file(digest), digest, size, check)
+
+    def _is_held(self, path: str, digest: str, size: int, check: Callable[[], bool] | None) -> bool:
+        try:
+            state = os.stat(path)
+            if state.st_size != size or not stat.S_ISREG(state.st_mode):
+                return False
+            if check is not None and not self.use.is_recent(state.st_mtime) and not check():
+                return False
+            return self.use.note(path, state.st_mtime)
+        except PermissionError:
+            # Another user's file, whose stamp only a copy of our own renews.
+            return self._copied(digest)
+        except OSError:
+            return False
+
+    def put_file(self, path: Path) -> tuple[str, int]:
+        """Store the bytes of a file, sharing its blocks where the file system can, and return (digest, size).
+
+        Raises:
+            OSError: `path` cannot be read.
+            StoreError: The disk is full, or the store cannot be written.
+        """
+        source = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            size = os.fstat(source).st_size
+            if size <= _SMALL:
+                data = os.read(source, size + 1)
+                if len(data) == size:
+                    return self.put(data), size
+                os.lseek(source, 0, os.SEEK_SET)
+            return self._take(source)
+        finally:
+            os.close(source)
+
+    def receive(self, digest: str, size: int | None, pieces: Iterable[bytes]) -> bool:
+        """Store bytes that come from elsewhere; False where they are not those that `digest` and `size` name.
+
+        Never more than `size` bytes are taken, where it is known, and nothing shows under `digest` before the last one
+        was checked.
+
+        Raises:
+            StoreError: The disk is full, or the store cannot be written.
+        """
+        if size is not None and self.size(digest) == size:
+            return True
+        known, left = hashlib.sha256(), size
+        try:
+            with files.new_file(self._file(digest), workshop=self._workshop) as target:
+                for piece in pieces:
+                    if left is not None and (left := left - len(piece)) < 0:
+                        break
+                    known.update(piece)
+                    files.write_all(target, piece)
+                if left or known.hexdigest() != digest:
+                    raise _ChangedError(digest)
+        except _ChangedError:
+            return False
+        return True
+
+    def get(self, digest: str) -> bytes:
+        """The bytes of a blob, checked against its digest.
+
+        Raises:
+            MissingBlob: It is not there, or its bytes are not what they were; then it was set aside.
+        """
+        try:
+            data = files.read(self._file(digest))
+        except OSError as error:
+            return self._inside(digest, error)
+        if hashlib.sha256(data).hexdigest() != digest:
+            self.quarantine(digest)
+            raise MissingBlob(digest, "its bytes were damaged, it was set aside")
+        return data
+
+    def open(self, digest: str) -> BinaryIO:
+        """The bytes of a blob as a file, not checked.
+
+        Raises:
+            MissingBlob: It is not there.
+        """
+        try:
+            return open(self._file(digest), "rb")
+        except OSError as error:
+            return BytesIO(self._inside(digest, error))
+
+    def _inside(self, digest: str, error: OSError) -> bytes:
+        data = self.inside(digest)
+        if data is None:
+            reason = "it is not there" if isinstance(error, FileNotFoundError) else str(error.strerror)
+            raise MissingBlob(digest, reason) from None
+        return data
+
+    def verify(self, digest: str) -> bool:
+        """Whether the blob is there as a file of its own and whole; a damaged one is set aside."""
+        try:
+            with open(self._file(digest), "rb") as file:
+                whole = hashlib.file_digest(file, "sha256").hexdigest() == digest
+        except OSError:
+            return False
+        if not whole:
+            self.quarantine(digest)
+        return whole
+
+    def quarantine(self, digest: str) -> None:
+        """Set a damaged blob aside, so that it counts as missing."""
+        # A store that cannot be written keeps it: readers check the bytes anyway.
+        with suppress(OSError):
+            permissions.make_folder(str(self._quarantine))
+            failpoints.reach("blob.aside")
+            os.replace(self._file(digest), self._quarantine / digest)
+
+    def all(self) -> Iterator[tuple[str, int]]:
+        """Every blob with its size [bytes]."""
+        yield from entries(self.root)
+
+    def _file(self, digest: str) -> str:
+        if not is_digest(digest):
+            raise StoreError(f"`{digest}` is not a SHA-256 digest", code="DXB-S104")
+        return f"{self._base}{digest[:2]}/{digest[2:]}"
+
+    def _copied(self, digest: str) -> bool:
+        path = self._file(digest)
+        try:
+            with open(path, "rb", buffering=0) as source, files.new_file(path, workshop=self._workshop) as target:
+                if self._copy(source.fileno(), target) != digest:
+                    raise _ChangedError(digest)
+        except (OSError, StoreError):
+            return False
+        return True
+
+    def _take(self, source: int) -> tuple[str, int]:
+        known = hashlib.sha256()
+        for chunk in files.chunks(source):
+            known.update(chunk)
+        digest, size = known.hexdigest(), os.lseek(source, 0, os.SEEK_CUR)
+        if self.holds(digest, size, lambda: self.verify(digest)):
+            return digest, size
+        os.lseek(source, 0, os.SEEK_SET)
+        with files.new_file(self._file(digest), workshop=self._workshop) as target:
+            copied = self._copy(source, target)
+            if copied != digest:
+                raise _ChangedError(digest)
+        return digest, size
+
+    def _copy(self, source: int, target: int) -> str:
+        state = hashlib.sha256()
+        if files.clone(source, target):
+            for chunk in files.chunks(target):
+                state.update(chunk)
+            return state.hexdigest()
+        for chunk in files.chunks(source):
+            state.update(chunk)
+            files.write_all(target, chunk)
+        return state.hexdigest()
+
+
+def _nowhere(digest: str) -> None:
+    """There are no bytes elsewhere."""
+
+
+def is_digest(text: str) -> bool:
+    """Whether `text` is written as digests are: 64 lower-case hex digits."""
+    return _DIGEST.fullmatch(text) is not None
+
+
+class _ChangedError(StoreError):
+    """A file changed between two readings; whoever reads files tries again."""
+
+    def __init__(self, digest: str) -> None:
+        super().__init__("a file changed while it was read", code="DXB-S105", facts={"digest": digest})
+
+
+def entries(root: Path) -> Iterator[tuple[str, int]]:
+    """Every finished file under the two levels `ab/cdef...` of `root` as (digest, size)."""
+    if not root.is_dir():
+        return
+    for shard in sorted(os.scandir(root), key=lambda entry: entry.name):
+        if len(shard.name) != 2 or not shard.is_dir():
+            continue
+        for entry in sorted(os.scandir(shard.path), key=lambda entry: entry.name):
+            with suppress(FileNotFoundError):
+                yield shard.name + entry.name, entry.stat().st_size

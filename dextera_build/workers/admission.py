@@ -1,0 +1,235 @@
+"""Which of the waiting tasks starts next: never more than the machine has, nobody passed for ever.
+
+Tasks that need the same stand in one line, the eldest at its head, so that what is looked at is one head a line,
+however many tasks wait. The eldest head that fits starts. One that does not fit may be passed by younger ones, a few
+times; then it has a reservation: from there on a younger one starts only if the two fit beside each other, so that the
+elder starts at the latest when all that ran at that moment has ended.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import deque
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+from dextera_build.errors import MachineError
+from dextera_build.workers.capacity import MEASURED, Capacity, Needs
+
+T = TypeVar("T", bound=Hashable)
+
+_PASSES = 8
+"""How often a task that does not fit is passed before it has a reservation."""
+_UNITS = 1000
+"""Amounts are counted in whole thousandths, so that no sum drifts."""
+_MARGIN = 1.25
+_MARGIN_GB = 0.0625
+
+
+@dataclass(frozen=True)
+class Grant:
+    """What a task was given."""
+
+    amounts: tuple[tuple[str, int], ...]
+    devices: tuple[tuple[int, int], ...] = ()
+    """(device, how much of it)."""
+
+
+class Ledger:
+    """What is free.
+
+    Args:
+        capacity: What there is.
+    """
+
+    def __init__(self, capacity: Capacity) -> None:
+        self._whole = {"cpu": capacity.cpus * _UNITS, "memory": _count(capacity.memory_gb)}
+        self._whole |= {name: _count(amount) for name, amount in capacity.named.items()}
+        self._free = dict(self._whole)
+        self._sizes = [max(_count(gpu.memory_gb), 1) for gpu in capacity.gpus]
+        self._left = list(self._sizes)
+        self._asked: dict[Needs, Grant] = {}
+        """Grants without devices."""
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether no core is free, so that nothing fits."""
+        return self._free["cpu"] < _UNITS
+
+    def place(self, needs: Needs) -> Grant | None:
+        """Where `needs` fit now, or None. More cores or memory than there are become all that there is."""
+        grant = self._plain(needs)
+        for name, amount in grant.amounts:
+            if self._free[name] < amount:
+                return None
+        devices = self._devices(needs)
+        if not devices:
+            return None if devices is None else grant
+        return Grant(grant.amounts, devices)
+
+    def take(self, grant: Grant) -> None:
+        """No longer free."""
+        self._move(grant, -1)
+
+    def give_back(self, grant: Grant) -> None:
+        """Free again."""
+        self._move(grant, 1)
+
+    def _plain(self, needs: Needs) -> Grant:
+        known = self._asked.get(needs)
+        if known is None:
+            known = self._asked[needs] = Grant(self._amounts(needs))
+        return known
+
+    def _amounts(self, needs: Needs) -> tuple[tuple[str, int], ...]:
+        wanted = {"cpu": max(needs.cpus, 1) * _UNITS, "memory": _count(needs.memory_gb)}
+        if any(wanted[name] > self._whole[name] for name in wanted):
+            # Every task takes a core, so with all cores this one is alone.
+            wanted = {"cpu": self._whole["cpu"], "memory": min(wanted["memory"], self._whole["memory"])}
+        return (*wanted.items(), *((name, _count(amount)) for name, amount in needs.named))
+
+    def _devices(self, needs: Needs) -> tuple[tuple[int, int], ...] | None:
+        if not needs.gpus and not needs.gpu_gb:
+            return ()
+        count = max(needs.gpus, 1)
+        least = min(_count(needs.gpu_gb), sorted(self._sizes, reverse=True)[count - 1])
+        if needs.gpus:
+            fit = [n for n, size in enumerate(self._sizes) if self._left[n] == size >= least]
+            return tuple((n, self._sizes[n]) for n in fit[:count]) if len(fit) >= count else None
+        rooms = [(left, n) for n, left in enumerate(self._left) if left >= least]
+        return ((min(rooms)[1], least),) if rooms else None
+
+    def _move(self, grant: Grant, sign: int) -> None:
+        for name, amount in grant.amounts:
+            self._free[name] += sign * amount
+        for device, amount in grant.devices:
+            self._left[device] += sign * amount
+
+
+@dataclass(slots=True)
+class _Line(Generic[T]):
+    """Tasks that need the same, with their places among all; the eldest first."""
+
+    needs: Needs
+    waiting: deque[tuple[int, T]] = field(default_factory=deque)
+    passed: int = 0
+    """How often younger tasks of other lines started before its head."""
+
+    @property
+    def place(self) -> int:
+        """That of its head."""
+        return self.waiting[0][0]
+
+
+class Admission(Generic[T]):
+    """The tasks of one run that wait or run.
+
+    Args:
+        capacity: What they share.
+        passes: How often a task that does not fit may be passed.
+    """
+
+    def __init__(self, capacity: Capacity, passes: int = _PASSES) -> None:
+        self.capacity = capacity
+        self._passes = passes
+        self._ledger = Ledger(capacity)
+        self._lines: dict[Needs, _Line[T]] = {}
+        self._running: dict[T, Grant] = {}
+        self._order = itertools.count()
+        self._reserved = -1
+        self._passers: set[T] = set()
+
+    def wait(self, task: T, needs: Needs) -> None:
+        """Join the line; `needs` lack nothing of the capacity."""
+        line = self._lines.get(needs)
+        if line is None:
+            line = self._lines[needs] = _Line(needs)
+        line.waiting.append((next(self._order), task))
+
+    def next(self) -> T | None:
+        """Take the task that starts now, with what it needs; None where none fits."""
+        if not self._lines or self._ledger.is_busy:
+            return None
+        reserved: _Line[T] | None = None
+        for line in sorted(self._lines.values(), key=lambda line: line.place):
+            grant = self._ledger.place(line.needs)
+            if grant is None:
+                if reserved is None and line.passed >= self._passes:
+                    reserved = line
+                    self._reserve(line.place)
+            elif reserved is None or self._fit_together(reserved.needs, grant):
+                return self._start(line, grant, passes=reserved is not None)
+        return None
+
+    def end(self, task: T) -> None:
+        """What `task` had is free again."""
+        self._ledger.give_back(self._running.pop(task))
+        self._passers.discard(task)
+
+    def devices(self, task: T) -> tuple[str, ...]:
+        """Names of the devices that a running task has."""
+        return tuple(self.capacity.gpus[device].id for device, _ in self._running[task].devices)
+
+    def _start(self, line: _Line[T], grant: Grant, passes: bool) -> T:
+        place, task = line.waiting.popleft()
+        line.passed = 0
+        if not line.waiting:
+            del self._lines[line.needs]
+        for other in self._lines.values():
+            other.passed += other.place < place
+        self._ledger.take(grant)
+        self._running[task] = grant
+        if passes:
+            self._passers.add(task)
+        return task
+
+    def _reserve(self, place: int) -> None:
+        if self._reserved != place:
+            self._reserved = place
+            self._passers.clear()
+
+    def _fit_together(self, elder: Needs, grant: Grant) -> bool:
+        """Whether `elder` fits beside those that passed it and one more."""
+        ledger = Ledger(self.capacity)
+        for passer in self._passers:
+            ledger.take(self._running[passer])
+        ledger.take(grant)
+        return ledger.place(elder) is not None
+
+
+def estimate(declared: Needs, peak_gb: float | None) -> Needs:
+    """What to admit a task by: the memory that was measured the last time with a margin, else what its rule declares.
+
+    The sum is rounded up to a step of about a fifth, so that tasks of one rule stand in few lines.
+    """
+    if peak_gb is None:
+        return declared
+    wanted = peak_gb * _MARGIN + _MARGIN_GB
+    step = max(2.0 ** (math.floor(math.log2(wanted)) - 2), _MARGIN_GB)
+    memory = math.ceil(wanted / step) * step
+    return Needs(declared.cpus, memory, declared.gpus, declared.gpu_gb, declared.named)
+
+
+def lacks(found: Mapping[str, tuple[float, float]], capacity: Capacity) -> MachineError:
+    """The error of a node that needs what no waiting will bring; see `Needs.lacks`."""
+    here = "the cluster" if capacity.is_cluster else "this machine"
+    said = ", ".join(f"{wanted:g} of `{name}`" for name, (wanted, _) in found.items())
+    name, (wanted, _) = next(iter(found.items()))
+    return MachineError(
+        f"it needs {said}, which {here} does not have",
+        code="DXB-E345",
+        facts={f"`{name}` here": f"{there:g}" for name, (_, there) in found.items()},
+        hint=f"{_remedy(name, wanted, capacity)}, or choose another backend",
+    )
+
+
+def _remedy(name: str, wanted: float, capacity: Capacity) -> str:
+    if capacity.is_cluster and name in MEASURED:
+        return f"add a node: `ray start --address=HOST:PORT --num-gpus={wanted:g}`"
+    return f"say what there is, `--resources {name}={wanted:g}` or `[resources]` in dxb.toml"
+
+
+def _count(amount: float) -> int:
+    return round(amount * _UNITS)

@@ -1,0 +1,160 @@
+"""A worker process: takes one task after another, hands each to the runner, and answers with JSON lines.
+
+    python -m dextera_build.workers.worker <module:function> <descriptor of a socket> <process id>
+
+Standard output and error belong to the node that runs; the pool gives a file for them and reads it when a worker has
+died. The first line of the socket is the pool's module search path, each further one a task. What the runner returns is
+passed on: the worker enters no result. It ends when the socket closes and when its parent dies.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import faulthandler
+import importlib
+import io
+import json
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from dextera_build.errors import DxbError, MachineError
+from dextera_build.workers.protocol import escaped, printed
+from dextera_build.workers.retries import names_of
+from dextera_build.workers.usage import Meter
+
+_PR_SET_PDEATHSIG = 1
+_PROGRESS_S = 0.05
+"""Progress is passed on at most this often [s]."""
+
+
+class Worker:
+    """Serves tasks until there are no more.
+
+    Args:
+        runner: `module:function`.
+        pool: Connected to the pool.
+    """
+
+    def __init__(self, runner: str, pool: socket.socket) -> None:
+        self._runner_name = runner
+        self._runner: Callable[..., Mapping[str, Any]] | None = None
+        self._pool = pool
+        self._writing = threading.Lock()
+        self._last_progress = 0.0
+        self._libc = ctypes.CDLL(None)
+        self._meter = Meter()
+
+    def serve(self) -> None:
+        """Answer every task, one after another."""
+        with self._pool.makefile("rb") as told:
+            # The same path in the same order: an import finds here what it finds there.
+            sys.path[:] = json.loads(told.readline() or "null") or sys.path
+            with contextlib.suppress(Exception):  # the first task is answered with what is wrong
+                load(self._runner_name)
+            for line in told:
+                self._answer(json.loads(line))
+
+    def _answer(self, task: Mapping[str, Any]) -> None:
+        if os.fstat(1).st_size:
+            os.ftruncate(1, 0)
+        self._last_progress = 0.0
+        self._meter.begin()
+        began = time.perf_counter()
+        answer: dict[str, object]
+        try:
+            reply = self._load()(task, self._emit)
+            answer = {"reply": dict(reply)}
+        except DxbError as error:
+            answer = {"error": error.to_json()}
+        except Exception as error:
+            with contextlib.suppress(OSError):  # where the log's disk is full the error still goes out
+                traceback.print_exc()
+            answer = {"error": escaped(error, task["project"]).to_json(), "raised": names_of(error)}
+        answer["seconds"] = time.perf_counter() - began
+        self._flush()
+        if log := printed(1):
+            answer["log"] = log.decode("latin-1")  # any bytes; the next task writes over them
+        answer["usage"] = self._meter.end()
+        self._write(answer)
+
+    def _load(self) -> Callable[..., Mapping[str, Any]]:
+        if self._runner is None:
+            try:
+                self._runner = load(self._runner_name)
+            except Exception as error:
+                traceback.print_exc()
+                raise MachineError(
+                    f"a worker cannot start: {type(error).__name__}: {error}", code="DXB-E201", hint="dxb doctor"
+                ) from None
+        runner: Callable[..., Mapping[str, Any]] = self._runner
+        return runner
+
+    def _emit(self, kind: str, data: Mapping[str, Any]) -> None:
+        if kind == "progress":
+            now = time.monotonic()
+            if now - self._last_progress < _PROGRESS_S and data.get("done") != data.get("total"):
+                return
+            self._last_progress = now
+        elif kind == "log":
+            print(data.get("text", ""))
+        self._write({"said": [kind, dict(data)]})
+
+    def _flush(self) -> None:
+        # What C libraries printed would otherwise turn up in the log of a later node.
+        with contextlib.suppress(OSError, ValueError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        self._libc.fflush(None)
+
+    def _write(self, answer: Mapping[str, object]) -> None:
+        with self._writing:
+            self._pool.sendall(json.dumps(answer, default=str).encode() + b"\n")
+
+
+def load(runner: str) -> Callable[..., Mapping[str, Any]]:
+    """The function that `module:function` names."""
+    module, _, name = runner.partition(":")
+    found: Callable[..., Mapping[str, Any]] = getattr(importlib.import_module(module), name)
+    return found
+
+
+def live_with(parent: int) -> None:
+    """End when the process with this id ends, which is the parent."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:  # it died before we asked to be told
+        os._exit(1)
+
+
+def main(arguments: list[str]) -> None:
+    """Entry point; see the module's text."""
+    runner, descriptor, parent = arguments[0], *map(int, arguments[1:])
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _leave)
+    live_with(parent)
+    os.set_inheritable(descriptor, False)
+    faulthandler.enable()
+    # Line by line, so that a worker that dies has said everything.
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)
+    with contextlib.suppress(ConnectionError, SystemExit):
+        Worker(runner, socket.socket(fileno=descriptor)).serve()
+    # Threads and libraries that linger must not keep a worker alive that has nothing to do.
+    os._exit(0)
+
+
+def _leave(number: int, frame: object) -> None:
+    # Raised rather than ended at once, so that the node's scratch folder is removed.
+    raise SystemExit(128 + number)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,141 @@
+"""What is made of a store arrives in another one."""
+
+from __future__ import annotations
+
+import tarfile
+import tracemalloc
+
+import pytest
+
+from dextera_build.bundle import importer, layout
+from dextera_build.bundle.closure_of_targets import survey
+from dextera_build.bundle.config import Contents
+from dextera_build.digest import canonical
+from dextera_build.engine.graph import Address
+from dextera_build.errors import UsageError
+from dextera_build.store.entry import ActionResult
+from tests.bundle.conftest import bundle, large
+from tests.bundle.forge import take
+from tests.engine.tiny import run
+
+
+@pytest.mark.parametrize("name", ["bundle.tar", "layout"])
+@pytest.mark.parametrize("closure", ["targets", "full"])
+def test_results_arrive(tmp_path, store, other, plan, name, closure):
+    bundle(store, plan, closure).write(tmp_path / name)
+    taken = take(tmp_path / name, other)
+    keys = set(other.actions.keys())
+    assert keys == set(store.actions.keys())
+    whole = keys if closure == "full" else {last_key(plan, store)}
+    assert taken == importer.Taken(len(keys), len(keys - whole), 0, ())
+    for key in keys:
+        assert other.actions.known(key) == store.actions.get(key)
+    for key in whole:
+        assert other.actions.get(key) == store.actions.get(key)
+        for path in store.actions.files(key)[1:]:
+            assert other.blobs.path(path.parent.name + path.name).read_bytes() == path.read_bytes()
+
+
+def last_key(plan, store) -> str:
+    result, _ = run(plan, store)
+    return str(result.nodes["scene"].key)
+
+
+@pytest.mark.parametrize("closure", ["targets", "full"])
+def test_a_build_of_its_targets_runs_nothing(tmp_path, store, other, plan, closure):
+    bundle(store, plan, closure).write(tmp_path / "bundle")
+    take(tmp_path / "bundle", other)
+    result, record = run(plan, other)
+    assert result.ok
+    assert record.with_status("ran") == []
+    # The second look is at what the first one wrote down.
+    assert run(plan, other)[1].with_status("ran") == []
+
+
+def test_a_folder_that_an_attempt_left_is_written_anew_and_any_other_is_refused(tmp_path, store, plan):
+    place = tmp_path / "bundle"
+    bundle(store, plan).write(place)
+    whole = {file.name: file.read_bytes() for file in place.rglob("*") if file.is_file()}
+    with pytest.raises(UsageError, match="is not empty"):
+        bundle(store, plan).write(place)
+    (place / "index.json").unlink()
+    (place / "blobs" / "sha256" / ("0" * 64)).write_bytes(b"of another bundle")
+    (place / "blobs" / "sha256" / ".tmp-12345678-1-1").write_bytes(b"torn")
+    bundle(store, plan).write(place)
+    assert {file.name: file.read_bytes() for file in place.rglob("*") if file.is_file()} == whole
+    (place / "index.json").unlink()
+    (place / "blobs" / "sha256" / "notes.txt").write_text("of the user")
+    with pytest.raises(UsageError, match="is not empty"):
+        bundle(store, plan).write(place)
+
+
+def test_bytes_that_come_later_make_a_bare_result_whole(tmp_path, store, other, plan, folder):
+    bundle(store, plan).write(tmp_path / "targets")
+    bare = take(tmp_path / "targets", other)
+    assert bare.bare > 0
+    run(plan, other)
+    later = take(folder, other)
+    assert (later.new, later.bare) == (later.new, 0)
+    for key in store.actions.keys():  # noqa: SIM118 - not a mapping
+        assert other.actions.get(key) == store.actions.get(key)
+
+
+def test_what_was_bundled_bare_can_be_bundled_again(tmp_path, store, other, plan):
+    bundle(store, plan).write(tmp_path / "one.tar")
+    take(tmp_path / "one.tar", other)
+    bundle(other, plan).write(tmp_path / "two.tar")
+    assert (tmp_path / "two.tar").read_bytes() == (tmp_path / "one.tar").read_bytes()
+    found = survey(plan, [Address(name) for name in plan.targets["default"]], other, whole=True)
+    assert found.stale != ()
+
+
+def test_taking_twice_changes_nothing(folder, other):
+    first = take(folder, other)
+    assert take(folder, other) == importer.Taken(0, 0, first.new, ())
+
+
+def test_equal_targets_give_equal_bytes(tmp_path, store, plan):
+    bundle(store, plan).write(tmp_path / "a.tar")
+    run(plan, store)
+    bundle(store, plan).write(tmp_path / "b.tar")
+    assert (tmp_path / "a.tar").read_bytes() == (tmp_path / "b.tar").read_bytes()
+
+
+def test_a_folder_and_an_archive_hold_the_same(tmp_path, store, plan, folder):
+    bundle(store, plan, "full").write(tmp_path / "made.tar")
+    with tarfile.open(tmp_path / "made.tar") as packed:
+        held = {info.name: packed.extractfile(info).read() for info in packed}  # type: ignore[union-attr]
+    assert held == {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+def test_the_store_keeps_what_it_has_under_a_key(folder, store, other):
+    key = next(iter(store.actions.keys()))
+    theirs = store.actions.get(key)
+    output = other.blobs.put(canonical({"artifact": "Text", "fields": {"text": "mine"}}))
+    document = other.blobs.put(store.blobs.get(key))
+    mine = ActionResult(output, "mine", (), {}, 1.0, None, document)
+    other.actions.put(key, mine)
+    taken = take(folder, other)
+    assert theirs.output != output
+    assert len(taken.other) == 1
+    assert other.actions.get(key) == mine
+
+
+def test_a_large_blob_is_never_in_memory(tmp_path, store, other):
+    """96 MiB pass through while Python holds a tenth of that."""
+    size = 96 << 20
+    made = large(store, tmp_path / "large", size)
+    tracemalloc.start()
+    made.write(tmp_path / "large.tar")
+    take(tmp_path / "large.tar", other)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert size in (found for _, found in other.blobs.all())
+    assert peak < 10 << 20
+
+
+def test_the_config_reads_what_it_spells(folder):
+    opened = importer.open_bundle(layout.read(folder))
+    assert Contents.read(opened.contents.spell()) == opened.contents
+    source = layout.read(folder)
+    assert opened.manifest.spell() == source.whole(source.manifest(), "the manifest", 1 << 20)

@@ -1,0 +1,112 @@
+"""What every remote does alike: a folder, our own servers, nginx, an object store."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from dextera_build.remotes.connect import open_remote
+from dextera_build.remotes.remote import Digest, Remote, RemoteFault
+from dextera_build.remotes.spec import Spec
+from dextera_build.store.store import Store
+from tests.remotes import servers
+from tests.store.stores import entry, key_of, publish
+
+KINDS = [
+    "folder",
+    "own",
+    *(pytest.param(name, marks=pytest.mark.slow) for name in ("nginx", "s3")),
+]
+
+
+@pytest.fixture(params=KINDS)
+def remote(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Remote]:
+    with ExitStack() as stack:
+        options: dict[str, str] = {}
+        if request.param == "folder":
+            address = str(tmp_path / "share")
+        elif request.param == "own":
+            address = stack.enter_context(servers.own(tmp_path / "served"))
+        elif request.param == "nginx":
+            address = stack.enter_context(servers.nginx(tmp_path))
+        else:
+            endpoint = stack.enter_context(servers.s3(tmp_path))
+            monkeypatch.setenv("AWS_ACCESS_KEY_ID", "anyone")
+            monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+            address, options = "s3://twins/a/prefix", {"endpoint": endpoint, "region": "us-east-1"}
+        opened = open_remote(Spec("lab", address, "rw", options=options))
+        yield opened
+        opened.close()
+
+
+def digest(data: bytes) -> Digest:
+    return Digest(hashlib.sha256(data).hexdigest(), len(data))
+
+
+def send(remote: Remote, *blobs: bytes) -> list[Digest]:
+    known = {digest(data): data for data in blobs}
+    remote.send(list(known), lambda one: io.BytesIO(known[one]))
+    return list(known)
+
+
+def fetch(remote: Remote, *digests: Digest) -> dict[Digest, bytes]:
+    found: dict[Digest, bytes] = {}
+    remote.fetch(digests, lambda one, pieces: found.update({one: b"".join(pieces)}))
+    return found
+
+
+def test_blobs_come_back_as_they_went(remote: Remote) -> None:
+    blobs = [b"", b"a", os.urandom(3_000_000), *(f"blob {number}".encode() for number in range(60))]
+    sent = send(remote, *blobs)
+    assert fetch(remote, *sent) == dict(zip(sent, blobs, strict=True))
+
+
+def test_what_is_lacking_is_said_and_left_out(remote: Remote) -> None:
+    (there,) = send(remote, b"there")
+    lacking = digest(b"lacking")
+    assert remote.missing([there, lacking]) == {lacking}
+    assert fetch(remote, there, lacking) == {there: b"there"}
+    assert remote.missing([]) == set()
+
+
+def test_results_come_back_as_they_went(remote: Remote, tmp_path: Path) -> None:
+    store = Store(tmp_path / "here")
+    publish(store, "a", [b"blob"])
+    message = entry(store, key_of("a")).read_bytes()
+    send(remote, *(store.blobs.get(name) for name, _ in store.blobs.all()))
+    key = key_of("a")
+    assert remote.get_entry(key) is None
+    remote.put_entry(key, message)
+    assert remote.get_entry(key) == message
+
+
+def test_a_blob_of_another_size_counts_as_missing(remote: Remote) -> None:
+    (blob,) = send(remote, b"blob")
+    assert remote.missing([Digest(blob.hash, 5)]) == {Digest(blob.hash, 5)}
+
+
+def test_sending_twice_does_no_harm(remote: Remote) -> None:
+    send(remote, b"twice")
+    (blob,) = send(remote, b"twice")
+    assert fetch(remote, blob) == {blob: b"twice"}
+
+
+def test_a_reader_that_stops_early_harms_nobody(remote: Remote) -> None:
+    (blob,) = send(remote, os.urandom(5_000_000))
+    for _ in range(30):
+        remote.fetch([blob], lambda _, pieces: next(pieces, None))
+    assert digest(fetch(remote, blob)[blob]) == blob
+
+
+def test_a_closed_remote_has_faults_and_nothing_else(remote: Remote) -> None:
+    remote.close()
+    if not remote.address.startswith("http"):
+        pytest.skip("it has no connections")
+    with pytest.raises(RemoteFault):
+        remote.get_entry(key_of("a"))
