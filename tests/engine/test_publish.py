@@ -49,6 +49,5 @@ def test_nothing_is_published_of_a_node_whose_file_changed(tmp_path: Path) -> No
     file = tmp_path / "file"
     file.write_text("as it was")
     plan = graph(call("a", "edit", str(file), x=leaf(file)))
-    results, _, store = made(tmp_path / "store", pool=True, plan=plan)
-    assert results == {"a": None}
-    assert list(store.actions.keys()) == []
+    assert made(tmp_path / "store", pool=True, plan=plan) == {"a": None}
+    assert list(Store(tmp_path / "store").actions.keys()) == []
