@@ -61,7 +61,7 @@ class Export:
 
     @property
     def digest(self) -> str:
-        """The digest that the provenance is about."""
+        """The digest that a signature covers."""
         return self.manifest.digest
 
     def get(self, digest: str) -> bytes:
@@ -72,10 +72,9 @@ class Export:
         """
         return self._inside(digest) or self._store.blobs.get(digest)
 
-    def attach(self, media_type: str, document: bytes, **annotations: str) -> None:
-        """Add the provenance as the last layer."""
-        layer = self._keep(media_type, document, "provenance.json", **annotations)
-        self.manifest = replace(self.manifest, provenance=layer)
+    def attach(self, signature: bytes) -> None:
+        """Add a signature as the last layer."""
+        self.manifest = replace(self.manifest, signature=self._keep(oci.SIGNATURE, signature, "signature.json"))
 
     def write(self, path: Path) -> None:
         """Write the bundle as a file `NAME.tar`, or as a folder.
@@ -107,7 +106,7 @@ class Export:
         """Name, size and content of every file; the index comes last, so a torn folder is not a layout."""
         whole = self.manifest
         manifest = self._keep(oci.MANIFEST, whole.spell())
-        parts = (whole.config, *whole.layers, *([whole.provenance] if whole.provenance else []), manifest)
+        parts = (whole.config, *whole.layers, *([whole.signature] if whole.signature else []), manifest)
         for part in {part.digest: part for part in parts}.values():
             yield BLOBS + part.digest, part.size, self._chunks(part)
         for name, document in (("oci-layout", VERSION), ("index.json", oci.spell_index(manifest))):
@@ -119,8 +118,8 @@ class Export:
         else:
             yield from self._layers[wanted.digest].chunks(self._read)
 
-    def _keep(self, media_type: str, data: bytes, title: str = "", **annotations: str) -> Descriptor:
-        found = Descriptor.of(media_type, data, **({oci.TITLE: title} if title else {}), **annotations)
+    def _keep(self, media_type: str, data: bytes, title: str = "") -> Descriptor:
+        found = Descriptor.of(media_type, data, **({oci.TITLE: title} if title else {}))
         self._documents[found.digest] = data
         return found
 

@@ -34,7 +34,7 @@ class Forgery:
         self._index = json.loads((folder / "index.json").read_bytes())
         self._manifest: Raw = json.loads(self._part(self._index["manifests"][0]["digest"]))
         self._config: Raw = json.loads(self._part(self._manifest["config"]["digest"]))
-        self._manifest["layers"] = [la for la in self._manifest["layers"] if la["mediaType"] not in oci.PROVENANCE]
+        self._manifest["layers"] = [la for la in self._manifest["layers"] if la["mediaType"] != oci.SIGNATURE]
         (self._pack,) = (layer for layer in self._manifest["layers"] if layer["mediaType"] == oci.PACK)
         with tarfile.open(fileobj=io.BytesIO(self._part(self._pack["digest"]))) as packed:
             self.files = [(info.name, packed.extractfile(info).read()) for info in packed]  # type: ignore[union-attr]

@@ -176,7 +176,7 @@ def test_a_cut_archive_is_refused_at_every_block(tmp_path, store, plan, other):
         (lambda raw: raw.update(annotations={"a": "\x1b[31m"}), "DXB-S306", "control characters"),
         (lambda raw: raw["layers"].pop(0), "DXB-S306", "recipes"),
         (lambda raw: raw.update(more=1), "DXB-S306", "spelled"),
-        (lambda raw: raw["layers"].insert(0, raw["layers"][0] | {"mediaType": oci.DSSE}), "DXB-S306", "twice"),
+        (lambda raw: raw["layers"].insert(0, raw["layers"][0] | {"mediaType": oci.SIGNATURE}), "DXB-S306", "twice"),
     ],
 )
 def test_a_manifest_that_is_wrong_is_refused(folder, other, change, code, word):

@@ -53,7 +53,7 @@ def judged(args: argparse.Namespace, project: Project, bundle: Opened) -> trust.
     Raises:
         BundleRefused: A signature is wrong, or one is required and there is none.
     """
-    keys = sign.trusted(project.trusted_keys) if bundle.manifest.provenance or args.require_signed else []
+    keys = sign.trusted(project.trusted_keys) if bundle.manifest.signature or args.require_signed else []
     voucher = trust.judge(bundle, keys)
     if args.require_signed or project.require_signed:
         trust.require(bundle, voucher, keys)
