@@ -16,7 +16,7 @@ from dextera_build.digest import of_bytes
 from dextera_build.engine.graph import Graph
 from dextera_build.store.store import Store
 from tests.bundle.conftest import bundle, small
-from tests.bundle.forge import Forgery, Raw
+from tests.bundle.forge import Forgery, Raw, packed, unpacked
 from tests.engine.tiny import run
 
 JSON = st.recursive(
@@ -42,19 +42,20 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = bundle(store, plan, "full")
     sign.generate(root / "key", "anna")
     made.attach(sign.seal(made.digest, root / "key")[0])
-    made.write(root / "good")
     made.write(root / "good.tar")
+    unpacked(root / "good.tar")
     return root
 
 
 def take(path: Path, root: Path) -> bool:
     """Whether a bundle was taken into a new store; what may never happen is asserted."""
+    path = packed(path)
     shutil.rmtree(root / "other", ignore_errors=True)
     other = Store(root / "other")
     outside = {file for file in root.rglob("*") if not file.is_relative_to(other.root)}
     error = None
     try:
-        opened = importer.open_bundle(layout.read(path))
+        opened = importer.open_bundle(layout.Layout(path))
         trust.judge(opened, sign.trusted([root / "key.pub"]))
         importer.take(opened, other)
     except BundleRefused as refused:

@@ -18,7 +18,7 @@ from dextera_build.bundle.export import Export
 from dextera_build.digest import canonical
 from dextera_build.errors import UsageError
 from tests.bundle.conftest import bundle
-from tests.bundle.forge import Forgery
+from tests.bundle.forge import Forgery, packed, unpacked
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def signed(made: Export, key: Path, digest: str | None = None) -> Export:
 
 
 def judge(path: Path, *keys: Path) -> trust.Voucher:
-    return trust.judge(importer.open_bundle(layout.read(path)), sign.trusted(keys))
+    return trust.judge(importer.open_bundle(layout.Layout(packed(path))), sign.trusted(keys))
 
 
 def refused(path: Path, code: str, *keys: Path) -> BundleRefused:
@@ -44,7 +44,7 @@ def refused(path: Path, code: str, *keys: Path) -> BundleRefused:
 
 
 def required(path: Path, *keys: Path) -> BundleRefused:
-    opened = importer.open_bundle(layout.read(path))
+    opened = importer.open_bundle(layout.Layout(packed(path)))
     with pytest.raises(BundleRefused) as error:
         trust.require(opened, trust.judge(opened, sign.trusted(keys)), sign.trusted(keys))
     assert error.value.code == "DXB-S309"
@@ -90,10 +90,10 @@ def test_a_signature_of_another_bundle_is_refused(tmp_path, store, plan, key):
 
 def test_a_signature_does_not_outlive_a_change_of_the_bundle(tmp_path, store, plan, key):
     """Whoever edits the config has to spell the manifest anew, and then nobody vouches for it."""
-    signed(bundle(store, plan), key).write(tmp_path / "b")
-    Forgery(tmp_path / "b").edit_config(lambda raw: raw.update(dxb="2.0")).write()
-    assert judge(tmp_path / "b", tmp_path / "key.pub").state == "unsigned"
-    required(tmp_path / "b", tmp_path / "key.pub")
+    signed(bundle(store, plan), key).write(tmp_path / "b.tar")
+    forged = Forgery(unpacked(tmp_path / "b.tar")).edit_config(lambda raw: raw.update(dxb="2.0")).write()
+    assert judge(forged, tmp_path / "key.pub").state == "unsigned"
+    required(forged, tmp_path / "key.pub")
 
 
 @pytest.mark.parametrize(

@@ -229,7 +229,7 @@ def test_a_blob_that_was_damaged_here_is_not_bundled(space, there):
 def test_words_that_are_wrong_are_explained(space, there):
     for words, code in (
         (("create", "say/file", "-o", "x.zip"), "DXB-U140"),
-        (("create", "say/file", "-o", "in"), "DXB-U141"),
+        (("create", "say/file", "-o", "in"), "DXB-U140"),
         (("create", "say/nothing", "-o", "x.tar"), "DXB-U108"),
         (("create", "say/file:nothing", "-o", "x.tar"), "DXB-U110"),
         (("create", "say/file", "-o", "x.tar", "--sign", "nothing"), "DXB-U144"),
@@ -258,9 +258,9 @@ def test_a_damaged_bundle_leaves_no_result_behind(space, there):
 
 def test_several_targets_in_one_bundle(space, there):
     assert space.build("say/words").code == 0
-    done = space.dxb("bundle", "create", "say/words:word.loud", "say/file", "say/words:start", "-o", "both")
+    done = space.dxb("bundle", "create", "say/words:word.loud", "say/file", "say/words:start", "-o", "both.tar")
     assert done.code == 0, done.err
-    out = there.dxb("bundle", "import", str(space.root / "both")).out.splitlines()
+    out = there.dxb("bundle", "import", str(space.root / "both.tar")).out.splitlines()
     names = [line.split("\t")[0] for line in out]
     assert names == ["say/file:all", "say/words:word[one].loud", "say/words:word[two].loud", "say/words:start"]
     assert there.dxb("get", "say/words:word[two].loud", "-o", "got").code == 0

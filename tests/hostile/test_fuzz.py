@@ -35,6 +35,7 @@ from dextera_build.store import entry as entries
 from dextera_build.store import headers
 from dextera_build.store.store import Store
 from tests.bundle.conftest import bundle, small
+from tests.bundle.forge import unpacked
 from tests.engine.tiny import run
 from tests.hostile.values import PLAIN, mutate, torn
 from tests.recipe.conftest import RECIPE
@@ -64,15 +65,15 @@ def good(project, tmp_path_factory) -> Good:
     sign.generate(root / "key", "anna")
     signature, _ = sign.seal(made.digest, root / "key")
     made.attach(signature)
-    made.write(root / "bundle")
-    opened = importer.open_bundle(layout.read(root / "bundle"))
+    made.write(root / "bundle.tar")
+    opened = importer.open_bundle(layout.Layout(root / "bundle.tar"))
     key = result.nodes["scene"].key or ""
     found = store.actions.get(key)
     entry = store.actions.entry(key)
     assert found is not None
     assert entry is not None
     documents = {
-        "index": (root / "bundle" / "index.json").read_bytes(),
+        "index": (unpacked(root / "bundle.tar") / "index.json").read_bytes(),
         "manifest": opened.manifest.spell(),
         "config": opened.contents.spell(),
         "signature": signature,
