@@ -12,7 +12,6 @@ from dextera_build.cli.look import graph, trace
 from dextera_build.errors import UsageError
 from dextera_build.explain.calls import is_call, show
 from dextera_build.explain.reads import Reads
-from dextera_build.recipe.addresses import parse_target
 from dextera_build.report.wording import used
 
 if TYPE_CHECKING:
@@ -51,8 +50,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print rows of name and value; with `--lineage` an indented line for everything, each once."""
-    from dextera_build.session import Session
-
     if args.trace:
         return trace.run(args)
     project = options.project(args)
@@ -69,11 +66,10 @@ def run(args: argparse.Namespace) -> int:
             from dextera_build.explain import rule_card
 
             return table.give(rule_card.rows(project.library.find(args.target)), as_json=args.json)
-        wanted = parse_target(args.target)
-        session = Session(project, wanted.recipe, options.added(args), last=True)
+        session, node = options.session(args, args.target, project, last=True)
         if args.lineage:
-            return _lineage(session, wanted.node, as_json=args.json)
-        rows = _node(session, wanted.node) if wanted.node else _recipe(session, as_json=args.json)
+            return _lineage(session, node, as_json=args.json)
+        rows = _node(session, node) if node else _recipe(session, as_json=args.json)
     cells = [[name, *str(value).split("\t")] for name, value in rows.items()]
     named = [dict(zip(_COLUMNS[len(row)], row, strict=True)) for row in cells] if not args.json else []
     return table.give(rows, as_json=args.json, cells=named)
