@@ -12,6 +12,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dextera_build import digest
 from dextera_build.bundle import importer, layout, oci, sign, trust
 from dextera_build.cli import options, table
 from dextera_build.errors import UsageError, did_you_mean, listing
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from dextera_build.bundle.importer import Opened
     from dextera_build.project.project import Project
     from dextera_build.store.store import Store
-
-_MOST_RECIPE = 4 << 20
 
 
 def source_of(text: str) -> layout.Layout:
@@ -180,7 +179,10 @@ def _rows(bundle: Opened, voucher: trust.Voucher) -> list[tuple[str, object]]:
         ("with bytes", len({node.key for node in nodes if node.is_whole})),
         ("layers", len(layers)),
         ("bytes", bundle.size),
-        *(("recipe", f"{name}\tsha256:{digest}") for name, digest in bundle.contents.recipes.items()),
+        *(
+            ("recipe", f"{name}\tsha256:{digest.of_bytes(text.encode())}")
+            for name, text in bundle.contents.recipes.items()
+        ),
         ("made by", f"dxb {bundle.contents.dxb}"),
         ("inputs", len({path for node in nodes for path in node.files.values()})),
         ("signature", str(voucher)),
@@ -206,5 +208,4 @@ def _recipe(bundle: Opened, name: str) -> str:
             facts={"recipes": listing(known)},
             hint=did_you_mean(name, known),
         )
-    layer = next(layer for layer in bundle.manifest.layers if layer.digest == known[name])
-    return bundle.source.whole(layer, "a recipe", _MOST_RECIPE).decode(errors="replace")
+    return known[name]
