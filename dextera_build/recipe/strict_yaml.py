@@ -163,7 +163,7 @@ class _Builder:
         self._aliased += values
         if self._aliased > _MOST_ALIASED:
             raise RecipeError(
-                f"aliases stand for more than {_MOST_ALIASED} values",
+                f"aliases expand to more than {_MOST_ALIASED} values",
                 code="DXB-R101",
                 where=place_of(self._file, mark),
                 hint="write the values down, or use a recipe within a recipe",
@@ -245,7 +245,7 @@ def _unknown_tag(tag: str, place: Place) -> RecipeError:
 
 def _no_value(message: str, place: Place) -> RecipeError:
     """A scalar cannot be what it is said to be."""
-    return RecipeError(message, code="DXB-R102", where=place, hint="quote it where it is text")
+    return RecipeError(message, code="DXB-R102", where=place, hint="quote it if it is text")
 
 
 def _no_text(key: object, place: Place) -> RecipeError:
@@ -263,7 +263,7 @@ def _syntax_error(error: yaml.YAMLError, text: str, file: str) -> RecipeError:
         before = text[: error.position]
         where = Place(file, before.count("\n") + 1, len(before) - before.rfind("\n"))
         code = f"U+{ord(text[error.position]):04X}"
-        return RecipeError(f"not valid YAML: the character {code} may not stand in it", code="DXB-R101", where=where)
+        return RecipeError(f"not valid YAML: the character {code} is not allowed", code="DXB-R101", where=where)
     mark = getattr(error, "problem_mark", None)
     where = Place(file, mark.line + 1, mark.column + 1) if mark else Place(file)
     problem = getattr(error, "problem", None) or str(error)
