@@ -220,7 +220,7 @@ def lacks(found: Mapping[str, tuple[float, float]], capacity: Capacity) -> Machi
 def _remedy(name: str, wanted: float, capacity: Capacity) -> str:
     if capacity.is_cluster and name in MEASURED:
         return f"add a node: `ray start --address=HOST:PORT --num-gpus={wanted:g}`"
-    return f"say what there is, `--resources {name}={wanted:g}` or `[resources]` in dxb.toml"
+    return f"set the amount, `--resources {name}={wanted:g}` or `[resources]` in dxb.toml"
 
 
 def _count(amount: float) -> int:
