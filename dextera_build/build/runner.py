@@ -123,7 +123,7 @@ class ProjectReads:
                 "a rule reads files of the project, whose folder is not on this machine",
                 code="DXB-E370",
                 facts={"folder": str(root)},
-                hint="run it where the project lies",
+                hint="run it in the project's folder",
             )
         self._store = store
         self._recording = Recording(Look(root, store.leaves, store.root))

@@ -11,7 +11,7 @@ from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
     from dextera_build.project.project import Project
-    from dextera_build.session import Added
+    from dextera_build.session import Added, Session
 
 
 def by_recipe(texts: Iterable[str]) -> dict[str, list[str]]:
@@ -52,7 +52,7 @@ def request_arguments(parser: argparse.ArgumentParser) -> None:
 
 def resources_argument(parser: argparse.ArgumentParser) -> None:
     """What the machine has."""
-    text = "what this machine has to share out, over what is measured: gpu=1,memory=16,licence:x=2 (DXB_RESOURCES)"
+    text = "resources of this machine, instead of the measured ones: gpu=1,memory=16,licence:x=2 (DXB_RESOURCES)"
     parser.add_argument("--resources", metavar="NAME=AMOUNT,...", help=text)
 
 
@@ -85,6 +85,16 @@ def project(args: argparse.Namespace) -> Project:
     found = module.find(flags=flags)
     variables.warn(found)
     return found
+
+
+def session(
+    args: argparse.Namespace, target: str, of: Project | None = None, *, last: bool = False, makes: bool = False
+) -> tuple[Session, str]:
+    """The recipe of `RECIPE:NODE` with what the arguments add to it, and the node; see `Session`."""
+    from dextera_build.session import Session
+
+    named = parse_target(target)
+    return Session(of or project(args), named.recipe, added(args), last=last, makes=makes), named.node
 
 
 def added(args: argparse.Namespace) -> Added:

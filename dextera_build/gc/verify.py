@@ -199,5 +199,5 @@ def _refuse_unwritable(store: Store) -> None:
                 "the store cannot be repaired, it may only be read",
                 code="DXB-S402",
                 facts={"folder": str(place)},
-                hint="ask whoever owns it; `dxb cache verify` without `--repair` only reads",
+                hint="ask its owner; `dxb cache verify` without `--repair` only reads",
             )

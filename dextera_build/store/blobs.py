@@ -32,7 +32,7 @@ class MissingBlob(StoreError):  # noqa: N818 - says what it found
             f"blob `{digest[:12]}` cannot be read: {reason}",
             code=self.CODE,
             facts={"digest": digest},
-            hint="build again: what made it runs anew",
+            hint="build again: its producer runs again",
         )
         self.digest = digest
 
@@ -166,7 +166,7 @@ class Blobs:
             return self._inside(digest, error)
         if hashlib.sha256(data).hexdigest() != digest:
             self.quarantine(digest)
-            raise MissingBlob(digest, "its bytes were damaged, it was set aside")
+            raise MissingBlob(digest, "damaged bytes, moved to quarantine")
         return data
 
     def open(self, digest: str) -> BinaryIO:

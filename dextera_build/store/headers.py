@@ -50,7 +50,7 @@ class reading:  # noqa: N801 - stands behind `with`; a generator takes longer th
         if isinstance(error, ValueError | LookupError | TypeError | AttributeError | ArithmeticError | RecursionError):
             why = f"{type(error).__name__}: {error}"
             raise ArtifactError(
-                f"what is stored of {self._what} is not of its type", code="DXB-A111", facts={"why": why}
+                f"the stored header of {self._what} is malformed", code="DXB-A111", facts={"why": why}
             ) from None
 
 

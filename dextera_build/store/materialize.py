@@ -38,4 +38,4 @@ def _copy(blobs: Blobs, digest: str, source: int, target: int) -> None:
             files.write_all(target, chunk)
     if state.hexdigest() != digest:
         blobs.quarantine(digest)
-        raise MissingBlob(digest, "its bytes were damaged, it was set aside")
+        raise MissingBlob(digest, "damaged bytes, moved to quarantine")

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from dextera_build.build import fetch
 from dextera_build.cli import options, table
-from dextera_build.recipe.addresses import parse_target
 from dextera_build.report.wording import count, duration
 
 if TYPE_CHECKING:
@@ -23,14 +22,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("target", metavar="RECIPE[:TARGET]")
     parser.add_argument(
-        "--check", action="store_true", help="only what is stale and why; exit with 3 where that is anything"
+        "--check", action="store_true", help="list only stale nodes and their causes; exit with 3 if there are any"
     )
     parser.add_argument(
         "--resources",
         metavar="NAME=AMOUNT,...",
         nargs="?",
         const="",
-        help="what each node is admitted by, and what this machine lacks; amounts say what it has: gpu=1,memory=16",
+        help="resources of each node, and those that this machine, or one with these amounts, lacks: gpu=1,memory=16",
     )
     options.project_arguments(parser)
     options.request_arguments(parser)
@@ -49,19 +48,18 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.engine.dry import plan
     from dextera_build.engine.graph import parse_address
     from dextera_build.engine.lookup import copy_of
-    from dextera_build.session import Session, addresses
+    from dextera_build.session import addresses
 
-    project = options.project(args)
-    wanted = parse_target(args.target)
-    session = Session(project, wanted.recipe, options.added(args))
+    session, target = options.session(args, args.target)
     graph = session.plan().graph
+    wanted = addresses(graph, target)
     if args.check:
         from dextera_build.cli.build import stale
 
-        return stale.check(session, graph, addresses(graph, wanted.node), as_json=args.json)
-    capacity = project.capacity(gpus=True) if args.resources is not None else None
+        return stale.check(session, graph, wanted, as_json=args.json)
+    capacity = session.project.capacity(gpus=True) if args.resources is not None else None
     rows: list[dict[str, str]] = []
-    nodes = plan(graph, addresses(graph, wanted.node), session.store, history=session.past_builds)
+    nodes = plan(graph, wanted, session.store, history=session.past_builds)
     elsewhere = fetch.held(session, nodes)
     for node in nodes:
         rule = node.rule or copy_of(graph, parse_address(node.address).call, ()).rule

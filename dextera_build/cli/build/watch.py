@@ -29,13 +29,15 @@ _FIRST = "first build"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what to keep up to date")
-    parser.add_argument("-k", "--keep-going", action="store_true", help="go on with what does not depend on a failure")
-    parser.add_argument("-j", "--jobs", metavar="N", help="cores to share out; most nodes take one (DXB_JOBS)")
+    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="targets to keep up to date")
+    parser.add_argument(
+        "-k", "--keep-going", action="store_true", help="continue with nodes that do not depend on a failed one"
+    )
+    parser.add_argument("-j", "--jobs", metavar="N", help="number of cores to use; most nodes take one (DXB_JOBS)")
     parser.add_argument(
         "--console", metavar="KIND", default="none", help="live, plain or none (the default: a line a round)"
     )
-    parser.add_argument("-v", "--verbose", action="store_true", help="with a console, show what nodes log, too")
+    parser.add_argument("-v", "--verbose", action="store_true", help="with a console, also show the logs of nodes")
     parser.set_defaults(force=[], whole=False)
     options.project_arguments(parser)
     options.request_arguments(parser)
@@ -43,17 +45,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print one line a round on stderr; end with 0 when Ctrl-C comes while it waits, with 130 when it stops a build."""
-    words, because = _words(args), _FIRST
+    words, because = args.words[1:], _FIRST
     while True:
         told = _round(words, because)
         if told is None:
             return 130
         if told["usage"] and because == _FIRST:
-            return 2  # A name that does not exist is no recipe that somebody mends.
+            return 2  # An unknown name is not a recipe that an edit could repair.
         try:
             because = _wait(Seen.of(told))
         except KeyboardInterrupt:
-            print("watched no longer; everything is as the last line says", file=sys.stderr)
+            print("stopped watching; nothing changed since the last build", file=sys.stderr)
             return 0
 
 
@@ -97,16 +99,6 @@ class Seen:
         return sorted(found)
 
 
-def _words(args: argparse.Namespace) -> list[str]:
-    """The command line again, for a round."""
-    lists = {"input": args.input, "set": args.settings, "backend": args.backends}
-    singles = {name: getattr(args, name) for name in ("jobs", "console", "cache", "profile")}
-    given = [(name, value) for name, value in singles.items() if value is not None]
-    given += [(name, value) for name, values in lists.items() for value in values]
-    switches = [f"--{name.replace('_', '-')}" for name in ("keep_going", "verbose") if getattr(args, name)]
-    return [*switches, *(f"--{name}={value}" for name, value in given), *args.targets]
-
-
 def _round(words: Sequence[str], because: str) -> dict[str, Any] | None:
     """The report of a build in a process of its own; None where Ctrl-C stopped it."""
     began = time.strftime("%H:%M:%S")
@@ -119,7 +111,7 @@ def _round(words: Sequence[str], because: str) -> dict[str, Any] | None:
             code = child.wait()
         except KeyboardInterrupt:
             _interrupt(child)
-            print("interrupted; what was finished is kept", file=sys.stderr)
+            print("interrupted; finished results are kept", file=sys.stderr)
             return None
         if not report.exists():
             raise DxbError(

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.cli import options
 from dextera_build.engine.graph import parse_address
 from dextera_build.errors import DxbError, UsageError
-from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
     from dextera_build.session import Session
@@ -30,7 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="ORIGIN",
-        help="admit pages of this origin, too: a notebook's proxy or a tunnel, https://hub.example.org",
+        help="also admit pages of this origin: a notebook's proxy or a tunnel, https://hub.example.org",
     )
     parser.add_argument("--no-open", action="store_true", help="do not open the browser")
     options.project_arguments(parser)
@@ -40,12 +39,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until interrupted; the address goes to stdout."""
-    from dextera_build.session import Session
     from dextera_build.view import server
 
-    wanted = parse_target(args.target)
-    session = Session(options.project(args), wanted.recipe, options.added(args), last=True)
-    fill = _one(session, wanted.node) if wanted.node else _scene(session)
+    session, node = options.session(args, args.target, last=True)
+    fill = _one(session, node) if node else _scene(session)
     viewer, url = server.start(args.port, args.host, args.allow_origin)
     fill(viewer)
     print(json.dumps({"url": url}) if args.json else url, flush=True)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from dextera_build.build import fetch
 from dextera_build.cli import options, table
 from dextera_build.errors import StoreError, listing
-from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
     from dextera_build.build.build import Built
@@ -20,9 +19,14 @@ if TYPE_CHECKING:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what to bring, with all it came from")
     parser.add_argument(
-        "--from", metavar="NAME|URL", dest="source", help="the remote; else those that the settings let be read"
+        "targets", nargs="+", metavar="RECIPE[:TARGET]", help="targets to download, with the nodes that they depend on"
+    )
+    parser.add_argument(
+        "--from",
+        metavar="NAME|URL",
+        dest="source",
+        help="the remote; default: all remotes of the settings that may be read",
     )
     options.request_arguments(parser)
 
@@ -30,16 +34,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Place results as `build` does; one line each: address, main file."""
     from dextera_build.cli.build.shown import shown
-    from dextera_build.session import Session
 
     project = options.project(args)
     lacking: list[str] = []
     rows: list[dict[str, str]] = []
     for text in args.targets:
-        wanted = parse_target(text)
-        session = Session(project, wanted.recipe, options.added(args), makes=True)
-        built = _bring(session, wanted.node, args)
-        lacking += [f"{wanted.recipe}:{place}" for place in built.run_result.errors]
+        session, target = options.session(args, text, project, makes=True)
+        built = _bring(session, target, args)
+        lacking += [f"{session.recipe}:{place}" for place in built.run_result.errors]
         rows += [{"node": node, "file": shown(path)} for node, path in built.placed.paths.items()]
     table.give(rows, as_json=args.json)
     if lacking:
@@ -48,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
             f"{count} neither in the store nor in a remote",
             code="DXB-S202",
             facts={"lacking": listing(lacking, most=40)},
-            hint=f"`{shlex.join(['dxb', 'build', *args.targets, *options.again(args)])}` makes what is lacking",
+            hint=f"`{shlex.join(['dxb', 'build', *args.targets, *options.again(args)])}` builds the missing results",
         )
     return 0
 

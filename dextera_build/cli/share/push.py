@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, TextIO
 from dextera_build.build import fetch
 from dextera_build.cli import options, table
 from dextera_build.errors import StoreError, listing
-from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
     from dextera_build.remotes.exchange import Exchange
@@ -21,28 +20,30 @@ _SAY_S = 5.0
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what to upload, with all it came from")
-    parser.add_argument("--to", metavar="NAME|URL", help="the remote; else those that the settings let be written")
+    parser.add_argument(
+        "targets", nargs="+", metavar="RECIPE[:TARGET]", help="targets to upload, with the nodes that they depend on"
+    )
+    parser.add_argument(
+        "--to", metavar="NAME|URL", help="the remote; default: all remotes of the settings that may be written"
+    )
     options.request_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print one node a line: address, remote, key."""
     from dextera_build.engine.dry import plan
-    from dextera_build.session import Session, addresses
+    from dextera_build.session import addresses
 
-    project = options.project(args)
-    exchange = None
+    project, exchange = options.project(args), None
     sent: list[tuple[str, str]] = []
     stale: list[str] = []
     bare: list[str] = []
     for text in args.targets:
-        wanted = parse_target(text)
-        session = Session(project, wanted.recipe, options.added(args))
+        session, target = options.session(args, text, project)
         graph = session.plan().graph
         exchange = exchange or fetch.exchange(session, "w", args.to)
-        for node in plan(graph, addresses(graph, wanted.node), session.store):
-            address = f"{wanted.recipe}:{node.address}"
+        for node in plan(graph, addresses(graph, target), session.store):
+            address = f"{session.recipe}:{node.address}"
             if node.status == "cached" and node.bare:
                 bare.append(address)
             elif node.status == "cached" and node.key is not None:

@@ -131,5 +131,5 @@ def _outside(name: str, real: str = "") -> RuleError:
         f"`{name}` is not in the project's folder, and a rule reads nothing else",
         code="DXB-B351",
         facts={"leads to": real} if real else {},
-        hint="name it from the project's folder, without `..`; copy what lies elsewhere, or make it an input",
+        hint="name it from the project's folder, without `..`; copy other files into it, or make them inputs",
     )

@@ -53,7 +53,7 @@ class Recording:
                 RuleError(
                     f"there is no file `{name}` in the project's folder",
                     code="DXB-B352",
-                    hint=f"`ctx.exists({name!r})` asks first, `ctx.glob` lists what is there",
+                    hint=f"`ctx.exists({name!r})` checks first, `ctx.glob` lists files",
                 )
             )
         return answer
@@ -96,5 +96,5 @@ def _late(name: str) -> RuleError:
     return RuleError(
         f"`{name}` is read after `ctx.keep` was used",
         code="DXB-B353",
-        hint="read first: what is kept may only depend on what was read before",
+        hint="read files first: saved progress may depend only on files read before",
     )
