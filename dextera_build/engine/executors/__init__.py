@@ -1,1 +1,0 @@
-"""Where calls run: a local pool of processes."""
