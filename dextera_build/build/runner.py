@@ -62,7 +62,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     for name, slot in rule.slots.items():
         if name in task["inputs"]:
             with headers.reading(f"the input `{name}`"):
-                inputs[name] = slot.annotation.decode(task["inputs"][name], store.recent)
+                inputs[name] = slot.annotation.decode(task["inputs"][name], store.reader)
     # JSON mode takes a list for a tuple, and the engine speaks JSON.
     options = rule.options.model_validate_json(json.dumps(task["options"]))
     calls, reads = _Calls(task, store, emit), ProjectReads(Path(task["project"]), store) if rule.discovers else None

@@ -18,6 +18,7 @@ from dextera_build.store.last_use import Use
 from dextera_build.store.locks import Locks
 
 _DIGEST = re.compile(r"[0-9a-f]{64}", re.ASCII)
+_DAMAGED = "its bytes were damaged, it was set aside"
 _SMALL = 1 << 20
 """Files up to this size [bytes] are read once, as a whole; others twice, in pieces."""
 
@@ -166,8 +167,28 @@ class Blobs:
             return self._inside(digest, error)
         if hashlib.sha256(data).hexdigest() != digest:
             self.quarantine(digest)
-            raise MissingBlob(digest, "its bytes were damaged, it was set aside")
+            raise MissingBlob(digest, _DAMAGED)
         return data
+
+    def place(self, digest: str, target: Path) -> None:
+        """Write the blob to `target`, a writable copy that shares its blocks where the file system can.
+
+        Raises:
+            MissingBlob: The blob is not there, or is damaged.
+            StoreError: The target's disk is full, or cannot be written.
+        """
+        try:
+            source = os.open(self._file(digest), os.O_RDONLY | os.O_CLOEXEC)
+        except OSError as error:
+            raise MissingBlob(digest, str(error.strerror).lower()) from None
+        try:
+            with files.new_file(str(target), 0o644) as descriptor:
+                if self._copy(source, descriptor) != digest:
+                    self.quarantine(digest)
+                    raise MissingBlob(digest, _DAMAGED)
+                failpoints.reach("place.copied")
+        finally:
+            os.close(source)
 
     def open(self, digest: str) -> BinaryIO:
         """The bytes of a blob as a file, not checked.

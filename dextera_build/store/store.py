@@ -18,7 +18,7 @@ from dextera_build.store.results import Actions
 from dextera_build.store.running import Running
 from dextera_build.store.statcache import StatCache
 from dextera_build.store.state import State
-from dextera_build.store.streams import Reader, Recent, Writer
+from dextera_build.store.streams import Reader, Writer
 from dextera_build.store.workspaces import Workspaces
 
 _TAG = b"""Signature: 8a477f597d28d172789f06886806bc55
@@ -53,8 +53,7 @@ class Store:
             self._prepare()
         takes = make or self._may_be_written()
         self.blobs = Blobs(self.root / "cas") if takes else Aside(self.root / "cas")
-        self.recent = Recent(self.blobs)
-        self.actions = Actions(self.root / "ac", self.blobs, self.recent)
+        self.actions = Actions(self.root / "ac", self.blobs)
         self.blobs.inside = self.actions.document
         self.state = State(str(self.local / "state.db"), takes=takes)
         self.leaves = StatCache(self.blobs, self.state)
@@ -68,7 +67,7 @@ class Store:
     @property
     def writer(self) -> Writer:
         """Stores what one call makes, and notes it."""
-        return Writer(self.blobs, self.recent)
+        return Writer(self.blobs)
 
     def size(self) -> dict[str, tuple[int, int]]:
         """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of calls that did not end."""
