@@ -19,7 +19,6 @@ from dextera_build.store.running import Running
 from dextera_build.store.statcache import StatCache
 from dextera_build.store.state import State
 from dextera_build.store.streams import Reader, Writer
-from dextera_build.store.workspaces import Workspaces
 
 _TAG = b"""Signature: 8a477f597d28d172789f06886806bc55
 # This file marks a cache: backup programs leave it out.
@@ -33,9 +32,9 @@ class Store:
         cas/ab/cdef...   blobs, read-only, by SHA-256
         ac/ab/cdef...    results by key, JSON
         runs/0001/       event logs
-        local/           what belongs to this machine: signatures of project files, history and snapshots
-                         (`state.db`), locks, builds that run now, projects that ever built here, damaged blobs that
-                         were set aside, what calls that did not end keep for their next try
+        local/           what belongs to this machine: signatures of project files, history, snapshots and keys that
+                         gave more than one output (`state.db`), locks, builds that run now, damaged blobs that were
+                         set aside, what calls that did not end keep for their next try
 
     Args:
         root: The folder; made when it is not there.
@@ -59,10 +58,9 @@ class Store:
         self.leaves = StatCache(self.blobs, self.state)
         self.locks = Locks(self.local / "locks")
         self.keep = Keep(self.local / "keep")
-        self.divergent = Divergent(self.local / "divergent")
+        self.divergent = Divergent(self.state)
         self.reader = Reader(self.blobs)
         self.running = Running(self.local / "running", self.locks)
-        self.workspaces = Workspaces(self.local / "workspaces")
 
     @property
     def writer(self) -> Writer:
