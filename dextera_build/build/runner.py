@@ -115,8 +115,7 @@ class ProjectReads:
     """
 
     def __init__(self, root: Path, store: Store) -> None:
-        from dextera_build.store.traces.look import Look
-        from dextera_build.store.traces.recording import Recording
+        from dextera_build.store.questions import Look, Recording
 
         if not root.is_dir():
             raise MachineError(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dextera_build.errors import StoreError
 from dextera_build.store import entry as entries
+from dextera_build.store import traces
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.store import Store
-from dextera_build.store.traces import lists
 
 
 class Offers:
@@ -41,8 +41,8 @@ class Offers:
         if lacking is not None:
             return f"blob {lacking.digest} is not here; blobs come first"
         try:
-            if self._store.actions.get(key) is None or lists.listed(self._store, entry.result):
-                lists.publish(self._store, key, entry.result, entry.document)
+            if self._store.actions.get(key) is None or traces.listed(self._store, entry.result):
+                traces.publish(self._store, key, entry.result, entry.document)
         except MissingBlob as error:
             return f"blob {error.digest} is not here; blobs come first"
         except StoreError:

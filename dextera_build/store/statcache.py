@@ -143,12 +143,12 @@ class StatCache:
                 raise _loop(folder)
             if self.watch is not None:
                 self.watch.folder(folder)
-            for inner in _inside(folder):
-                inner_state = _stat(inner)
+            for inner in listed(folder):
+                inner_state = _stat(inner.path)
                 if stat.S_ISDIR(inner_state.st_mode):
-                    stack.append((inner, above | {identity}))
+                    stack.append((inner.path, above | {identity}))
                 else:
-                    yield inner, inner_state
+                    yield inner.path, inner_state
 
     def _note(self, path: str, seen: signature.Signature) -> None:
         if self.watch is not None:
@@ -168,21 +168,34 @@ class StatCache:
 def _stat(path: str) -> os.stat_result:
     try:
         state = os.stat(path)
-        path.encode()
     except OSError as error:
         raise _unreadable(path, error) from None
-    except UnicodeEncodeError:
-        shown = path.encode(errors="surrogateescape").decode(errors="replace")
-        raise RecipeError(f"the name of `{shown}` is not UTF-8", code="DXB-R305", hint="rename it") from None
+    _check_name(path)
     return state
 
 
-def _inside(folder: str) -> list[str]:
+def listed(folder: str) -> list[os.DirEntry[str]]:
+    """What a folder holds, sorted by name, without names that are no content.
+
+    Raises:
+        RecipeError: The folder cannot be read, or a name is not UTF-8.
+    """
     try:
-        found = sorted(entry for entry in os.listdir(folder) if entry not in signature.IGNORED)
+        with os.scandir(folder) as entries:
+            found = [entry for entry in entries if entry.name not in signature.IGNORED]
     except OSError as error:
         raise _unreadable(folder, error) from None
-    return [os.path.join(folder, entry) for entry in found]
+    for entry in found:
+        _check_name(entry.path)
+    return sorted(found, key=lambda entry: entry.name)
+
+
+def _check_name(path: str) -> None:
+    try:
+        path.encode()
+    except UnicodeEncodeError:
+        shown = path.encode(errors="surrogateescape").decode(errors="replace")
+        raise RecipeError(f"the name of `{shown}` is not UTF-8", code="DXB-R305", hint="rename it") from None
 
 
 def _unreadable(path: str, error: OSError) -> RecipeError:

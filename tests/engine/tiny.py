@@ -20,9 +20,8 @@ from dextera_build.engine.graph import Address, Call, Fixed, Gather, Graph, Grou
 from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import Place, RuleError
 from dextera_build.runs.events import Event, NodeFinished
+from dextera_build.store.questions import Look, Recording
 from dextera_build.store.store import Store
-from dextera_build.store.traces.look import Look
-from dextera_build.store.traces.recording import Recording
 from dextera_build.workers.inline import Emit, InlineExecutor
 
 RUNNER = "tests.engine.tiny:run_task"

@@ -9,11 +9,9 @@ from pathlib import Path
 import pytest
 
 from dextera_build.errors import DxbError
+from dextera_build.store.questions import Look, Recording
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
-from dextera_build.store.traces import names
-from dextera_build.store.traces.look import Look
-from dextera_build.store.traces.recording import Recording
 
 
 @pytest.fixture
@@ -126,10 +124,6 @@ def test_a_file_is_a_file_and_no_folder(look: Look) -> None:
     assert look.answer("file", "meshes") == "-"
     assert look.answer("there", "meshes") == "yes"
     assert look.answer("file", "nothing") == "-"
-
-
-def test_the_place_of_a_pattern_is_what_stands_before_its_first_sign() -> None:
-    assert [names.base(text) for text in ("a/b/*.stl", "a/b.stl", "*.stl", "a/**/b", "b")] == ["a/b", "a", "", "a", ""]
 
 
 def test_a_recording_asks_once_and_keeps_the_order(look: Look, root: Path) -> None:
