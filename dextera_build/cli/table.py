@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from dextera_build.cli.errors import paint, wants_colour
 
@@ -18,6 +20,15 @@ HEADERS = {
     "gpu_memory": "GPU memory [GiB]",
 }
 """Column -> what stands above it, where that is more than its name."""
+
+
+def give(rows: Any, *, as_json: bool, cells: Sequence[Mapping[str, str]] | None = None) -> int:
+    """Print rows as JSON, or as a table, of `cells` where a person reads other texts; the exit code."""
+    if as_json:
+        print(json.dumps(rows, indent=1))
+    else:
+        show(rows if cells is None else cells)
+    return 0
 
 
 def show(rows: Sequence[Mapping[str, str]]) -> None:

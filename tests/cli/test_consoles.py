@@ -16,8 +16,9 @@ import pytest
 from rich.console import Console as Terminal
 
 from dextera_build.cli.consoles import can_move, console, lines
-from dextera_build.cli.consoles.foot import Running, clock, foot
+from dextera_build.cli.consoles.foot import foot
 from dextera_build.cli.consoles.live import LiveConsole
+from dextera_build.cli.consoles.record import Running, clock
 from dextera_build.cli.errors import wants_colour
 from dextera_build.runs.events import Event, NodeFinished, NodeLog, NodeProgress, NodeStarted, RunFinished, RunStarted
 from tests.report.fabricate import Spec, fabricate

@@ -127,7 +127,7 @@ def test_verify_exits_with_1_until_the_damage_is_repaired(built: Space) -> None:
     blob.chmod(0o444)
     name = blob.parent.name + blob.name
     found = built.dxb("cache", "verify")
-    assert (found.code, found.out) == (1, f"damaged\t{name}\tits bytes are not those of its name\n")
+    assert (found.code, found.out) == (1, f"damaged\t{name}\tits bytes are not those of its name\t-\n")
     assert "`dxb cache verify --repair` sets aside what is damaged" in found.err
     assert built.dxb("cache", "verify", "--fast").code == 0
     repaired = built.dxb("cache", "verify", "--repair")

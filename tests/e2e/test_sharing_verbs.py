@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -165,3 +167,14 @@ def test_two_machines_and_a_bucket(space: Space, tmp_path: Path) -> None:
             "build", "--console", "plain", "say/words", env={"DXB_CACHE": "three", "AWS_EC2_METADATA_DISABLED": "true"}
         )
         assert nobody.code == 0
+
+
+def test_what_is_checked_pushed_and_pulled_is_told_as_json(space: Space) -> None:
+    assert json.loads(space.dxb("check", "say/words", "--json").out)[0]["target"] == "say/words"
+    assert space.build("say/words").code == 0
+    sent = json.loads(space.dxb("cache", "push", "say/words", "--to", "./elsewhere", "--json").out)
+    shutil.rmtree(space.root / "cache")
+    pulled = json.loads(space.dxb("cache", "pull", "say/words", "--from", "./elsewhere", "--json").out)
+    assert [row["node"] for row in pulled] == ["all"]
+    assert len({row["key"] for row in sent}) == len(sent) > 1
+    assert (space.root / pulled[0]["file"]).is_file()

@@ -286,11 +286,10 @@ def test_real_artifacts_in_a_real_store(tmp_path: Path) -> None:
     values = {"overlay": Image(pixels=pixels), "sizes": table, "settle": settled}
     events: list[Any] = [RunStarted(0.0, "0001", "twin/x", ["overlay"], "cpu", "0.1", 3, 0)]
     for number, (node, value) in enumerate(values.items()):
-        key = f"{number}" * 64
         output = value.encode(store.blobs.put)
-        document = store.blobs.put(b'{"rule": "a.b", "version": 3, "options": {"voxel_m": 0.002}}')
+        key = store.blobs.put(b'{"rule": "a.b", "version": 3, "options": {"voxel_m": 0.002}, "salt": "%d"}' % number)
         log = store.blobs.put(b"hello from the log\n")
-        store.actions.put(key, ActionResult(output, f"said {node}", (), {"n": (2.0, "mm")}, 1.5, log, document))
+        store.actions.put(key, ActionResult(output, f"said {node}", (), {"n": (2.0, "mm")}, 1.5, log, key))
         events.append(NodeFinished(1.0, node, "a.b", None, "cached", key, output, 0.0))
     events.append(RunFinished(1.0, True, 1.0, {"cached": 3}, 4.5))
     text = report.build(events, store, tmp_path / "r.html").read_text()

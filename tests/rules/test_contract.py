@@ -97,7 +97,7 @@ def test_its_facts_can_be_stated(found):
     for backend in [None, *found.backends.values()]:
         if backend is None or not backend.missing():
             facts = facts_of(LIBRARY, found, backend)
-            assert f"rules/{found.path.replace('.', '/')}.py" in facts.code
+            assert f"rules/{found.file.relative_to(found.root.path).as_posix()}" in facts.code
             assert facts.types["return"]
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 from dextera_build.errors import DxbError, RuleError, StaleError, UsageError, listing
 from dextera_build.recipe.addresses import parse_target
 
@@ -28,18 +28,19 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     options.project_arguments(parser)
     options.request_arguments(parser)
+    options.json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print one line per recipe; 2 where one is wrong, 1 where a rebuilt node differs."""
     project = options.project(args)
-    code = 0
+    code, rows = 0, []
     for target in args.targets or [address for address, _ in project.recipes()]:
         named = parse_target(target)
         try:
             recipe, node = named.recipe, named.node
             found = _repeat(args, project, recipe, node) if node else _resolve(args, project, recipe)
-            print(f"{target}\t{found}")
+            rows.append({"target": target, "found": found})
         except DxbError as error:
             if args.targets and len(args.targets) == 1:
                 raise
@@ -47,6 +48,8 @@ def run(args: argparse.Namespace) -> int:
 
             print(render(error), file=sys.stderr)
             code = max(code, error.exit_code)
+            rows += [{"target": target, "error": error.to_json()}] if args.json else []
+    table.give(rows, as_json=args.json)
     return code
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections import Counter
 from collections.abc import Container, Sequence
@@ -76,12 +75,9 @@ def run(args: argparse.Namespace) -> int:
         if capacity is not None:
             row |= _resources(rule, session.past_builds.peak_gb(node.address), capacity)
         rows.append(row)
-    if args.json:
-        print(json.dumps(rows, indent=1))
-    else:
-        table.show(rows)
+    if not args.json:
         print(_sum([row["status"] for row in rows], nodes), file=sys.stderr)
-    return 0
+    return table.give(rows, as_json=args.json)
 
 
 def _sum(statuses: Sequence[str], nodes: Sequence[Planned]) -> str:

@@ -65,11 +65,8 @@ def tell(built: Built, *, quiet: bool = False) -> None:
     if built.lost:
         print(f"the disk is full: {built.lost} events of run {built.run} are not in its log", file=sys.stderr)
     for node, folder in built.placed.kept.items():
-        kept = folder.removeprefix(f"{os.getcwd()}/")
-        print(
-            f"files of `{node}` in out/ were changed: they are written again, and the changed ones are in {kept}",
-            file=sys.stderr,
-        )
+        kept = f"the changed ones are in {shown(folder)}"
+        print(f"files of `{node}` in out/ were changed: they are written again, and {kept}", file=sys.stderr)
     if built.placed.removed:
         from dextera_build.report.wording import some
 
@@ -88,6 +85,10 @@ def warn() -> None:
 
 
 def lines(paths: Mapping[str, str]) -> str:
-    """A line for each target: its address, a tab, the path of its main file, relative where it lies below here."""
-    here = f"{os.getcwd()}/"
-    return "".join([f"{node}\t{path.removeprefix(here)}\n" for node, path in paths.items()])
+    """A line for each target: its address, a tab, the path of its main file."""
+    return "".join([f"{node}\t{shown(path)}\n" for node, path in paths.items()])
+
+
+def shown(path: str) -> str:
+    """A path as messages show it: relative where it lies below the current folder."""
+    return path.removeprefix(f"{os.getcwd()}/")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -48,10 +47,7 @@ def show(session: Session, graph: Graph, wanted: Sequence[Address], *, as_json: 
     stale = [name for name, node in states.items() if node.status == "stale"]
     causes = Causes(session, graph, states)
     rows = [{"node": name, "why": reason(session, states, causes, name)} for name in stale]
-    if as_json:
-        print(json.dumps(rows, indent=1))
-    else:
-        table.show(rows)
+    table.give(rows, as_json=as_json)
     return stale, sum(node.status == "unknown" for node in states.values())
 
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import os
 from types import TracebackType
-from typing import Protocol, Self, TextIO
+from typing import Self, TextIO
 
 from dextera_build.runs.events import Event
 
 _NARROW = 40  # columns below which a foot that moves has no room for a name, a clock and a bar
 
 
-class Console(Protocol):
+class Console:
     """A listener that may hold the terminal until it is closed; used as a context manager, which closes it."""
 
     def __call__(self, event: Event) -> None:
         """Show one event."""
+        raise NotImplementedError
 
     def close(self) -> None:
         """Write what is held back and leave the terminal as it was; may be called twice."""
@@ -47,13 +48,9 @@ def console(kind: str, stream: TextIO, *, verbose: bool = False) -> Console:
         from dextera_build.cli.consoles.plain import PlainConsole
 
         return PlainConsole(stream, verbose=verbose)
-    if kind == "jsonl":
-        from dextera_build.cli.consoles.jsonl import JsonlConsole
+    from dextera_build.cli.consoles.quiet import JsonlConsole, QuietConsole
 
-        return JsonlConsole(stream)
-    from dextera_build.cli.consoles.quiet import QuietConsole
-
-    return QuietConsole(stream)
+    return JsonlConsole(stream) if kind == "jsonl" else QuietConsole(stream)
 
 
 def can_move(stream: TextIO) -> bool:

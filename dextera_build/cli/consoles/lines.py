@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TypeAlias
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
 
+from dextera_build.cli.errors import paint
 from dextera_build.report.wording import MARKS, STATES, count, duration, size, some, states
 from dextera_build.runs.events import (
     BytesMissed,
+    Event,
     GroupOpened,
     NodeFinished,
+    NodeLog,
     NodeRetried,
     RemoteGivenUp,
     RunFinished,
@@ -46,6 +49,15 @@ class Columns:
     def __init__(self) -> None:
         self.name = _NAME_COLUMN[0]
         self.backend = 10
+
+    def line(self, event: Event, *, verbose: bool) -> Line | None:
+        """What a log says of an event at once; None of those that are told together or not at all."""
+        if isinstance(event, NodeFinished):
+            return self.node(event) if event.status not in ("waits", "cancelled", "cached") else None
+        if isinstance(event, NodeLog):
+            return logged(event.node, event.text) if verbose else None
+        say = _SAID.get(type(event))
+        return say(event) if say is not None else None
 
     def node(self, event: NodeFinished) -> Line:
         """`  +  body[mug].mesh   12.0 s   primitives   revolved, closed`."""
@@ -99,9 +111,9 @@ def trimmed(line: Line) -> Line:
     return line
 
 
-def plain(line: Line) -> str:
-    """The line's characters."""
-    return "".join(text for text, _ in line)
+def plain(line: Line, *, colour: bool = False) -> str:
+    """The line's characters, with ANSI codes where `colour` is wanted."""
+    return "".join(paint(text, STYLES[style], colour and bool(STYLES[style])) for text, style in line)
 
 
 def plan(event: RunStarted) -> Line:
@@ -164,6 +176,15 @@ def given_up(event: RemoteGivenUp) -> Line:
     named = event.remote if event.remote == event.address else f"{event.remote} ({event.address})"
     said, todo = _GIVEN_UP[event.doing]
     return [("warning: ", "waits"), (f"{said.format(f'remote {named}', printable(event.reason))}; {todo}", "")]
+
+
+_SAID: dict[type[Event], Callable[[Any], Line]] = {
+    RunStarted: plan,
+    GroupOpened: opened,
+    BytesMissed: missed,
+    NodeRetried: retried,
+    RemoteGivenUp: given_up,
+}
 
 
 def uploading(event: Uploading) -> Line:

@@ -8,24 +8,11 @@ from collections.abc import Callable
 from typing import TextIO
 
 from dextera_build.cli.consoles import Console, lines
-from dextera_build.cli.consoles.foot import Running, beat
-from dextera_build.cli.consoles.lines import STYLES, Columns, Line
+from dextera_build.cli.consoles.foot import beat
+from dextera_build.cli.consoles.lines import Columns, Line
 from dextera_build.cli.consoles.record import Record
-from dextera_build.cli.errors import paint, wants_colour
-from dextera_build.runs.events import (
-    BytesMissed,
-    Event,
-    GroupOpened,
-    NodeFinished,
-    NodeLog,
-    NodeProgress,
-    NodeRetried,
-    NodeStarted,
-    RemoteGivenUp,
-    RunFinished,
-    RunStarted,
-    Uploading,
-)
+from dextera_build.cli.errors import wants_colour
+from dextera_build.runs.events import Event, NodeFinished, NodeStarted, RemoteGivenUp, RunFinished, Uploading
 
 _ASCII = str.maketrans({"↓": "v", "✗": "x", "·": ".", "…": "...", "–": "-", "×": "x", "→": "->", "°": " deg", "▸": ">"})
 _BEAT_S = 30.0  # a log that says nothing for longer looks hung
@@ -52,11 +39,9 @@ class PlainConsole(Console):
         self._unicode = (getattr(stream, "encoding", None) or "utf-8").lower().replace("-", "").startswith("utf")
         self._lock = threading.Lock()
         self._columns = Columns()
-        self._record = Record(counts=True)
+        self._record = Record()
         self._held: list[Line] | None = []
         self._beat_s, self._now = beat_s, now
-        self._running: dict[str, Running] = {}
-        self._beaten: dict[str, float] = {}
         self._uploading_at = 0.0
         self._stop = threading.Event()
         self._heart = threading.Thread(target=self._beat, name="console", daemon=True)
@@ -66,10 +51,11 @@ class PlainConsole(Console):
         with self._lock:
             self._record.follow(event)
             if isinstance(event, RunFinished):
-                self._running.clear()
+                self._record.running.clear()
                 self._finish(event)
                 return
-            self._follow(event)
+            if isinstance(event, NodeStarted) and not (self._heart.is_alive() or self._stop.is_set()):
+                self._heart.start()
             if isinstance(event, NodeStarted | RemoteGivenUp) or (
                 isinstance(event, NodeFinished) and event.status != "cached"
             ):
@@ -92,45 +78,20 @@ class PlainConsole(Console):
         """A line for each node that ran `beat_s` since it began or since its last line."""
         with self._lock:
             now = self._now()
-            for name, node in self._running.items():
-                if now - self._beaten.get(name, node.started.time) >= self._beat_s:
-                    self._beaten[name] = now
-                    self._write(self._text(beat(node, self._record, len(self._running), now)))
-
-    def _follow(self, event: Event) -> None:
-        if isinstance(event, NodeStarted):
-            self._running[event.node] = Running(event)
-            self._beaten.pop(event.node, None)
-            if not self._heart.is_alive() and not self._stop.is_set():
-                self._heart.start()
-        elif isinstance(event, NodeProgress) and event.node in self._running:
-            self._running[event.node].progress = event
-        elif isinstance(event, NodeFinished | NodeRetried):
-            self._running.pop(event.node, None)
+            for node in self._record.running.values():
+                if now - (node.told or node.started.time) >= self._beat_s:
+                    node.told = now
+                    self._write(self._text(beat(node, self._record, now)))
 
     def _beat(self) -> None:
         while not self._stop.wait(min(1.0, self._beat_s)):
             self.beat()
 
     def _line(self, event: Event) -> Line | None:
-        if isinstance(event, RunStarted):
-            return lines.plan(event)
-        if isinstance(event, GroupOpened):
-            return lines.opened(event)
-        if isinstance(event, NodeFinished) and event.status not in ("waits", "cancelled", "cached"):
-            return self._columns.node(event)
-        if isinstance(event, BytesMissed):
-            return lines.missed(event)
-        if isinstance(event, NodeRetried):
-            return lines.retried(event)
-        if isinstance(event, NodeLog) and self._verbose:
-            return lines.logged(event.node, event.text)
-        if isinstance(event, RemoteGivenUp):
-            return lines.given_up(event)
         if isinstance(event, Uploading) and event.time - self._uploading_at >= self._beat_s:
             self._uploading_at = event.time
             return lines.uploading(event)
-        return None
+        return self._columns.line(event, verbose=self._verbose)
 
     def _finish(self, event: RunFinished) -> None:
         closing = [self._text(line) for line in self._record.closing(event)]
@@ -151,7 +112,7 @@ class PlainConsole(Console):
             self._write("\n".join(self._text(line) for line in held))
 
     def _text(self, line: Line) -> str:
-        return "".join(paint(text, STYLES[style], self._colour and bool(STYLES[style])) for text, style in line)
+        return lines.plain(line, colour=self._colour)
 
     def _write(self, text: str) -> None:
         if not self._unicode:

@@ -1,7 +1,8 @@
-"""Silence, except for failures."""
+"""Consoles for programs: failures alone, or every event as JSON."""
 
 from __future__ import annotations
 
+import threading
 from typing import TextIO
 
 from dextera_build.cli.consoles import Console
@@ -25,5 +26,16 @@ class QuietConsole(Console):
                 self._stream.write(block + "\n")
             self._stream.flush()
 
-    def close(self) -> None:
-        """Nothing is held back."""
+
+class JsonlConsole(Console):
+    """Writes events as they are, one JSON object a line."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._lock = threading.Lock()
+
+    def __call__(self, event: Event) -> None:
+        """Write one event."""
+        with self._lock:
+            self._stream.write(event.to_line() + "\n")
+            self._stream.flush()

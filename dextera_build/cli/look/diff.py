@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -59,17 +58,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print(found: Mapping[str, Sequence[Row]], names: tuple[str, str], *, as_json: bool) -> int:
+    plain = [{"node": node, "rows": [row.to_json() for row in rows]} for node, rows in found.items() if rows]
+    cells = [
+        ({"node": node} if node else {}) | {"kind": row.kind, "name": row.name, "change": row.change}
+        for node, rows in found.items()
+        for row in rows[:_MOST]
+    ]
+    table.give({"old": names[0], "new": names[1], "differences": plain}, as_json=as_json, cells=cells)
     if as_json:
-        plain = [{"node": node, "rows": [row.to_json() for row in rows]} for node, rows in found.items() if rows]
-        print(json.dumps({"old": names[0], "new": names[1], "differences": plain}, indent=1))
         return 0
-    shown = [(node, row) for node, rows in found.items() for row in rows[:_MOST]]
-    table.show(
-        [
-            ({"node": node} if node else {}) | {"kind": row.kind, "name": row.name, "change": row.change}
-            for node, row in shown
-        ]
-    )
     for node, rows in found.items():
         if len(rows) > _MOST:
             print(f"{node}: {len(rows) - _MOST} more, `--json` has all".removeprefix(": "), file=sys.stderr)

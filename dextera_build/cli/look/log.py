@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -31,16 +30,11 @@ def run(args: argparse.Namespace) -> int:
     run, events = runs.find(project, args.run)
     finished = {event["node"]: event for event in events if event["event"] == "node_finished"}
     if args.node is None:
-        if args.json:
-            print(json.dumps(events))
-            return 0
-        table.show(
-            [
-                {"node": node, "status": event["status"], "time": f"{event['seconds']:.1f} s", "line": event["line"]}
-                for node, event in finished.items()
-            ]
-        )
-        return 0
+        cells = [
+            {"node": node, "status": event["status"], "time": f"{event['seconds']:.1f} s", "line": event["line"]}
+            for node, event in finished.items()
+        ]
+        return table.give(events, as_json=args.json, cells=cells)
     if args.node not in finished:
         raise UsageError(
             f"run {run} has no node `{args.node}`",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterator
 
 from dextera_build.cli import options, table
@@ -31,31 +30,21 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print one row a line."""
+    from dextera_build.explain.runs import runs
+
     project = options.project(args)
-    listings = {"recipes": _recipes, "rules": _rules, "backends": _backends, "runs": _runs, "divergent": _divergent}
+    listings = {"recipes": _recipes, "rules": _rules, "backends": _backends, "runs": runs, "divergent": _divergent}
     if args.what == "calls":
-        return _calls(project, as_json=args.json)
+        from dextera_build.explain import calls
+
+        found = list(calls.rows(project))
+        return table.give(found, as_json=args.json, cells=[calls.cells(row) for row in found])
     listing = listings.get(args.what)
     if query.wants(args) and listing is None:
         rows = list(query.rows(project, args))
     else:
         rows = list(listing(project) if listing else _nodes(project, args))
-    if args.json:
-        print(json.dumps(rows, indent=1))
-    else:
-        table.show(rows)
-    return 0
-
-
-def _calls(project: Project, *, as_json: bool) -> int:
-    from dextera_build.explain import calls
-
-    found = list(calls.rows(project))
-    if as_json:
-        print(json.dumps(found, indent=1))
-    else:
-        table.show([calls.cells(row) for row in found])
-    return 0
+    return table.give(rows, as_json=args.json)
 
 
 def _recipes(project: Project) -> Iterator[Row]:
@@ -82,12 +71,6 @@ def _backends(project: Project) -> Iterator[Row]:
                 "licence": facts.licence,
                 "summary": facts.summary,
             }
-
-
-def _runs(project: Project) -> Iterator[Row]:
-    from dextera_build.explain.runs import runs
-
-    yield from runs(project)
 
 
 def _divergent(project: Project) -> Iterator[Row]:

@@ -66,33 +66,21 @@ def run(args: argparse.Namespace) -> int:
         rows = show(project, args.target)
     else:
         if _is_rule(project, args.target):
-            return _rule(project, args.target, as_json=args.json)
+            from dextera_build.explain import rule_card
+
+            return table.give(rule_card.rows(project.library.find(args.target)), as_json=args.json)
         wanted = parse_target(args.target)
         session = Session(project, wanted.recipe, options.added(args), last=True)
         if args.lineage:
             return _lineage(session, wanted.node, as_json=args.json)
         rows = _node(session, wanted.node) if wanted.node else _recipe(session, as_json=args.json)
-    if args.json:
-        print(json.dumps(rows, indent=1))
-    else:
-        cells = [[name, *str(value).split("\t")] for name, value in rows.items()]
-        table.show([dict(zip(_COLUMNS[len(row)], row, strict=True)) for row in cells])
-    return 0
+    cells = [[name, *str(value).split("\t")] for name, value in rows.items()]
+    named = [dict(zip(_COLUMNS[len(row)], row, strict=True)) for row in cells] if not args.json else []
+    return table.give(rows, as_json=args.json, cells=named)
 
 
 def _is_rule(project: Project, text: str) -> bool:
     return "." in text and not set(text) & set(":/") and any(found.path == text for found in project.library.rules())
-
-
-def _rule(project: Project, path: str, *, as_json: bool) -> int:
-    from dextera_build.explain import rule_card
-
-    rows = rule_card.rows(project.library.find(path))
-    if as_json:
-        print(json.dumps(rows, indent=1))
-    else:
-        table.show(rows)
-    return 0
 
 
 def _setting(found: Setting, *, as_json: bool) -> Any:

@@ -35,6 +35,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-open", action="store_true", help="do not open the browser")
     options.project_arguments(parser)
     options.request_arguments(parser)
+    options.json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -47,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     fill = _one(session, wanted.node) if wanted.node else _scene(session)
     viewer, url = server.start(args.port, args.host, args.allow_origin)
     fill(viewer)
-    print(url, flush=True)
+    print(json.dumps({"url": url}) if args.json else url, flush=True)
     print("Ctrl-C ends it", file=sys.stderr)
     if not args.no_open:
         webbrowser.open(url)

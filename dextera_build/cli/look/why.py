@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from typing import TYPE_CHECKING
 
@@ -35,25 +34,21 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.explain.why import explain
 
     sentence, causes = explain(session, wanted.node)
-    if args.json:
-        rows = [cause.to_json() for cause in causes]
-        print(json.dumps({"node": args.node, "answer": sentence, "causes": rows}, indent=1))
-        return 0
     from dextera_build.explain.origins import margin
 
-    print(sentence)
-    table.show(
-        [
-            {
-                "kind": margin(cause.depth + 1) + cause.kind,
-                "name": cause.name,
-                "change": cause.change,
-                "place": cause.place,
-            }
-            for cause in causes
-        ]
-    )
-    return 0
+    rows = [cause.to_json() for cause in causes]
+    cells = [
+        {
+            "kind": margin(cause.depth + 1) + cause.kind,
+            "name": cause.name,
+            "change": cause.change,
+            "place": cause.place,
+        }
+        for cause in causes
+    ]
+    if not args.json:
+        print(sentence)
+    return table.give({"node": args.node, "answer": sentence, "causes": rows}, as_json=args.json, cells=cells)
 
 
 def _recipe(session: Session, *, as_json: bool) -> int:

@@ -10,7 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 from dextera_build.project.project import Project
 
 _LIBRARIES = {"libusb-1.0-0": "usb-1.0", "libgomp1": "gomp", "libegl1": "EGL", "libgl1": "GL"}
@@ -30,14 +30,13 @@ def run(args: argparse.Namespace) -> int:
     """Print one finding a line; 4 where something is missing that the profile needs."""
     project = options.project(args)
     findings = [*_python(), *_store(project), *_libraries(), *_backends(project), *_rendering()]
-    if args.json:
-        import json
-
-        keys = ("what", "ok", "found", "mend")
-        print(json.dumps([dict(zip(keys, finding, strict=True)) for finding in findings], indent=1))
-    else:
-        for what, fine, found, mend in findings:
-            print(f"{'ok' if fine else 'lacks'}\t{what}\t{found}" + (f"\t{mend}" if mend and not fine else ""))
+    keys = ("what", "ok", "found", "mend")
+    rows = [dict(zip(keys, finding, strict=True)) for finding in findings]
+    cells = [
+        {"state": "ok" if fine else "lacks", "what": what, "found": found, "mend": "" if fine else mend}
+        for what, fine, found, mend in findings
+    ]
+    table.give(rows, as_json=args.json, cells=cells)
     return 0 if all(fine for _, fine, _, _ in findings) else 4
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import json
 
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 
 ACTIONS = {
     "push": ("upload what was built to a remote", "push"),
@@ -28,8 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         if module != "cache":
             importlib.import_module(f"dextera_build.cli.share.{module}").arguments(sub)
         options.project_arguments(sub)
-        if name not in ("push", "pull"):
-            options.json_argument(sub)
+        options.json_argument(sub)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -47,9 +45,6 @@ def _count(args: argparse.Namespace) -> int:
 
     store = reading(options.project(args))
     counted = store.size() if args.what == "size" else {"keep": store.keep.sweep(store.locks)}
-    if args.json:
-        print(json.dumps({kind: {"count": count, "bytes": total} for kind, (count, total) in counted.items()}))
-    else:
-        for kind, (count, total) in counted.items():
-            print(f"{kind}\t{count}\t{total}")
-    return 0
+    rows = {kind: {"count": count, "bytes": total} for kind, (count, total) in counted.items()}
+    cells = [{"kind": kind, "count": str(count), "bytes": str(total)} for kind, (count, total) in counted.items()]
+    return table.give(rows, as_json=args.json, cells=cells)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 from dextera_build.cli.share import amounts
 from dextera_build.report import wording
 
@@ -34,14 +33,16 @@ def run(args: argparse.Namespace) -> int:
 
     answer = collect(reading(options.project(args)), size=limit, age_s=age_s, dry=not args.yes)
     said = answer.said
-    if args.json:
-        print(json.dumps({**asdict(said), "vanished": answer.vanished, "dry": not args.yes}))
-        return 0
-    for verb, rows in (("drop", said.gone), ("keep", said.stays)):
-        for row in rows:
-            # It names folders, by files that somebody may have changed.
-            print(f"{verb}\t{row.kind}\t{row.count}\t{row.bytes}\t{printable(row.why)}")
-    _explain(answer, limit, dry=not args.yes)
+    cells = [
+        # A reason names folders, by files that somebody may have changed.
+        {"do": do, "kind": row.kind, "count": str(row.count), "bytes": str(row.bytes), "why": printable(row.why)}
+        for do, rows in (("drop", said.gone), ("keep", said.stays))
+        for row in rows
+    ]
+    told = {**asdict(said), "vanished": answer.vanished, "dry": not args.yes}
+    table.give(told, as_json=args.json, cells=cells)
+    if not args.json:
+        _explain(answer, limit, dry=not args.yes)
     return 0
 
 

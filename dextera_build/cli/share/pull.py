@@ -8,12 +8,12 @@ import sys
 from typing import TYPE_CHECKING
 
 from dextera_build.build import fetch
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 from dextera_build.errors import StoreError, listing
 from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
-    from dextera_build.engine.run import RunResult
+    from dextera_build.build.build import Built
     from dextera_build.runs.events import Event
     from dextera_build.session import Session
 
@@ -29,15 +29,19 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Place results as `build` does; one line each: address, main file."""
+    from dextera_build.cli.build.shown import shown
     from dextera_build.session import Session
 
     project = options.project(args)
     lacking: list[str] = []
+    rows: list[dict[str, str]] = []
     for text in args.targets:
         wanted = parse_target(text)
         session = Session(project, wanted.recipe, options.added(args), makes=True)
-        result = _bring(session, wanted.node, args)
-        lacking += [f"{wanted.recipe}:{place}" for place in result.errors]
+        built = _bring(session, wanted.node, args)
+        lacking += [f"{wanted.recipe}:{place}" for place in built.run_result.errors]
+        rows += [{"node": node, "file": shown(path)} for node, path in built.placed.paths.items()]
+    table.give(rows, as_json=args.json)
     if lacking:
         count = "1 node is" if len(lacking) == 1 else f"{len(lacking)} nodes are"
         raise StoreError(
@@ -49,36 +53,35 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _bring(session: Session, target: str, args: argparse.Namespace) -> RunResult:
+def _bring(session: Session, target: str, args: argparse.Namespace) -> Built:
     from dextera_build.build.build import Order, build
     from dextera_build.build.lock import Locking
-    from dextera_build.cli.build.shown import lines, tell
+    from dextera_build.cli.build.shown import tell
 
     order = Order([target], keep_going=True, argv=sys.argv[1:], bring_from=fetch.exchange(session, "r", args.source))
-    built = build(session, order, Locking(session.project, lock=False, locked=False, added=session.added), _Shown())
+    built = build(
+        session, order, Locking(session.project, lock=False, locked=False, added=session.added), _Shown(session.recipe)
+    )
     tell(built)
-    print(lines(built.placed.paths), end="", flush=True)
-    return built.run_result
+    return built
 
 
 class _Shown:
     """One line for what came, and one for the whole."""
 
-    def __init__(self) -> None:
+    def __init__(self, recipe: str) -> None:
         from dextera_build.cli.consoles.lines import Columns
 
-        self._columns = Columns()
-        self._recipe = ""
+        self._columns, self._recipe = Columns(), recipe
 
     def __call__(self, event: Event) -> None:
         from dextera_build.cli.consoles import lines
         from dextera_build.runs import events
 
-        if isinstance(event, events.RunStarted):
-            self._recipe = event.recipe
-        elif isinstance(event, events.NodeFinished) and event.status == "fetched":
-            print(lines.plain(self._columns.node(event)), file=sys.stderr, flush=True)
-        elif isinstance(event, events.RemoteGivenUp):
-            print(lines.plain(lines.given_up(event)), file=sys.stderr, flush=True)
-        elif isinstance(event, events.RunFinished):
-            print(lines.plain(lines.pulled(self._recipe, event)), file=sys.stderr, flush=True)
+        line = None
+        if isinstance(event, events.RunFinished):
+            line = lines.pulled(self._recipe, event)
+        elif isinstance(event, events.RemoteGivenUp) or getattr(event, "status", "") == "fetched":
+            line = self._columns.line(event, verbose=False)
+        if line is not None:
+            print(lines.plain(line), file=sys.stderr, flush=True)

@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING, TextIO
 
 from dextera_build.build import fetch
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 from dextera_build.errors import StoreError, listing
 from dextera_build.recipe.addresses import parse_target
 
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
                 stale.append(address)
     assert exchange is not None
     left = _finish_uploads(exchange, sys.stderr)
-    print("".join(f"{address}\t{key}\n" for address, key in sent if key not in left), end="")
+    table.give([{"node": address, "key": key} for address, key in sent if key not in left], as_json=args.json)
     if bare:
         are = "node was not uploaded, its bytes are" if len(bare) == 1 else "nodes were not uploaded, their bytes are"
         print(f"{len(bare)} {are} not in the store: {listing(bare)}", file=sys.stderr)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 from dextera_build.report import wording
 
 if TYPE_CHECKING:
@@ -32,11 +31,12 @@ def run(args: argparse.Namespace) -> int:
     )
     if shows:
         print("\r\x1b[K", end="", file=sys.stderr)
-    if args.json:
-        print(json.dumps({**asdict(verdict), "whole": verdict.is_whole}))
-    else:
-        for found in verdict.findings:
-            print(f"{found.kind}\t{found.name}\t{found.detail}\t{'repaired' if found.repaired else ''}".rstrip())
+    cells = [
+        {"kind": found.kind, "name": found.name, "detail": found.detail, "done": "repaired" if found.repaired else "-"}
+        for found in verdict.findings
+    ]
+    table.give({**asdict(verdict), "whole": verdict.is_whole}, as_json=args.json, cells=cells)
+    if not args.json:
         _sum_up(verdict, fast=args.fast)
     return 0 if verdict.is_whole else 1
 
