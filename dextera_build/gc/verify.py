@@ -17,7 +17,7 @@ from dextera_build.errors import StoreError
 from dextera_build.gc import inventory
 from dextera_build.store import entry as entries
 from dextera_build.store import failpoints, files, last_use, permissions
-from dextera_build.store.blobs import is_digest
+from dextera_build.store.blobs import is_digest, listing
 from dextera_build.store.store import Store
 
 DAMAGE = ("damaged", "truncated", "misnamed", "unreadable", "lacking", "misfiled")
@@ -132,7 +132,7 @@ class _Verifier:
 
     def results(self) -> None:
         """Read every result."""
-        for key, _, _ in inventory.listing(self._store.actions.root):
+        for key, _, _ in listing(self._store.actions.root):
             path = f"{self._store.actions.root}/{key[:2]}/{key[2:]}"
             with suppress(FileNotFoundError):
                 self.verdict.results += 1

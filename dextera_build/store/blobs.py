@@ -227,10 +227,6 @@ class Blobs:
             failpoints.reach("blob.aside")
             os.replace(self._file(digest), self._quarantine / digest)
 
-    def all(self) -> Iterator[tuple[str, int]]:
-        """Every blob with its size [bytes]."""
-        yield from entries(self.root)
-
     def _file(self, digest: str) -> str:
         if not is_digest(digest):
             raise StoreError(f"`{digest}` is not a SHA-256 digest", code="DXB-S104")
@@ -288,13 +284,19 @@ class _ChangedError(StoreError):
         super().__init__("a file changed while it was read", code="DXB-S105", facts={"digest": digest})
 
 
-def entries(root: Path) -> Iterator[tuple[str, int]]:
-    """Every finished file under the two levels `ab/cdef...` of `root` as (digest, size)."""
-    if not root.is_dir():
-        return
-    for shard in sorted(os.scandir(root), key=lambda entry: entry.name):
-        if len(shard.name) != 2 or not shard.is_dir():
-            continue
-        for entry in sorted(os.scandir(shard.path), key=lambda entry: entry.name):
-            with suppress(FileNotFoundError):
-                yield shard.name + entry.name, entry.stat().st_size
+def listing(root: Path) -> Iterator[tuple[str, int, float]]:
+    """Every file `ab/cdef...` below `root` whose name is a digest: (digest, bytes, last use)."""
+    for shard in _scan(str(root)):
+        if len(shard.name) == 2 and shard.is_dir(follow_symlinks=False):
+            for entry in _scan(shard.path):
+                if is_digest(shard.name + entry.name):
+                    with suppress(FileNotFoundError):
+                        state = entry.stat(follow_symlinks=False)
+                        yield shard.name + entry.name, state.st_size, state.st_mtime
+
+
+def _scan(folder: str) -> list[os.DirEntry[str]]:
+    try:
+        return sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except (FileNotFoundError, NotADirectoryError):
+        return []

@@ -148,7 +148,7 @@ class Actions:
 
     def keys(self) -> Iterator[str]:
         """Every key that has an entry."""
-        yield from (key for key, _ in cas.entries(self.root))
+        yield from (key for key, _, _ in cas.listing(self.root))
 
     def entry(self, key: str) -> Entry | None:
         """What lies under `key`, or None; no use is noted."""

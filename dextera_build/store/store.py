@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dextera_build.errors import StoreError
 from dextera_build.store import files
-from dextera_build.store.blobs import Blobs, entries
+from dextera_build.store.blobs import Blobs, listing
 from dextera_build.store.divergent import Divergent
 from dextera_build.store.locks import Locks
 from dextera_build.store.progress import Keep
@@ -69,8 +69,8 @@ class Store:
 
     def size(self) -> dict[str, tuple[int, int]]:
         """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of calls that did not end."""
-        found = {"blobs": entries(self.blobs.root), "actions": entries(self.actions.root), "keep": self.keep.all()}
-        sizes = {name: [size for _, size in each] for name, each in found.items()}
+        found = {"blobs": listing(self.blobs.root), "actions": listing(self.actions.root), "keep": self.keep.all()}
+        sizes = {name: [size for _, size, _ in each] for name, each in found.items()}
         return {name: (len(each), sum(each)) for name, each in sizes.items()}
 
     def _may_be_written(self) -> bool:
