@@ -15,6 +15,7 @@ import pytest
 
 from dextera_build.cli import grammar
 from dextera_build.code.loader import Library
+from dextera_build.explain import error_codes
 
 REPO = Path(__file__).parent.parent
 DOCS = REPO / "dextera_build" / "docs"
@@ -106,6 +107,15 @@ def test_the_reference_has_every_error(reference):
     codes = {code for file in sources for code in re.findall(r'"(DXB-[A-Z]\d{3})"', file.read_text())}
     page = reference.MAKERS["errors"]()
     assert {code for code in codes if f"`{code}`" not in page} == set()
+
+
+def test_errors_are_found_in_a_checkout_below_a_folder_named_docs(tmp_path, monkeypatch):
+    package = tmp_path / "docs" / "dextera_build"
+    package.mkdir(parents=True)
+    (package / "made.py").write_text('DxbError("it broke", code="DXB-X999")\n')
+    monkeypatch.setattr(error_codes, "PACKAGE", package)
+    monkeypatch.setattr(error_codes, "bundled", lambda kind: tmp_path / kind)
+    assert [error.message for error in error_codes.sites("DXB-X999")] == ["it broke"]
 
 
 def test_a_marker_that_names_nothing_is_an_error(reference):

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,8 +14,8 @@ from dextera_build.bundle.config import Contents
 from dextera_build.bundle.layout import BLOBS, VERSION
 from dextera_build.bundle.oci import Descriptor, Manifest
 from dextera_build.errors import UsageError
-from dextera_build.store import failpoints, files
-from dextera_build.store.blobs import MissingBlob, is_digest
+from dextera_build.store import files
+from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.store import Store
 
 _CHUNK = 1 << 20
@@ -61,7 +59,7 @@ class Export:
 
     @property
     def digest(self) -> str:
-        """The digest that the provenance is about."""
+        """The digest that a signature covers."""
         return self.manifest.digest
 
     def get(self, digest: str) -> bytes:
@@ -72,42 +70,36 @@ class Export:
         """
         return self._inside(digest) or self._store.blobs.get(digest)
 
-    def attach(self, media_type: str, document: bytes, **annotations: str) -> None:
-        """Add the provenance as the last layer."""
-        layer = self._keep(media_type, document, "provenance.json", **annotations)
-        self.manifest = replace(self.manifest, provenance=layer)
+    def attach(self, signature: bytes) -> None:
+        """Add a signature as the last layer."""
+        self.manifest = replace(self.manifest, signature=self._keep(oci.SIGNATURE, signature, "signature.json"))
 
     def write(self, path: Path) -> None:
-        """Write the bundle as a file `NAME.tar`, or as a folder.
+        """Write the bundle as a file `NAME.tar`.
 
         Raises:
-            UsageError: The name says neither, or the folder holds something else than an unfinished bundle.
+            UsageError: The name is another.
             StoreError: The disk is full, the place cannot be written, or a blob of the store is damaged.
         """
-        if path.suffix == ".tar" and not path.is_dir():
-            with files.new_file(os.path.abspath(path), 0o644) as descriptor:
-                for name, size, chunks in self._files():
-                    files.write_all(descriptor, tar.header(name, size))
-                    _pour(chunks, descriptor)
-                    files.write_all(descriptor, tar.padding(size))
-                files.write_all(descriptor, tar.END)
-            return
-        if path.suffix and not path.is_dir():
+        if path.suffix != ".tar" or path.is_dir():
             raise UsageError(
-                f"`{path}` is neither a folder nor a `.tar`", code="DXB-U140", hint=f"`-o {path.with_suffix('.tar')}`"
+                f"`{path}` is not the name of a `.tar` file", code="DXB-U140", hint=f"`-o {path.with_suffix('.tar')}`"
             )
-        _make_room(path)
-        for name, _, chunks in self._files():
-            if name == "index.json":
-                failpoints.reach("bundle.index")
-            with files.new_file(str(path / name), 0o644) as descriptor:
-                _pour(chunks, descriptor)
+        place = os.path.abspath(path)
+        files.clear(os.path.dirname(place))
+        with files.new_file(place, 0o644) as descriptor:
+            for name, size, chunks in self._files():
+                files.write_all(descriptor, tar.header(name, size))
+                for chunk in chunks:
+                    files.write_all(descriptor, chunk)
+                files.write_all(descriptor, tar.padding(size))
+            files.write_all(descriptor, tar.END)
 
     def _files(self) -> Iterator[tuple[str, int, Iterator[bytes]]]:
-        """Name, size and content of every file; the index comes last, so a torn folder is not a layout."""
+        """Name, size and content of every file."""
         whole = self.manifest
         manifest = self._keep(oci.MANIFEST, whole.spell())
-        parts = (whole.config, *whole.layers, *([whole.provenance] if whole.provenance else []), manifest)
+        parts = (whole.config, *whole.layers, *([whole.signature] if whole.signature else []), manifest)
         for part in {part.digest: part for part in parts}.values():
             yield BLOBS + part.digest, part.size, self._chunks(part)
         for name, document in (("oci-layout", VERSION), ("index.json", oci.spell_index(manifest))):
@@ -119,8 +111,8 @@ class Export:
         else:
             yield from self._layers[wanted.digest].chunks(self._read)
 
-    def _keep(self, media_type: str, data: bytes, title: str = "", **annotations: str) -> Descriptor:
-        found = Descriptor.of(media_type, data, **({oci.TITLE: title} if title else {}), **annotations)
+    def _keep(self, media_type: str, data: bytes, title: str = "") -> Descriptor:
+        found = Descriptor.of(media_type, data, **({oci.TITLE: title} if title else {}))
         self._documents[found.digest] = data
         return found
 
@@ -160,36 +152,6 @@ class Export:
                 raise MissingBlob(digest)
             found[digest] = size
         return found
-
-
-def _pour(chunks: Iterator[bytes], descriptor: int) -> None:
-    for chunk in chunks:
-        files.write_all(descriptor, chunk)
-
-
-def _make_room(path: Path) -> None:
-    """Make sure that a folder is empty; blobs of an interrupted export are removed.
-
-    Raises:
-        UsageError: It holds something else.
-    """
-    try:
-        found = set(os.listdir(path))
-    except (FileNotFoundError, NotADirectoryError):
-        return
-    if found and not (found <= {"blobs", "oci-layout"} and _are_blobs(path / "blobs")):
-        raise UsageError(f"the folder `{path}` is not empty", code="DXB-U141", hint="name a new folder")
-    if found:
-        shutil.rmtree(path / "blobs")
-
-
-def _are_blobs(folder: Path) -> bool:
-    """Whether a folder holds only blobs of a layout, finished or not."""
-    with suppress(OSError):
-        names = os.listdir(folder / "sha256")
-        unfinished = f"{files.TEMPORARY}-"
-        return os.listdir(folder) == ["sha256"] and all(is_digest(n) or n.startswith(unfinished) for n in names)
-    return False
 
 
 def _annotations(contents: Contents, created: str) -> dict[str, str]:

@@ -36,7 +36,7 @@ class Opened:
 
     @property
     def digest(self) -> str:
-        """What the provenance is about."""
+        """The digest that a signature covers."""
         return self.manifest.digest
 
     @property

@@ -21,14 +21,11 @@ PACK = "application/vnd.dextera.bundle.blobs.v1.tar"
 BLOB = "application/vnd.dextera.blob.v1"
 """One blob, as it is."""
 RECIPE = "application/vnd.dextera.recipe.v1+yaml"
-IN_TOTO = "application/vnd.in-toto+json"
-DSSE = "application/vnd.dsse.envelope.v1+json"
-PROVENANCE = (IN_TOTO, DSSE)
+SIGNATURE = "application/vnd.dextera.bundle.signature.v1+json"
 
 TITLE = "org.opencontainers.image.title"
 CREATED = "org.opencontainers.image.created"
 REF = "org.opencontainers.image.ref.name"
-PREDICATE = "in-toto.io/predicate-type"
 
 MOST_MANIFEST = 4 << 20
 """Bytes of a manifest or an index; registries take no more."""
@@ -84,8 +81,8 @@ class Manifest:
     config: Descriptor
     layers: tuple[Descriptor, ...]
     """Recipes and blobs."""
-    provenance: Descriptor | None = None
-    """The last layer: a statement about the manifest without it."""
+    signature: Descriptor | None = None
+    """The last layer, which is about the manifest without it."""
     annotations: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
@@ -104,17 +101,17 @@ class Manifest:
         if len(items) > MOST_LAYERS:
             raise too_large("the list of layers", len(items), MOST_LAYERS)
         layers = [Descriptor.read(layer, "a layer") for layer in items]
-        provenance = layers.pop() if layers and layers[-1].media_type in PROVENANCE else None
+        signature = layers.pop() if layers and layers[-1].media_type == SIGNATURE else None
         config = Descriptor.read(reader.raw.get("config"), "the manifest's `config`")
-        found = cls(config, tuple(layers), provenance, reader.table("annotations", needed=False))
+        found = cls(config, tuple(layers), signature, reader.table("annotations", needed=False))
         if found.spell() != data:
             raise ill_formed("the manifest", "it is not spelled as dxb spells it")
         return found
 
     @property
     def digest(self) -> str:
-        """Digest of the manifest without its provenance, which the provenance is about and signatures cover."""
-        return digests.of_bytes(replace(self, provenance=None).spell())
+        """Digest of the manifest without its signature, which covers it."""
+        return digests.of_bytes(replace(self, signature=None).spell())
 
     def spell(self) -> bytes:
         """Canonical JSON."""
@@ -123,7 +120,7 @@ class Manifest:
             "mediaType": MANIFEST,
             "artifactType": BUNDLE,
             "config": self.config.spell(),
-            "layers": [layer.spell() for layer in (*self.layers, self.provenance) if layer is not None],
+            "layers": [layer.spell() for layer in (*self.layers, self.signature) if layer is not None],
         }
         if self.annotations:
             raw["annotations"] = dict(self.annotations)

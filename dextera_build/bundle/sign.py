@@ -1,4 +1,4 @@
-"""ed25519 keys, and DSSE envelopes signed with them.
+"""ed25519 keys, and signatures of bundles.
 
 Keys are files that `ssh-keygen` and `openssl` read and write: private ones as PEM (PKCS 8) or OpenSSH, public ones as a
 line `ssh-ed25519 AAAA... name` or PEM.
@@ -7,7 +7,6 @@ line `ssh-ed25519 AAAA... name` or PEM.
 from __future__ import annotations
 
 import base64
-import binascii
 import hashlib
 import os
 from collections.abc import Sequence
@@ -16,9 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build import digest as digests
-from dextera_build.bundle import documents
-from dextera_build.bundle.errors import ill_formed
-from dextera_build.bundle.oci import IN_TOTO
 from dextera_build.errors import MachineError, UsageError
 from dextera_build.store import files
 
@@ -54,40 +50,8 @@ class PublicKey:
         return True
 
 
-@dataclass(frozen=True)
-class Envelope:
-    """A DSSE envelope: a statement and who signed it."""
-
-    payload: bytes
-    signatures: tuple[tuple[str, bytes], ...]
-    """(id of the key, signature)."""
-
-    @property
-    def signed(self) -> bytes:
-        """The bytes that signatures cover."""
-        kind = IN_TOTO.encode()
-        return b"DSSEv1 %d %s %d %s" % (len(kind), kind, len(self.payload), self.payload)
-
-    @classmethod
-    def read(cls, data: bytes) -> Envelope:
-        """Parse an untrusted envelope.
-
-        Raises:
-            BundleRefused: It is malformed.
-        """
-        what = "the signature"
-        reader = documents.Reader(documents.parse(data, what), what)
-        if reader.text("payloadType") != IN_TOTO:
-            raise ill_formed(what, f"it is not about `{IN_TOTO}`")
-        found = []
-        for raw in reader.items("signatures")[:64]:
-            entry = documents.Reader(raw, what)
-            found.append((entry.text("keyid", ""), _decode(entry.raw.get("sig"))))
-        return cls(_decode(reader.raw.get("payload")), tuple(found))
-
-
-def seal(payload: bytes, key: Path) -> tuple[bytes, PublicKey]:
-    """Sign a statement with the private key in a file.
+def seal(bundle: str, key: Path) -> tuple[bytes, PublicKey]:
+    """Sign a bundle (digest) with the private key in a file; returns the signature's document and the public key.
 
     Raises:
         UsageError: The file holds no such key.
@@ -95,13 +59,13 @@ def seal(payload: bytes, key: Path) -> tuple[bytes, PublicKey]:
     """
     private = _private(key)
     public = _public(private.public_key(), key.stem)
-    signature = private.sign(Envelope(payload, ()).signed)
-    raw = {
-        "payloadType": IN_TOTO,
-        "payload": base64.b64encode(payload).decode(),
-        "signatures": [{"keyid": public.id, "sig": base64.b64encode(signature).decode()}],
-    }
-    return digests.canonical(raw), public
+    signature = base64.b64encode(private.sign(message(bundle))).decode()
+    return digests.canonical({"key": public.id, "signature": signature}), public
+
+
+def message(bundle: str) -> bytes:
+    """The bytes that the signature of a bundle (digest) covers."""
+    return f"dxb bundle sha256:{bundle}".encode()
 
 
 def generate(path: Path, name: str) -> PublicKey:
@@ -203,13 +167,6 @@ def _bytes_of(file: Path) -> bytes:
             return opened.read(_MOST_KEY)
     except OSError as error:
         raise _no_key(file, "usable", str(error.strerror)) from None
-
-
-def _decode(value: object) -> bytes:
-    try:
-        return base64.b64decode(value if isinstance(value, str) else "?", validate=True)
-    except (binascii.Error, ValueError):
-        raise ill_formed("the signature", "it is not base64") from None
 
 
 def _no_key(file: Path, kind: str, why: str) -> UsageError:

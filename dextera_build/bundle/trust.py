@@ -1,20 +1,22 @@
-"""Provenance and signatures of bundles, and whether their signers are trusted."""
+"""Whether the signer of a bundle is trusted."""
 
 from __future__ import annotations
 
+import base64
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
-from dextera_build.bundle import oci, provenance
-from dextera_build.bundle.errors import BundleRefused
+from dextera_build.bundle import documents
+from dextera_build.bundle.errors import BundleRefused, ill_formed
 from dextera_build.bundle.importer import Opened
-from dextera_build.bundle.sign import Envelope, PublicKey
+from dextera_build.bundle.sign import PublicKey, message
 from dextera_build.errors import listing
 
 State: TypeAlias = Literal["trusted", "unknown", "unsigned"]
-_MOST = 64 << 20
+_MOST = 1 << 16
+_WHAT = "the signature"
 
 
 @dataclass(frozen=True)
@@ -23,36 +25,50 @@ class Voucher:
 
     state: State
     """`trusted`: signed by a trusted key. `unknown`: signed by a key that is not trusted here."""
-    signers: tuple[str, ...] = ()
-    """Names of trusted keys, or ids of the others."""
-    statement: dict[str, Any] = field(default_factory=dict)
-    """The in-toto statement; a signature covers it only where the state is `trusted`."""
+    signer: str = ""
+    """Name and id of a trusted key, or the id of another."""
 
     def __str__(self) -> str:
         """One line."""
-        if self.state == "trusted":
-            return f"signed by {', '.join(self.signers)}, trusted here"
-        return f"signed by {', '.join(self.signers)}, not trusted here" if self.signers else "not signed"
+        if self.state == "unsigned":
+            return "not signed"
+        return f"signed by {self.signer}, {'' if self.state == 'trusted' else 'not '}trusted here"
 
 
 def judge(bundle: Opened, keys: Sequence[PublicKey]) -> Voucher:
-    """Read and check the provenance of a bundle.
+    """Read and check the signature of a bundle.
 
     Raises:
-        BundleRefused: A signature is wrong, or about another bundle.
+        BundleRefused: It is malformed, or wrong in the name of a trusted key.
     """
-    layer = bundle.manifest.provenance
+    layer = bundle.manifest.signature
     if layer is None:
         return Voucher("unsigned")
-    content = bundle.source.whole(layer, "the provenance", _MOST)
-    if layer.media_type == oci.IN_TOTO:
-        return Voucher("unsigned", (), _statement(bundle, content))
-    envelope = Envelope.read(content)
-    signers = _signers(envelope, keys)
-    statement = _statement(bundle, envelope.payload)
-    if signers:
-        return Voucher("trusted", tuple(signers), statement)
-    return Voucher("unknown", tuple(name for name, _ in envelope.signatures), statement)
+    signer, signature = read_signature(bundle.source.whole(layer, _WHAT, _MOST))
+    for key in keys:
+        if key.verifies(signature, message(bundle.digest)):
+            return Voucher("trusted", f"{key.name} ({key.id})")
+        if key.id == signer:
+            raise BundleRefused(
+                f"the bundle says that `{key.name}` signed it, but the signature is wrong",
+                code="DXB-S310",
+                facts={"key": key.id},
+                hint="download or copy the bundle again",
+            )
+    return Voucher("unknown", signer)
+
+
+def read_signature(data: bytes) -> tuple[str, bytes]:
+    """(id of the key, signature) of an untrusted document.
+
+    Raises:
+        BundleRefused: It is malformed.
+    """
+    reader = documents.Reader(documents.parse(data, _WHAT), _WHAT)
+    try:
+        return reader.text("key"), base64.b64decode(reader.text("signature"), validate=True)
+    except ValueError:
+        raise ill_formed(_WHAT, "it is not base64") from None
 
 
 def require(bundle: Opened, voucher: Voucher, keys: Sequence[PublicKey]) -> None:
@@ -74,37 +90,8 @@ def require(bundle: Opened, voucher: Voucher, keys: Sequence[PublicKey]) -> None
         message,
         code="DXB-S309",
         facts={
-            "signed by": listing(voucher.signers),
+            "signed by": voucher.signer or "-",
             "trusted": listing(f"{key.name} ({key.id})" for key in keys),
         },
         hint=hint,
     )
-
-
-def _signers(envelope: Envelope, keys: Sequence[PublicKey]) -> list[str]:
-    """Trusted keys that signed; a wrong signature in the name of a trusted key is an error."""
-    names = []
-    for identity, signature in envelope.signatures:
-        for key in keys:
-            if key.verifies(signature, envelope.signed):
-                names.append(f"{key.name} ({key.id})")
-            elif key.id == identity:
-                raise BundleRefused(
-                    f"the bundle says that `{key.name}` signed it, but the signature is wrong",
-                    code="DXB-S310",
-                    facts={"key": key.id},
-                    hint="download or copy the bundle again",
-                )
-    return names
-
-
-def _statement(bundle: Opened, payload: bytes) -> dict[str, Any]:
-    subject, statement = provenance.subject_of(payload)
-    if subject != bundle.digest:
-        raise BundleRefused(
-            "the provenance is that of another bundle",
-            code="DXB-S311",
-            facts={"about": f"sha256:{subject}", "bundle": f"sha256:{bundle.digest}"},
-            hint="download or copy the bundle again",
-        )
-    return statement

@@ -24,11 +24,11 @@ class ErrorSite:
 
 def sites(code: str = "DXB-") -> Iterator[ErrorSite]:
     """Every place that makes an error whose code begins with `code`."""
-    for file in sorted([*PACKAGE.rglob("*.py"), *bundled("rules").rglob("*.py")]):
-        if "docs" not in file.parts and ("_bundled" not in file.parts or file.is_relative_to(bundled("rules"))):
-            text = file.read_text()
-            if code in text:
-                yield from (error for error in _read(ast.parse(text)) if error.code.startswith(code))
+    own = [file for file in PACKAGE.rglob("*.py") if file.relative_to(PACKAGE).parts[0] not in ("docs", "_bundled")]
+    for file in sorted([*own, *bundled("rules").rglob("*.py")]):
+        text = file.read_text()
+        if code in text:
+            yield from (error for error in _read(ast.parse(text)) if error.code.startswith(code))
 
 
 def family(letter: str) -> type[errors.DxbError]:

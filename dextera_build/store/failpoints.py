@@ -66,7 +66,6 @@ POINTS = {
     "remote.blob": Point("a blob is to be written to a remote folder", fails=True),
     "remote.entry": Point("all blobs of a result are in a remote folder, its entry is not", fails=True),
     "fetch.blobs": Point("all blobs of a remote result are here, its entry is not"),
-    "bundle.index": Point("a bundle has all its parts, and no index"),
     "import.blobs": Point("all blobs of a bundle are in the store, its results are not"),
 }
 

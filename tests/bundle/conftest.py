@@ -16,6 +16,7 @@ from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.key import manifest as key_document
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
+from tests.bundle.forge import unpacked
 from tests.engine.tiny import call, every, graph, group, item, leaf, out, run
 
 RECIPE = b"nodes: {}\n"
@@ -75,6 +76,6 @@ def other(tmp_path: Path) -> Store:
 
 @pytest.fixture
 def folder(tmp_path: Path, store: Store, plan: Graph) -> Path:
-    """A good bundle, with all results, as a folder."""
-    bundle(store, plan, "full").write(tmp_path / "bundle")
-    return tmp_path / "bundle"
+    """A good bundle, with all results, taken apart."""
+    bundle(store, plan, "full").write(tmp_path / "bundle.tar")
+    return unpacked(tmp_path / "bundle.tar")

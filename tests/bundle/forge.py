@@ -34,7 +34,7 @@ class Forgery:
         self._index = json.loads((folder / "index.json").read_bytes())
         self._manifest: Raw = json.loads(self._part(self._index["manifests"][0]["digest"]))
         self._config: Raw = json.loads(self._part(self._manifest["config"]["digest"]))
-        self._manifest["layers"] = [la for la in self._manifest["layers"] if la["mediaType"] not in oci.PROVENANCE]
+        self._manifest["layers"] = [la for la in self._manifest["layers"] if la["mediaType"] != oci.SIGNATURE]
         (self._pack,) = (layer for layer in self._manifest["layers"] if layer["mediaType"] == oci.PACK)
         with tarfile.open(fileobj=io.BytesIO(self._part(self._pack["digest"]))) as packed:
             self.files = [(info.name, packed.extractfile(info).read()) for info in packed]  # type: ignore[union-attr]
@@ -122,13 +122,35 @@ def _header(name: str, size: int, kind: bytes = tarfile.REGTYPE) -> bytes:
     return info.tobuf(tarfile.GNU_FORMAT, "ascii", "strict")
 
 
+def unpacked(path: Path) -> Path:
+    """The parts of a bundle, in a folder beside it."""
+    with tarfile.open(path) as archive:
+        archive.extractall(path.with_suffix(""), filter="data")
+    return path.with_suffix("")
+
+
+def packed(path: Path) -> Path:
+    """A bundle again, of the parts in a folder."""
+    if path.is_dir():
+        names = sorted(file.relative_to(path).as_posix() for file in path.rglob("*") if file.is_file())
+        parts = [
+            _header(name, len(data)) + data + tar.padding(len(data))
+            for name in names
+            for data in [(path / name).read_bytes()]
+        ]
+        path = path.with_suffix(".again.tar")
+        path.write_bytes(b"".join(parts) + tar.END)
+    return path
+
+
 def take(path: Path, store: Store) -> importer.Taken:
     """Import the bundle at a path."""
-    return importer.take(importer.open_bundle(layout.read(path)), store)
+    return importer.take(importer.open_bundle(layout.Layout(packed(path))), store)
 
 
 def refused(path: Path, other: Store, code: str, *words: str) -> BundleRefused:
     """The one error; nothing was written beside the store, and no result into it."""
+    path = packed(path)
     before = {place for place in other.root.parent.rglob("*") if not place.is_relative_to(other.root)}
     with pytest.raises(BundleRefused) as error:
         take(path, other)

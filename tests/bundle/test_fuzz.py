@@ -10,13 +10,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dextera_build.bundle import importer, layout, oci, provenance, sign, trust
+from dextera_build.bundle import importer, layout, sign, trust
 from dextera_build.bundle.errors import BundleRefused
 from dextera_build.digest import of_bytes
 from dextera_build.engine.graph import Graph
 from dextera_build.store.store import Store
 from tests.bundle.conftest import bundle, small
-from tests.bundle.forge import Forgery, Raw
+from tests.bundle.forge import Forgery, Raw, packed, unpacked
 from tests.engine.tiny import run
 
 JSON = st.recursive(
@@ -41,21 +41,21 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run(plan, store)
     made = bundle(store, plan, "full")
     sign.generate(root / "key", "anna")
-    data = provenance.statement(made.digest, made.contents, store.blobs.get, provenance.Circumstances())
-    made.attach(oci.DSSE, sign.seal(data, root / "key")[0])
-    made.write(root / "good")
+    made.attach(sign.seal(made.digest, root / "key")[0])
     made.write(root / "good.tar")
+    unpacked(root / "good.tar")
     return root
 
 
 def take(path: Path, root: Path) -> bool:
     """Whether a bundle was taken into a new store; what may never happen is asserted."""
+    path = packed(path)
     shutil.rmtree(root / "other", ignore_errors=True)
     other = Store(root / "other")
     outside = {file for file in root.rglob("*") if not file.is_relative_to(other.root)}
     error = None
     try:
-        opened = importer.open_bundle(layout.read(path))
+        opened = importer.open_bundle(layout.Layout(path))
         trust.judge(opened, sign.trusted([root / "key.pub"]))
         importer.take(opened, other)
     except BundleRefused as refused:

@@ -41,9 +41,9 @@ def test_a_cut_or_grown_part_is_refused(folder, other):
     for part in parts(folder):
         good = part.read_bytes()
         part.write_bytes(good[:-1])
-        refused(folder, other, "DXB-S302", "bytes")
+        refused(folder, other, "DXB-S302", "bytes, not")
         part.write_bytes(good + b"\0")
-        refused(folder, other, "DXB-S302", "more than its")
+        refused(folder, other, "DXB-S302", "bytes, not")
         part.write_bytes(good)
 
 
@@ -53,19 +53,6 @@ def test_a_part_that_is_gone_is_refused(folder, other):
         part.unlink()
         refused(folder, other, "DXB-S303", "lacks")
         part.write_bytes(good)
-
-
-def test_a_part_behind_a_link_is_refused(folder, other, tmp_path):
-    part = parts(folder)[0]
-    shutil.move(part, tmp_path / "elsewhere")
-    part.symlink_to(tmp_path / "elsewhere")
-    refused(folder, other, "DXB-S304", "cannot be read")
-
-
-def test_a_layout_behind_a_linked_folder_is_refused(folder, other, tmp_path):
-    shutil.move(folder / "blobs", tmp_path / "elsewhere")
-    (folder / "blobs").symlink_to(tmp_path / "elsewhere")
-    refused(folder, other, "DXB-S304", "behind a link")
 
 
 @pytest.mark.parametrize(
@@ -176,7 +163,7 @@ def test_a_cut_archive_is_refused_at_every_block(tmp_path, store, plan, other):
         (lambda raw: raw.update(annotations={"a": "\x1b[31m"}), "DXB-S306", "control characters"),
         (lambda raw: raw["layers"].pop(0), "DXB-S306", "recipes"),
         (lambda raw: raw.update(more=1), "DXB-S306", "spelled"),
-        (lambda raw: raw["layers"].insert(0, raw["layers"][0] | {"mediaType": oci.DSSE}), "DXB-S306", "twice"),
+        (lambda raw: raw["layers"].insert(0, raw["layers"][0] | {"mediaType": oci.SIGNATURE}), "DXB-S306", "twice"),
     ],
 )
 def test_a_manifest_that_is_wrong_is_refused(folder, other, change, code, word):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.bundle import importer, layout, oci, provenance, sign, trust
+from dextera_build.bundle import importer, layout, sign, trust
 from tests.bundle.conftest import bundle
 
 REPO = Path(__file__).parents[3]
@@ -59,18 +59,16 @@ def registry(tmp_path: Path) -> Iterator[None]:
 @pytest.mark.xdist_group("registry")
 def test_a_signed_bundle_goes_to_a_registry_and_back(registry, tmp_path, store, other, plan):
     made = bundle(store, plan, "full")
-    data = provenance.statement(made.digest, made.contents, store.blobs.get, provenance.Circumstances())
     sign.generate(tmp_path / "key", "anna")
-    made.attach(oci.DSSE, sign.seal(data, tmp_path / "key")[0], **{oci.PREDICATE: provenance.PREDICATE})
+    made.attach(sign.seal(made.digest, tmp_path / "key")[0])
     made.write(tmp_path / "laptop_scene.tar")
     copies = [command for command in commands() if command.startswith("skopeo ")]
     assert len(copies) >= 2
     for command in copies:
         done = subprocess.run(command, shell=True, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, f"{command}: {done.stderr}"
-    for name in ("pulled.tar", "pulled"):
-        opened = importer.open_bundle(layout.read(tmp_path / name))
-        assert opened.digest == made.digest
-        assert trust.judge(opened, sign.trusted([tmp_path / "key.pub"])).state == "trusted"
-        importer.take(opened, other)
+    opened = importer.open_bundle(layout.Layout(tmp_path / "pulled.tar"))
+    assert opened.digest == made.digest
+    assert trust.judge(opened, sign.trusted([tmp_path / "key.pub"])).state == "trusted"
+    importer.take(opened, other)
     assert set(other.actions.keys()) == set(store.actions.keys())

@@ -23,12 +23,12 @@ import random
 import sys
 import time
 from pathlib import Path
-from dextera_build.engine.execute import build
-from dextera_build.store import use
+from dextera_build.engine.run import build
+from dextera_build.store import last_use
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, graph, inline, out
 
-use.STEP_S, use.SLACK_S = {STEP_S}, {SLACK_S}
+last_use.STEP_S, last_use.SLACK_S = {STEP_S}, {SLACK_S}
 
 
 def plan(variant):

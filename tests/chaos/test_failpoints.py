@@ -51,7 +51,6 @@ WHERE = {
     "remote.blob": "push",
     "remote.entry": "push",
     "fetch.blobs": "fetch",
-    "bundle.index": "bundle",
     "import.blobs": "import",
 }
 """Failpoint -> a scenario in which it is reached."""

@@ -11,8 +11,8 @@ from pathlib import Path
 _SCRIPT = """
 import sys
 from pathlib import Path
-from dextera_build.engine.execute import build
-from dextera_build.engine.executors.local import LocalExecutor
+from dextera_build.engine.run import build
+from dextera_build.workers.pool import LocalExecutor
 from dextera_build.store.store import Store
 from tests.engine.tiny import RUNNER, Record, call, graph, out
 

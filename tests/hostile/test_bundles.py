@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from dextera_build.artifacts.base import Artifact
-from dextera_build.bundle import layout, oci
-from dextera_build.bundle.errors import BundleRefused
+from dextera_build.bundle import oci
 from dextera_build.digest import canonical, of_bytes
 from dextera_build.errors import ArtifactError
 from dextera_build.store import headers
@@ -149,13 +148,6 @@ def test_an_archive_is_refused_and_nothing_is_written(project, dxb, good, name):
     assert list(store.actions.keys()) == []
     for digest, _ in store.blobs.all():
         assert of_bytes(store.blobs.path(digest).read_bytes()) == digest
-
-
-def test_a_folder_with_a_device_for_an_index_is_refused(tmp_path):
-    (tmp_path / "b").mkdir()
-    (tmp_path / "b" / "index.json").symlink_to("/dev/zero")
-    with pytest.raises(BundleRefused):
-        layout.read(tmp_path / "b").manifest()
 
 
 def test_headers_that_name_one_another_in_a_circle_end(tmp_path, monkeypatch):

@@ -20,7 +20,7 @@ from dextera_build.artifacts.base import Artifact, Collection, File, Folder
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.table import Table
-from dextera_build.bundle import importer, layout, oci, provenance, sign
+from dextera_build.bundle import importer, layout, oci, sign, trust
 from dextera_build.bundle.closure import read_header, read_result
 from dextera_build.bundle.config import Contents
 from dextera_build.bundle.errors import BundleRefused
@@ -35,6 +35,7 @@ from dextera_build.store import entry as entries
 from dextera_build.store import headers
 from dextera_build.store.store import Store
 from tests.bundle.conftest import bundle, small
+from tests.bundle.forge import unpacked
 from tests.engine.tiny import run
 from tests.hostile.values import PLAIN, mutate, torn
 from tests.recipe.conftest import RECIPE
@@ -62,21 +63,20 @@ def good(project, tmp_path_factory) -> Good:
     result, _ = run(graph, store)
     made = bundle(store, graph, "full")
     sign.generate(root / "key", "anna")
-    statement = provenance.statement(made.digest, made.contents, store.blobs.get, provenance.Circumstances())
-    made.attach(oci.DSSE, sign.seal(statement, root / "key")[0])
-    made.write(root / "bundle")
-    opened = importer.open_bundle(layout.read(root / "bundle"))
+    signature, _ = sign.seal(made.digest, root / "key")
+    made.attach(signature)
+    made.write(root / "bundle.tar")
+    opened = importer.open_bundle(layout.Layout(root / "bundle.tar"))
     key = result.nodes["scene"].key or ""
     found = store.actions.get(key)
     entry = store.actions.entry(key)
     assert found is not None
     assert entry is not None
     documents = {
-        "index": (root / "bundle" / "index.json").read_bytes(),
+        "index": (unpacked(root / "bundle.tar") / "index.json").read_bytes(),
         "manifest": opened.manifest.spell(),
         "config": opened.contents.spell(),
-        "statement": statement,
-        "envelope": sign.seal(statement, root / "key")[0],
+        "signature": signature,
         "result": found.document,
         "header": store.blobs.get(found.output),
     }
@@ -184,8 +184,7 @@ READERS: dict[str, Callable[[bytes], object]] = {
     "index": oci.read_index,
     "manifest": oci.Manifest.read,
     "config": Contents.read,
-    "statement": provenance.subject_of,
-    "envelope": sign.Envelope.read,
+    "signature": trust.read_signature,
     "result": lambda text: read_result(text, "a"),
     "header": lambda text: read_header(text, "0" * 64),
 }

@@ -82,7 +82,7 @@ def seen(pool: LocalExecutor, *tasks: Task) -> list[dict[str, Any]]:
 
 _SCRIPT = """
 import json, os, sys, threading
-from dextera_build.engine.executors.local import LocalExecutor
+from dextera_build.workers.pool import LocalExecutor
 from tests.workers.test_process import HERE, seen, task
 with open(sys.argv[1], "a") as ran:
     ran.write("once\\n")

@@ -23,7 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         for name, (_, text) in _VERBS.items()
     }
     subs["create"].add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what was built")
-    subs["create"].add_argument("-o", "--out", metavar="PATH", required=True, help="NAME.tar, or a new folder")
+    subs["create"].add_argument("-o", "--out", metavar="FILE", required=True, help="NAME.tar")
     subs["create"].add_argument(
         "--closure",
         choices=("targets", "full"),
@@ -34,7 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     options.project_arguments(subs["create"])
     options.request_arguments(subs["create"])
     for name in ("inspect", "import"):
-        subs[name].add_argument("bundle", metavar="BUNDLE", help="a bundle: FILE.tar, or a folder")
+        subs[name].add_argument("bundle", metavar="BUNDLE", help="a bundle: FILE.tar")
         subs[name].add_argument("--require-signed", action="store_true", help="refuse what no trusted key signed")
     subs["inspect"].add_argument("--recipe", metavar="NAME", help="print the YAML of this recipe of the bundle")
     subs["keygen"].add_argument("file", metavar="FILE", help="the private key; the public one goes to FILE.pub")

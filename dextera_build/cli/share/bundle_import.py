@@ -28,23 +28,21 @@ def source_of(text: str) -> layout.Layout:
     """The bundle that an argument names.
 
     Raises:
-        UsageError: There is no such file or folder.
+        UsageError: There is no such file.
         BundleRefused: It is no bundle.
     """
     _, separator, place = text.partition("://")
     if separator:
         raise UsageError(
-            f"`{text}` is not a file or folder",
+            f"`{text}` is not a file",
             code="DXB-U147",
             facts={"registries": "`skopeo` copies from and to them"},
             hint=f"skopeo copy docker://{place} oci-archive:bundle.tar",
         )
     path = Path(text)
     if not path.exists():
-        raise UsageError(
-            f"there is no file or folder `{text}`", code="DXB-U146", hint="dxb bundle create RECIPE -o FILE.tar"
-        )
-    return layout.read(path)
+        raise UsageError(f"there is no file `{text}`", code="DXB-U146", hint="dxb bundle create RECIPE -o FILE.tar")
+    return layout.Layout(path)
 
 
 def judged(args: argparse.Namespace, project: Project, bundle: Opened) -> trust.Voucher:
@@ -53,9 +51,10 @@ def judged(args: argparse.Namespace, project: Project, bundle: Opened) -> trust.
     Raises:
         BundleRefused: A signature is wrong, or one is required and there is none.
     """
-    keys = sign.trusted(project.trusted_keys) if bundle.manifest.provenance or args.require_signed else []
+    required = args.require_signed or project.require_signed
+    keys = sign.trusted(project.trusted_keys) if bundle.manifest.signature or required else []
     voucher = trust.judge(bundle, keys)
-    if args.require_signed or project.require_signed:
+    if required:
         trust.require(bundle, voucher, keys)
     return voucher
 

@@ -35,7 +35,6 @@ def inspect(args: argparse.Namespace) -> int:
 def _rows(bundle: Opened, voucher: Voucher) -> list[tuple[str, object]]:
     nodes = [node for _, node in bundle.contents.nodes()]
     layers = bundle.manifest.layers
-    files = sum(1 for entry in _dependencies(voucher) if entry.get("annotations", {}).get("kind") == "file")
     return [
         ("digest", f"sha256:{bundle.digest}"),
         ("created", bundle.manifest.annotations.get(oci.CREATED, "-")),
@@ -48,8 +47,7 @@ def _rows(bundle: Opened, voucher: Voucher) -> list[tuple[str, object]]:
         ("bytes", bundle.size),
         *(("recipe", f"{name}\tsha256:{digest}") for name, digest in bundle.contents.recipes.items()),
         ("made by", f"dxb {bundle.contents.dxb}"),
-        ("input files", files if voucher.statement else "-"),
-        ("provenance", voucher.statement.get("predicateType", "none")),
+        ("inputs", len({path for node in nodes for path in node.files.values()})),
         ("signature", str(voucher)),
     ]
 
@@ -60,16 +58,8 @@ def _everything(bundle: Opened, voucher: Voucher) -> dict[str, Any]:
         "bytes": bundle.size,
         "manifest": json.loads(bundle.manifest.spell()),
         "config": json.loads(bundle.contents.spell()),
-        "signature": {"state": voucher.state, "signers": list(voucher.signers)},
-        "provenance": voucher.statement or None,
+        "signature": {"state": voucher.state, "signer": voucher.signer},
     }
-
-
-def _dependencies(voucher: Voucher) -> list[dict[str, Any]]:
-    found = voucher.statement.get("predicate", {})
-    for step in ("buildDefinition", "resolvedDependencies"):
-        found = found.get(step, {}) if isinstance(found, dict) else {}
-    return [entry for entry in found if isinstance(entry, dict)] if isinstance(found, list) else []
 
 
 def _recipe(bundle: Opened, name: str) -> str:

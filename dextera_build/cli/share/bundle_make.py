@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import platform
 import sys
 import time
 from collections.abc import Sequence
@@ -13,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build import __version__
-from dextera_build.bundle import oci, provenance
 from dextera_build.bundle.config import Build, Contents
 from dextera_build.bundle.export import Export
 from dextera_build.cli import options
@@ -47,38 +45,25 @@ def _make(args: argparse.Namespace, targets: Sequence[str]) -> Export:
     builds: list[Build] = []
     recipes: dict[str, bytes] = {}
     times: list[float] = []
-    runs: list[str] = []
     for recipe, names in sorted(wanted.items()):
         build, plan, past = _survey(args, project, recipe, names)
         builds.append(build)
         recipes |= _recipes(project, plan)
-        times += [when for when, _ in past]
-        runs += [f"{recipe}@{run}" for _, run in past]
+        times += past
     texts = {name: _digest(data) for name, data in recipes.items()}
     contents = Contents(args.closure, __version__, tuple(builds), texts)
-    store, created = reading(project), _created(times)
-    made = Export(store, contents, recipes, created)
-    known = provenance.Circumstances(
-        _request(args),
-        tuple(dict.fromkeys(runs)),
-        created,
-        {"python": platform.python_version(), "system": sys.platform},
-    )
-    statement = provenance.statement(made.digest, contents, made.get, known)
-    kind = {oci.PREDICATE: provenance.PREDICATE}
+    made = Export(reading(project), contents, recipes, _created(times))
     if args.sign:
-        envelope, key = sign.seal(statement, Path(args.sign))
-        made.attach(oci.DSSE, envelope, **kind)
+        signature, key = sign.seal(made.digest, Path(args.sign))
+        made.attach(signature)
         print(f"signed with {key.id}", file=sys.stderr)
-    else:
-        made.attach(oci.IN_TOTO, statement, **kind)
     return made
 
 
 def _survey(
     args: argparse.Namespace, project: Project, recipe: str, names: Sequence[str]
-) -> tuple[Build, Plan, list[tuple[float, str]]]:
-    """A build as it stands in the store, its plan, and (time, run) in which its targets were made."""
+) -> tuple[Build, Plan, list[float]]:
+    """A build as it stands in the store, its plan, and when its targets were made."""
     from dextera_build.bundle.closure_of_targets import as_build, survey
     from dextera_build.session import Session, addresses
 
@@ -99,9 +84,9 @@ def _survey(
     return build, plan, _past(session, found)
 
 
-def _past(session: Session, found: Survey) -> list[tuple[float, str]]:
+def _past(session: Session, found: Survey) -> list[float]:
     known = [(session.past_builds.get(node.address), node) for node in found.nodes if node.address in found.targets]
-    return [(entry.time, entry.run) for entry, node in known if entry is not None and entry.key == node.key]
+    return [entry.time for entry, node in known if entry is not None and entry.key == node.key]
 
 
 def _recipes(project: Project, plan: Plan) -> dict[str, bytes]:
@@ -113,10 +98,6 @@ def _recipes(project: Project, plan: Plan) -> dict[str, bytes]:
         if address is not None:
             found[address] = path.read_bytes()
     return found
-
-
-def _request(args: argparse.Namespace) -> dict[str, object]:
-    return {"inputs": args.input, "settings": args.settings, "backends": args.backends}
 
 
 def _created(times: Sequence[float]) -> str:
