@@ -227,6 +227,10 @@ class Blobs:
             failpoints.reach("blob.aside")
             os.replace(self._file(digest), self._quarantine / digest)
 
+    def all(self) -> Iterator[tuple[str, int]]:
+        """Every blob with its size [bytes]."""
+        yield from ((digest, size) for digest, size, _ in listing(self.root))
+
     def _file(self, digest: str) -> str:
         if not is_digest(digest):
             raise StoreError(f"`{digest}` is not a SHA-256 digest", code="DXB-S104")

@@ -20,7 +20,7 @@ from typing import TypeAlias
 from dextera_build import digest as digests
 from dextera_build.errors import DxbError, RuleError
 from dextera_build.store.statcache import StatCache, listed
-from dextera_build.store.traces import NO, NONE, YES, Steps, is_plain
+from dextera_build.store.traces import NO, NONE, YES, is_plain
 
 UNKNOWN = "?"
 """Returned if there is no answer."""
@@ -178,20 +178,20 @@ class Recording:
         self._answers: dict[tuple[str, str], str] = {}
         self.error: DxbError | None = None
         """Why a question had no answer; such a call fails, even if it catches the error."""
-        self.closed = False
+        self._closed = False
         """Whether the call saved progress, which depends on what was read so far."""
 
     @property
-    def steps(self) -> Steps:
+    def steps(self) -> list[list[str]]:
         """Questions and answers."""
-        return tuple((kind, name, answer) for (kind, name), answer in self._answers.items())
+        return [[kind, name, answer] for (kind, name), answer in self._answers.items()]
 
-    @property
-    def digest(self) -> str:
-        """Digest of what was read so far."""
-        return digests.of_value([list(step) for step in self.steps])
+    def close(self) -> str:
+        """Answer no further questions; returns the digest of what was read so far."""
+        self._closed = True
+        return digests.of_value(self.steps)
 
-    def file(self, path: str) -> str:
+    def digest_of(self, path: str) -> str:
         """Digest of the `File` at `path`.
 
         Raises:
@@ -214,7 +214,7 @@ class Recording:
         name = posixpath.normpath(path)
         return self._ask("there", name, lambda: self._look.answer("there", name)) == YES
 
-    def names(self, pattern: str) -> list[str]:
+    def glob(self, pattern: str) -> list[str]:
         """Files that match a pattern, sorted."""
         name = posixpath.normpath(pattern)
 
@@ -229,8 +229,14 @@ class Recording:
         with self._guard:
             if (kind, name) in self._answers:
                 return self._answers[kind, name]
-            if self.closed:
-                raise self._fail(_late(name))
+            if self._closed:
+                raise self._fail(
+                    RuleError(
+                        f"`{name}` is read after `ctx.keep` was used",
+                        code="DXB-B353",
+                        hint="read first: what is kept may only depend on what was read before",
+                    )
+                )
             try:
                 told = answer()
             except DxbError as error:
@@ -241,14 +247,6 @@ class Recording:
     def _fail(self, error: DxbError) -> DxbError:
         self.error = self.error or error
         return error
-
-
-def _late(name: str) -> RuleError:
-    return RuleError(
-        f"`{name}` is read after `ctx.keep` was used",
-        code="DXB-B353",
-        hint="read first: what is kept may only depend on what was read before",
-    )
 
 
 def _outside(name: str, real: str = "") -> RuleError:

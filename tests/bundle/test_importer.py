@@ -12,7 +12,6 @@ from dextera_build.bundle.closure_of_targets import survey
 from dextera_build.bundle.config import Contents
 from dextera_build.digest import canonical
 from dextera_build.engine.graph import Address
-from dextera_build.store.blobs import listing
 from dextera_build.store.entry import ActionResult
 from tests.bundle.conftest import bundle, large
 from tests.bundle.forge import packed, take
@@ -113,7 +112,7 @@ def test_a_large_blob_is_never_in_memory(tmp_path, store, other):
     take(tmp_path / "large.tar", other)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert size in (found for _, found, _ in listing(other.blobs.root))
+    assert size in (found for _, found in other.blobs.all())
     assert peak < 10 << 20
 
 

@@ -128,32 +128,32 @@ def test_a_file_is_a_file_and_no_folder(look: Look) -> None:
 
 def test_a_recording_asks_once_and_keeps_the_order(look: Look, root: Path) -> None:
     asked = Recording(look)
-    first = asked.file("meshes/../arm.xml")
+    first = asked.digest_of("meshes/../arm.xml")
     (root / "arm.xml").write_text("edited while it runs")
-    assert asked.file("arm.xml") == first
+    assert asked.digest_of("arm.xml") == first
     assert asked.exists("nothing") is False
-    assert asked.names("./meshes/*.stl") == ["meshes/a.stl", "meshes/b.stl"]
+    assert asked.glob("./meshes/*.stl") == ["meshes/a.stl", "meshes/b.stl"]
     assert [step[:2] for step in asked.steps] == [
-        ("file", "arm.xml"),
-        ("there", "nothing"),
-        ("names", "meshes/*.stl"),
+        ["file", "arm.xml"],
+        ["there", "nothing"],
+        ["names", "meshes/*.stl"],
     ]
 
 
 def test_a_question_without_an_answer_spoils_the_call(look: Look) -> None:
     asked = Recording(look)
     with pytest.raises(DxbError) as caught:
-        asked.file("nothing.xml")
+        asked.digest_of("nothing.xml")
     assert caught.value.code == "DXB-B352"
     assert asked.error is caught.value
-    assert asked.steps == (("file", "nothing.xml", "-"),)
+    assert asked.steps == [["file", "nothing.xml", "-"]]
 
 
 def test_what_progress_depends_on_is_read_before(look: Look) -> None:
     asked = Recording(look)
-    asked.file("arm.xml")
-    asked.closed = True
-    asked.file("arm.xml")
+    asked.digest_of("arm.xml")
+    asked.close()
+    asked.digest_of("arm.xml")
     with pytest.raises(DxbError) as caught:
         asked.exists("other.xml")
     assert caught.value.code == "DXB-B353"
