@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
+from dextera_build.errors import StoreError
 from dextera_build.store import entry as entries
 from dextera_build.store import files
 from dextera_build.store.blobs import listing
@@ -114,3 +115,19 @@ def remove(path: str) -> None:
         shutil.rmtree(path)
     else:
         os.unlink(path)
+
+
+def refuse_unwritable(store: Store, what: str, code: str, hint: str) -> None:
+    """Stop before anything changes.
+
+    Raises:
+        StoreError: The store may only be read.
+    """
+    for place in (store.blobs.root, store.actions.root, store.local, store.root):
+        if place.is_dir() and not os.access(place, os.W_OK):
+            raise StoreError(
+                f"the store cannot be {what}, it may only be read",
+                code=code,
+                facts={"folder": str(place)},
+                hint=f"ask whoever owns it; {hint}",
+            )

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dextera_build import digest as digests
-from dextera_build.errors import StoreError
 from dextera_build.gc import inventory
 from dextera_build.store import entry as entries
 from dextera_build.store import failpoints, files, last_use, permissions
@@ -73,7 +72,8 @@ def verify(
         StoreError: It shall be repaired and cannot be written.
     """
     if repair:
-        _refuse_unwritable(store)
+        hint = "`dxb cache verify` without `--repair` only reads"
+        inventory.refuse_unwritable(store, "repaired", "DXB-S402", hint)
     verifier = _Verifier(store, fast, repair, progress or (lambda count, size: None))
     verifier.blobs(jobs or len(os.sched_getaffinity(0)))
     verifier.results()
@@ -190,14 +190,3 @@ def _is_named_right(name: str, path: str) -> bool:
         raise
     except OSError:
         return False
-
-
-def _refuse_unwritable(store: Store) -> None:
-    for place in (store.blobs.root, store.actions.root, store.root):
-        if place.is_dir() and not os.access(place, os.W_OK):
-            raise StoreError(
-                "the store cannot be repaired, it may only be read",
-                code="DXB-S402",
-                facts={"folder": str(place)},
-                hint="ask whoever owns it; `dxb cache verify` without `--repair` only reads",
-            )

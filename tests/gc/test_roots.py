@@ -10,7 +10,7 @@ import pytest
 
 from dextera_build.engine.run import RunInfo, build
 from dextera_build.gc import roots
-from dextera_build.gc.collection import collect
+from dextera_build.gc.collect import collect_all
 from dextera_build.runs.history import Entry, History
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, graph, inline, out
@@ -28,7 +28,7 @@ def run(store: Store, project: Path, value: int = 0) -> set[str]:
 def test_what_a_project_built_last_is_held_by_its_name(store: Store, tmp_path: Path) -> None:
     old, new = run(store, tmp_path, 0), run(store, tmp_path, 1)
     assert roots.find(store).keys == {str(tmp_path): new}
-    collect(store, size=0, dry=False)
+    collect_all(store, size=0, dry=False)
     assert set(store.actions.keys()) == new
     assert old != new
 
