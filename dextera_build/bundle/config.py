@@ -60,7 +60,7 @@ class Contents:
     """Version of dxb that made it."""
     builds: tuple[Build, ...]
     recipes: Mapping[str, str]
-    """Address -> digest of the YAML."""
+    """Address -> YAML."""
 
     def nodes(self) -> Iterator[tuple[str, Node]]:
         """Every node with its full address."""
@@ -102,7 +102,7 @@ class Contents:
             "full" if closure == "full" else "targets",
             reader.text("dxb"),
             tuple(_build(raw) for raw in reader.items("builds")),
-            {_address(name): recipes.digest(name) for name in recipes.raw},
+            {_address(name): recipes.body(name) for name in recipes.raw},
         )
         if not found.builds:
             raise ill_formed(what, "there is no build in it")

@@ -53,6 +53,13 @@ class Reader:
             self._refuse(name, "a text without control characters")
         return value
 
+    def body(self, name: str) -> str:
+        """A text of any length and with any characters, as UTF-8 holds them."""
+        value = self.raw.get(name)
+        if not isinstance(value, str) or any("\ud800" <= sign <= "\udfff" for sign in value):
+            self._refuse(name, "a text")
+        return value
+
     def maybe(self, name: str) -> str | None:
         """A text, or None."""
         return None if self.raw.get(name) is None else self.text(name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,7 +27,6 @@ class Export:
     Args:
         store: Holds all that the nodes need.
         contents: The nodes.
-        recipes: Address -> YAML.
         created: When the results were made, as RFC 3339; "" where that is not known.
         large: Least size of a blob that is a layer of its own [bytes].
 
@@ -40,7 +39,6 @@ class Export:
         self,
         store: Store,
         contents: Contents,
-        recipes: Mapping[str, bytes],
         created: str = "",
         large: int = packs.LARGE,
     ) -> None:
@@ -51,11 +49,9 @@ class Export:
         self._documents: dict[str, bytes] = {}
         self._layers: dict[str, packs.Layer] = {}
         config = self._keep(oci.CONFIG, contents.spell())
-        texts = [self._keep(oci.RECIPE, recipes[name], f"recipes/{name}.yaml") for name in sorted(recipes)]
         needed = closure.of(contents, self.get).blobs
-        texts = list({text.digest: text for text in texts}.values())
         held = [self._layer(layer, n) for n, layer in enumerate(packs.layers(self._sizes(needed), large))]
-        self.manifest = Manifest(config, (*texts, *held), annotations=_annotations(contents, created))
+        self.manifest = Manifest(config, tuple(held), annotations=_annotations(contents, created))
 
     @property
     def digest(self) -> str:

@@ -23,7 +23,7 @@ from dextera_build.store.traces import publish
 
 MOST_DOCUMENT = 64 << 20
 """Bytes of a key document, a header or a `result.json`."""
-_KINDS = {oci.PACK, oci.BLOB, oci.RECIPE}
+_KINDS = {oci.PACK, oci.BLOB}
 
 
 @dataclass(frozen=True)
@@ -74,11 +74,7 @@ def open_bundle(source: Layout) -> Opened:
     for layer in manifest.layers:
         if layer.media_type not in _KINDS:
             raise ill_formed("the manifest", f"`{layer.media_type}` is no type of its layers")
-    contents = Contents.read(source.whole(manifest.config, "the config", oci.MOST_CONFIG))
-    recipes = {layer.digest for layer in manifest.layers if layer.media_type == oci.RECIPE}
-    if recipes != set(contents.recipes.values()):
-        raise ill_formed("the manifest", "its recipes are not those of the config")
-    return Opened(source, manifest, contents)
+    return Opened(source, manifest, Contents.read(source.whole(manifest.config, "the config", oci.MOST_CONFIG)))
 
 
 def take(bundle: Opened, store: Store) -> Taken:
@@ -138,10 +134,7 @@ class _Inbox:
     def layer(self, layer: Descriptor) -> None:
         """Import the blobs of one layer."""
         chunks = self._source.stream(layer)
-        if layer.media_type == oci.RECIPE:
-            for _ in chunks:  # only checked: the project has its own recipes
-                pass
-        elif layer.media_type == oci.BLOB:
+        if layer.media_type == oci.BLOB:
             self._take(layer.digest, layer.size, chunks)
         else:
             for name, size, pieces in tar.files(chunks):

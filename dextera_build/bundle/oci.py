@@ -20,7 +20,6 @@ PACK = "application/vnd.dextera.bundle.blobs.v1.tar"
 """Many small blobs, one file each."""
 BLOB = "application/vnd.dextera.blob.v1"
 """One blob, as it is."""
-RECIPE = "application/vnd.dextera.recipe.v1+yaml"
 SIGNATURE = "application/vnd.dextera.bundle.signature.v1+json"
 
 TITLE = "org.opencontainers.image.title"
@@ -80,7 +79,7 @@ class Manifest:
 
     config: Descriptor
     layers: tuple[Descriptor, ...]
-    """Recipes and blobs."""
+    """Blobs."""
     signature: Descriptor | None = None
     """The last layer, which is about the manifest without it."""
     annotations: Mapping[str, str] = field(default_factory=dict)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.artifacts.difference import Difference, differences
 from dextera_build.engine.key import compare
 from dextera_build.explain.causes import short
+from dextera_build.explain.origins import document
 from dextera_build.report.wording import number
 from dextera_build.store.blobs import MissingBlob
 
@@ -84,7 +84,7 @@ def _ended(side: Side) -> str:
 def _keys(store: Store, old: Side, new: Side) -> Iterator[Row]:
     if old.key == new.key or old.key is None or new.key is None:
         return
-    before, after = _document(store, old.key), _document(store, new.key)
+    before, after = document(store, old.key), document(store, new.key)
     if before is None or after is None:
         yield Row("lost", "key", f"{old.key[:12]} -> {new.key[:12]}, whose document is not in the store")
         return
@@ -116,11 +116,3 @@ def _value(metric: tuple[float, str] | None) -> str:
 def _measured(store: Store, side: Side) -> Mapping[str, tuple[float, str]]:
     found = store.actions.known(side.key) if side.key else None
     return found.metrics if found is not None and found.output == side.output else {}
-
-
-def _document(store: Store, key: str) -> dict[str, Any] | None:
-    try:
-        loaded: dict[str, Any] = json.loads(store.blobs.get(key))
-    except MissingBlob:
-        return None
-    return loaded

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.engine.graph import Address, Call, Gather, Graph, Item, Output, node_address, parts_of
+from dextera_build.engine.graph import Call, Gather, Graph, Item, Output, node_address, parts_of
 from dextera_build.runs import log
 from dextera_build.store.store import Store
 
@@ -135,8 +135,3 @@ def matching(nodes: Mapping[str, Known], glob: str) -> list[str]:
     """Addresses that a glob names; one without labels names every copy: `body.mesh`."""
     wanted = pattern(glob)
     return [address for address, node in nodes.items() if wanted.fullmatch(address) or wanted.fullmatch(node.call)]
-
-
-def plain(address: str) -> Address:
-    """The call of an address such as `body[*].mesh`."""
-    return Address(tuple(_LABEL.sub("", address).split(".")))

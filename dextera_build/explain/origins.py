@@ -16,6 +16,7 @@ from typing import Any
 from dextera_build.runs import log
 from dextera_build.session import Session
 from dextera_build.store.blobs import MissingBlob
+from dextera_build.store.store import Store
 
 Event = dict[str, Any]
 
@@ -60,15 +61,11 @@ class Origins:
         self._store = session.store
         self._runs: dict[str, dict[str, Event]] = {}
         self._headers: dict[str, Any] = {}
+        self._outlines: dict[str, tuple[str, frozenset[str]] | None] = {}
 
     def document(self, key: str) -> dict[str, Any] | None:
         """The key document of a key, or None where the store lacks it."""
-        try:
-            # A key is the digest of its document.
-            loaded: dict[str, Any] = json.loads(self._store.blobs.get(key))
-        except MissingBlob:
-            return None
-        return loaded
+        return document(self._store, key)
 
     def event(self, key: str, run: str = "") -> Event | None:
         """How a node with this key ended in `run`, or else in the newest run that knows it; `run` says which."""
@@ -96,23 +93,21 @@ class Origins:
             run: A run that had the reader under this key.
         """
         event = self.event(key, run)
-        candidates: dict[str, str] = {}
-        told: dict[str, str] = {}
-        path = ""
+        read: dict[str, Event] = {}
         if event is not None:
-            candidates = {made: node for node, made in self.read_by(key, event["run"]).items()}
-            told = {made: self._nodes(event["run"])[node]["output"] for made, node in candidates.items()}
-            path = event.get("files", {}).get(slot, "")
-        if path:
-            return Origin(digest, path=path, files=self.contents(digest))
+            if path := event.get("files", {}).get(slot, ""):
+                return Origin(digest, path=path, files=self.contents(digest))
+            nodes = self._nodes(event["run"])
+            read = {nodes[node]["key"]: nodes[node] for node in event["depends_on"] if node in nodes}
+        own = {made: entry for made, entry in self._named.items() if self._may_feed(made, key)}
         return (
-            self._made_by(digest, candidates)
-            or self._told_by(digest, candidates, told)
-            or self._whole(digest, key)
-            or self._part(digest, key, named=True)
+            self._holder(digest, {made: (told["node"], told["output"]) for made, told in read.items()})
+            or self._holder(digest, {made: (node, "") for made, (node, _) in own.items()})
             or self._leaf(digest)
             or self._collection(key, slot, digest, run)
-            or self._part(digest, key, named=False)
+            or self._holder(
+                digest, {made: ("", "") for made in sorted(self._store.actions.keys()) if self._may_feed(made, key)}
+            )
             or Origin(digest)
         )
 
@@ -128,47 +123,27 @@ class Origins:
             self._runs[run] = {event["node"]: event for event in ended}
         return self._runs[run]
 
-    def _made_by(self, digest: str, candidates: Mapping[str, str]) -> Origin | None:
-        """Among the nodes (key -> address) that the reader waited for: the whole output first, then a part of one."""
-        outlines = {key: self._store.actions.outline(key) for key in candidates}
-        for key, outline in outlines.items():
-            if outline is not None and outline[0] == digest:
-                return Origin(digest, key, candidates[key])
-        for key, outline in outlines.items():
-            if outline is not None and digest in outline[1]:
-                return Origin(digest, key, candidates[key], part=self._way(outline[0], digest))
-        return None
+    def _holder(self, digest: str, nodes: Mapping[str, tuple[str, str]]) -> Origin | None:
+        """Among nodes (key -> address and output): the one that returned it, else the one with the least beside it.
 
-    def _told_by(self, digest: str, candidates: Mapping[str, str], told: Mapping[str, str]) -> Origin | None:
-        """Among nodes whose results are not here: a bundle brings their names and the headers of what they returned."""
-        for key, output in told.items():
+        The store may lack their results: a bundle brings their names and the headers of what they returned.
+        """
+        found = []
+        for key, (node, told) in nodes.items():
+            output, refs = self._outline(key) or (told, None)
             if output == digest:
-                return Origin(digest, key, candidates[key])
-            if part := self._way(output, digest):
-                return Origin(digest, key, candidates[key], part=part)
-        return None
-
-    def _whole(self, digest: str, reader: str) -> Origin | None:
-        for key in self._outputs.get(digest, ()):
-            if self._may_feed(key, reader):
-                return Origin(digest, key, self._addresses.get(key, ""))
-        return None
-
-    def _part(self, digest: str, reader: str, *, named: bool) -> Origin | None:
-        """The result, of this recipe's nodes or of all, that holds it and the least beside it."""
-        holders = [
-            (len(refs), key, output)
-            for key, (output, refs) in self._outlines.items()
-            if digest in refs and (key in self._addresses) >= named and self._may_feed(key, reader)
-        ]
-        if not holders:
+                return Origin(digest, key, node)
+            if output and (digest in refs if refs is not None else self._way(output, digest)):
+                found.append((len(refs or ()), key, node, output))
+        if not found:
             return None
-        _, key, output = min(holders)
-        return Origin(digest, key, self._addresses.get(key, ""), part=self._way(output, digest))
+        _, key, node, output = min(found)
+        return Origin(digest, key, node, part=self._way(output, digest))
 
     def _may_feed(self, key: str, reader: str) -> bool:
         """Whether a node can have been read by another: one that was built later cannot, and none reads itself."""
-        return key != reader and self._times.get(key, 0.0) < self._times.get(reader, math.inf)
+        made, read = (self._named.get(one, ("", default))[1] for one, default in ((key, 0.0), (reader, math.inf)))
+        return key != reader and made < read
 
     def _collection(self, key: str, slot: str, digest: str, run: str) -> Origin | None:
         header = self._header(digest)
@@ -179,26 +154,14 @@ class Origins:
         return Origin(digest, items=items)
 
     @cached_property
-    def _times(self) -> dict[str, float]:
-        return {entry.key: entry.time for entry in self._session.history.values()}
+    def _named(self) -> dict[str, tuple[str, float]]:
+        """Key -> address and time of the recipe's nodes, as they were built last."""
+        return {entry.key: (node, entry.time) for node, entry in self._session.history.items()}
 
-    @cached_property
-    def _addresses(self) -> dict[str, str]:
-        return {entry.key: node for node, entry in self._session.history.items()}
-
-    @cached_property
-    def _outlines(self) -> dict[str, tuple[str, frozenset[str]]]:
-        """Every result in the store, those of this recipe's nodes first."""
-        keys = dict.fromkeys([*self._addresses, *self._store.actions.keys()])
-        found = ((key, self._store.actions.outline(key)) for key in keys)
-        return {key: outline for key, outline in found if outline is not None}
-
-    @cached_property
-    def _outputs(self) -> dict[str, list[str]]:
-        found: dict[str, list[str]] = {}
-        for key, (output, _) in self._outlines.items():
-            found.setdefault(output, []).append(key)
-        return found
+    def _outline(self, key: str) -> tuple[str, frozenset[str]] | None:
+        if key not in self._outlines:
+            self._outlines[key] = self._store.actions.outline(key)
+        return self._outlines[key]
 
     def _leaf(self, digest: str) -> Origin | None:
         """A project file or folder by what the store remembers of their bytes."""
@@ -224,10 +187,7 @@ class Origins:
 
     def _header(self, digest: str) -> dict[str, Any]:
         if digest not in self._headers:
-            try:
-                self._headers[digest] = json.loads(self._store.blobs.get(digest))
-            except MissingBlob:
-                self._headers[digest] = {}
+            self._headers[digest] = document(self._store, digest) or {}
         header: dict[str, Any] = self._headers[digest]
         return header
 
@@ -246,6 +206,15 @@ class Origins:
 
     def _shown(self, path: str) -> str:
         return path.removeprefix(f"{self._session.project.root}/")
+
+
+def document(store: Store, key: str) -> dict[str, Any] | None:
+    """The key document of a key, whose digest the key is, or a header; None where the store lacks it."""
+    try:
+        loaded: dict[str, Any] = json.loads(store.blobs.get(key))
+    except MissingBlob:
+        return None
+    return loaded
 
 
 def margin(depth: int) -> str:

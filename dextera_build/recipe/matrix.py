@@ -95,26 +95,22 @@ def filled(arguments: Mapping[str, Node], values: Values) -> dict[str, Node]:
     Raises:
         RecipeError: The matrix has no such name.
     """
-    return {name: _filled(node, values) for name, node in arguments.items() if any(references(node))}
 
+    def fill(node: Node) -> Node:
+        if not _speaks(node):
+            return node
+        name = node.value.removeprefix(PREFIX)
+        if name not in values:
+            raise RecipeError(
+                f"the matrix has no `{name}`",
+                code="DXB-R509",
+                where=node.place,
+                facts={"it has": listing(values)},
+                hint=did_you_mean(name, values, form=f"`{PREFIX}{{}}`"),
+            )
+        return values[name]
 
-def _filled(node: Node, values: Values) -> Node:
-    if isinstance(node.value, dict):
-        return node.holding({name: _filled(inner, values) for name, inner in node.value.items()})
-    if isinstance(node.value, list):
-        return node.holding([_filled(inner, values) for inner in node.value])
-    if not _speaks(node):
-        return node
-    name = node.value.removeprefix(PREFIX)
-    if name not in values:
-        raise RecipeError(
-            f"the matrix has no `{name}`",
-            code="DXB-R509",
-            where=node.place,
-            facts={"it has": listing(values)},
-            hint=did_you_mean(name, values, form=f"`{PREFIX}{{}}`"),
-        )
-    return values[name]
+    return {name: node.map(fill) for name, node in arguments.items() if any(references(node))}
 
 
 def refuse_outside(arguments: Mapping[str, Node]) -> None:

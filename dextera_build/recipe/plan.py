@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dextera_build.code.loader import Library, RuleFile
-from dextera_build.engine.graph import Call, Graph, Group, Leaf
+from dextera_build.code.loader import Library
+from dextera_build.engine.graph import Call, Graph, Group, Leaf, Output
 from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.recipe import cycles, groups, limits
 from dextera_build.recipe.calls import CallMaker
 from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, MatrixDecl, Recipe, UseDecl
-from dextera_build.recipe.scope import Alias, Bound, CallNames, GroupName, Scope, UseName, item
+from dextera_build.recipe.scope import Alias, Bound, GroupName, Scope, UseName, item
 from dextera_build.recipe.settings import COMMAND_LINE, Setting
 from dextera_build.recipe.strict_yaml import Node
 
@@ -53,31 +53,15 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
     planner = _Planner(read, library, project, request or Request())
     recipe = planner.recipe(address, Place("the command line"))
     scope = planner.root(recipe)
-    order = planner.fill()
+    planner.fill()
     targets = {"default": [], **recipe.targets} if not recipe.targets else dict(recipe.targets)
     resolved = {name: tuple(planner.target(scope, node) for node in nodes) for name, nodes in targets.items()}
     if not resolved.get("default"):
         resolved["default"] = tuple((name,) for name, decl in recipe.nodes.items() if isinstance(decl, CallDecl))
     graph = Graph(address, planner.tree(), resolved)
-    if not order.holds:
-        cycles.refuse(graph)
+    cycles.refuse(graph)
     planner.maker.refuse_unused_settings(graph)
     return Plan(graph, tuple(planner.files), planner.maker.rules)
-
-
-@dataclass(frozen=True)
-class _Run:
-    """Calls that stand one after another in one block."""
-
-    group: tuple[str, ...]
-    prefix: str
-    scope: Scope
-    calls: list[CallDecl] = field(default_factory=list)
-
-    def addresses(self) -> Iterator[tuple[tuple[str, ...], CallDecl]]:
-        """Each call with its place in the graph."""
-        for call in self.calls:
-            yield (*self.group, self.prefix + call.name), call
 
 
 class _Planner:
@@ -91,7 +75,8 @@ class _Planner:
         self.files: list[Path] = []
         self._recipes: dict[str, Recipe] = {}
         self._foreign: dict[str, Scope] = {}
-        self._pending: list[_Run] = []
+        self._pending: dict[tuple[str, ...], tuple[CallDecl, Scope]] = {}
+        """Address -> declaration, and the scope that it stands in."""
         self._groups: dict[tuple[str, ...], tuple[GroupDecl | MatrixDecl, groups.Over | None]] = {}
         """Address -> declaration, and what an `each` opens over."""
         self._opening: list[str] = []
@@ -124,20 +109,18 @@ class _Planner:
                 )
         return self._open(recipe, "", (), {}, self._request.inputs)
 
-    def fill(self) -> cycles.Order:
-        """Make every declared call, and say in what order they stand."""
-        order = cycles.Order()
-        for run in self._pending:
-            around = self._groups[run.group][0] if run.group else None
+    def fill(self) -> None:
+        """Make every declared call."""
+        members: dict[tuple[str, ...], dict[str, tuple[CallDecl, Scope]]] = {group: {} for group in self._groups}
+        for address, (decl, scope) in self._pending.items():
+            around = self._groups[address[:-1]][0] if len(address) > 1 else None
             # The call of a matrix that stands for its copies is that of the first one.
             first = next(iter(around.copies.values())) if isinstance(around, MatrixDecl) else None
-            for address, decl in run.addresses():
-                call = self.maker.call(decl, run.scope, address, self.maker.values(decl, first))
-                order.note(address, call)
-                self._calls[address] = call
+            self._calls[address] = self.maker.call(decl, scope, address, self.maker.values(decl, first))
+            if around is not None:
+                members[address[:-1]][address[-1]] = (decl, scope)
         for address, (group, _) in self._groups.items():
-            self._overrides[address] = self._override(address, group)
-        return order
+            self._overrides[address] = self._override(address, group, members[address])
 
     def target(self, scope: Scope, node: Node) -> tuple[str, ...]:
         """The call that a target of the recipe names."""
@@ -198,23 +181,15 @@ class _Planner:
         return scope
 
     def _declare(self, nodes: Mapping[str, Decl], scope: Scope, prefix: str, group: tuple[str, ...]) -> None:
-        run: _Run | None = None
-        kinds: dict[str, CallNames] = {}
         for name, decl in nodes.items():
             address = (*group, prefix + name)
             self._used += len(self._opening) > 1
             limits.refuse_many(self._used, decl.place)
             if isinstance(decl, CallDecl):
-                if run is None:
-                    run = _Run(group, prefix, scope)
-                    self._pending.append(run)
-                run.calls.append(decl)
-                if decl.rule not in kinds:
-                    kinds[decl.rule] = CallNames(group, prefix, _returned(self.maker.rule_file(decl)))
-                scope.names[name] = kinds[decl.rule]
-                continue
-            run = None
-            if isinstance(decl, UseDecl):
+                self._pending[address] = (decl, scope)
+                found = self.maker.rule_file(decl)
+                scope.names[name] = Bound(Output(address), lambda found=found: found.rule.returns)  # type: ignore[misc]
+            elif isinstance(decl, UseDecl):
                 scope.names[name] = UseName(self._use(decl, scope, f"{address[-1]}/", group))
             elif isinstance(decl, MatrixDecl):
                 self._groups[address] = (decl, None)
@@ -298,9 +273,12 @@ class _Planner:
             target = str(chosen[0].value)
         return scope.resolve(f"${target}", where)
 
-    def _override(self, address: tuple[str, ...], decl: GroupDecl | MatrixDecl) -> dict[str, dict[str, Call]]:
-        runs = (run for run in self._pending if run.group == address)
-        members = {at[-1]: (call, run.scope) for run in runs for at, call in run.addresses()}
+    def _override(
+        self,
+        address: tuple[str, ...],
+        decl: GroupDecl | MatrixDecl,
+        members: Mapping[str, tuple[CallDecl, Scope]],
+    ) -> dict[str, dict[str, Call]]:
         if isinstance(decl, MatrixDecl):
             return groups.swept(self.maker, address, decl, members)
         found: dict[str, dict[str, Call]] = {}
@@ -323,10 +301,6 @@ class _Planner:
                 if changed or self.maker.concerns((*address, name), label):
                     found.setdefault(label, {})[name] = self.maker.call(call, scope, (*address, name), changed, label)
         return found
-
-
-def _returned(found: RuleFile) -> Callable[[], Any]:
-    return lambda: found.rule.returns
 
 
 def _leaf_type(kind: str) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeAlias
@@ -38,7 +38,7 @@ class CallDecl:
     place: Place
 
     @property
-    def keys(self) -> dict[str, Place]:
+    def keys(self) -> Mapping[str, Place]:
         """Where each key stands."""
         return self.node.keys
 

@@ -41,20 +41,6 @@ class Alias:
 
 
 @dataclass(frozen=True)
-class CallNames:
-    """What the names of all calls of one rule in one block stand for: a block may have a hundred thousand."""
-
-    group: tuple[str, ...]
-    prefix: str
-    """Before each name in the graph: `robot/`, of a recipe that is used."""
-    kind: Callable[[], Any]
-
-    def bound(self, name: str) -> Bound:
-        """What the call of this name returns."""
-        return Bound(Output((*self.group, self.prefix + name)), self.kind)
-
-
-@dataclass(frozen=True)
 class GroupName:
     """A name of a group; `scope` holds its members."""
 
@@ -69,7 +55,7 @@ class UseName:
     scope: Scope
 
 
-Entry: TypeAlias = Bound | Alias | CallNames | GroupName | UseName
+Entry: TypeAlias = Bound | Alias | GroupName | UseName
 
 
 @dataclass
@@ -112,8 +98,6 @@ class Scope:
                 return entry.follow(rest, where)
             case Alias():
                 return entry.resolve().follow(rest, where)
-            case CallNames():
-                return entry.bound(first).follow(rest, where)
             case UseName():
                 return self._inside(entry.scope, first, rest, before, where)
             case GroupName():

@@ -52,5 +52,5 @@ def parse(text: str) -> Setting:
         tuple(name for name, _ in parts[:-1]),
         tuple(label for _, label in parts[:-2]),
         parts[-1][0],
-        strict_yaml.parse(value or '""', str(COMMAND_LINE)).placed(where),
+        strict_yaml.parse(value or '""', str(COMMAND_LINE), where),
     )

@@ -8,14 +8,13 @@ from __future__ import annotations
 import os
 import shutil
 import stat
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
 from dextera_build.errors import StoreError
-from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault
-from dextera_build.remotes.threads import Crew
+from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault, SingleBlobs
 from dextera_build.store import failpoints, files
 
 _CHUNK = 1 << 20
@@ -26,7 +25,7 @@ _ABANDONED_S = 86400.0
 """Age from which what somebody did not write to its end counts as left by a killed process [s]."""
 
 
-class Directory:
+class Directory(SingleBlobs):
     """Blobs under `cas/ab/cdef...` and results under `ac/ab/cdef...` of one folder.
 
     Args:
@@ -34,9 +33,8 @@ class Directory:
     """
 
     def __init__(self, root: Path) -> None:
-        self.address = str(root)
+        super().__init__(str(root), _THREADS)
         self._root = root
-        self._crew = Crew(_THREADS, f"dxb {root.name}")
         self._tidied = False
 
     def get_entry(self, key: str) -> bytes | None:
@@ -58,55 +56,31 @@ class Directory:
             failpoints.reach("remote.entry")
             files.write_all(target, message)
 
-    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
-        """Those that the folder lacks, or holds with another size."""
-        lacking: set[Digest] = set()
+    def _has(self, digest: Digest) -> bool:
+        try:
+            state = os.stat(self._file("cas", digest.hash))
+        except _ABSENT:
+            return False
+        except OSError as error:
+            raise self._fault(error) from None
+        return state.st_size == digest.size and stat.S_ISREG(state.st_mode)
 
-        def look(digest: Digest) -> None:
-            try:
-                state = os.stat(self._file("cas", digest.hash))
-                if state.st_size == digest.size and stat.S_ISREG(state.st_mode):
-                    return
-            except _ABSENT:
-                pass
-            except OSError as error:
-                raise self._fault(error) from None
-            lacking.add(digest)
-
-        self._crew.each(look, digests)
-        return lacking
-
-    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
-        """Hand `take` the bytes of every blob that the folder holds."""
-        self._crew.each(lambda digest: self._fetch_one(digest, take), digests)
-
-    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
-        """Copy blobs into the folder."""
-
-        def send_one(digest: Digest) -> None:
-            with (
-                give(digest) as source,
-                self._writing("cas", digest.hash) as target,
-                open(target, "wb", closefd=False) as to,
-            ):
-                failpoints.reach("remote.blob")
-                shutil.copyfileobj(source, to, _CHUNK)
-
-        self._crew.each(send_one, digests)
-
-    def close(self) -> None:
-        """Let the threads go."""
-        self._crew.dismiss()
-
-    def _fetch_one(self, digest: Digest, take: Callable[[Digest, Iterator[bytes]], None]) -> None:
+    @contextmanager
+    def _reading(self, digest: Digest) -> Iterator[Iterator[bytes] | None]:
         try:
             file = open(self._file("cas", digest.hash), "rb")  # noqa: SIM115 - closed below; only opening may find nothing
         except _ABSENT:
+            yield None
             return
         except OSError as error:
             raise self._fault(error) from None
         with file:
-            take(digest, self._pieces(file))
+            yield self._pieces(file)
+
+    def _write(self, digest: Digest, file: BinaryIO) -> None:
+        with self._writing("cas", digest.hash) as target, open(target, "wb", closefd=False) as to:
+            failpoints.reach("remote.blob")
+            shutil.copyfileobj(file, to, _CHUNK)
 
     def _pieces(self, file: BinaryIO) -> Iterator[bytes]:
         try:

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import BinaryIO
 
 import httpx
 
-from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault
+from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault, SingleBlobs
 from dextera_build.remotes.spec import is_loopback
-from dextera_build.remotes.threads import Crew
 
 _CHUNK = 1 << 18
 _CONNECTIONS = 16
@@ -28,7 +27,7 @@ _REFUSED = {
 }
 
 
-class HttpCache:
+class HttpCache(SingleBlobs):
     """One server.
 
     Args:
@@ -44,8 +43,8 @@ class HttpCache:
             parsed = httpx.URL(url)
         except httpx.InvalidURL:  # its message quotes the address
             raise ValueError("a password has `/`, `?`, `#`, `@` and `:` as %2F, %3F, %23, %40 and %3A") from None
-        self.address = str(parsed.copy_with(username=None, password=None, query=None)).rstrip("/")
-        self._crew = Crew(_CONNECTIONS - 1, f"dxb {parsed.host}")
+        shown = parsed.copy_with(username=None, password=None, query=None)
+        super().__init__(str(shown).rstrip("/"), _CONNECTIONS - 1)
         self._timeout_s = timeout_s
         self._client = httpx.Client(
             auth=(parsed.username, parsed.password) if parsed.username else _netrc(parsed),
@@ -74,47 +73,32 @@ class HttpCache:
         """Publish a result, all of whose blobs the server holds."""
         self._put("ac", key, message, {})
 
-    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
-        """Those that the server lacks, or holds with another size."""
-        lacking: set[Digest] = set()
+    def _has(self, digest: Digest) -> bool:
+        with self._faults():
+            answer = self._client.head(self._url("cas", digest.hash))
+        if answer.status_code == 404 or answer.headers.get("Content-Length", str(digest.size)) != str(digest.size):
+            return False
+        self._expect(answer, 200, 204)
+        return True
 
-        def look(digest: Digest) -> None:
-            with self._faults():
-                answer = self._client.head(self._url("cas", digest.hash))
-            if answer.status_code == 404 or answer.headers.get("Content-Length", str(digest.size)) != str(digest.size):
-                lacking.add(digest)
+    @contextmanager
+    def _reading(self, digest: Digest) -> Iterator[Iterator[bytes] | None]:
+        with self._faults(), self._client.stream("GET", self._url("cas", digest.hash)) as answer:
+            if answer.status_code == 404:
+                yield None
             else:
-                self._expect(answer, 200, 204)
+                self._expect(answer, 200)
+                yield self._pieces(answer)
 
-        self._crew.each(look, digests)
-        return lacking
-
-    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
-        """Hand `take` the bytes of every blob that the server holds."""
-
-        def fetch_one(digest: Digest) -> None:
-            with self._faults(), self._client.stream("GET", self._url("cas", digest.hash)) as answer:
-                if answer.status_code != 404:
-                    self._expect(answer, 200)
-                    take(digest, self._pieces(answer))
-
-        self._crew.each(fetch_one, digests)
-
-    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
-        """Upload blobs."""
-
-        def send_one(digest: Digest) -> None:
-            # With its length said, so that it is not sent in chunks, which not every server takes.
-            size = {"Content-Length": str(digest.size)}
-            with give(digest) as file:
-                self._put("cas", digest.hash, iter(lambda: file.read(_CHUNK), b""), size)
-
-        self._crew.each(send_one, digests)
+    def _write(self, digest: Digest, file: BinaryIO) -> None:
+        # With its length said, so that it is not sent in chunks, which not every server takes.
+        size = {"Content-Length": str(digest.size)}
+        self._put("cas", digest.hash, iter(lambda: file.read(_CHUNK), b""), size)
 
     def close(self) -> None:
         """Let connections go."""
         self._client.close()
-        self._crew.dismiss()
+        super().close()
 
     def _put(self, kind: str, digest: str, content: bytes | Iterator[bytes], headers: Mapping[str, str]) -> None:
         url = self._url(kind, digest)

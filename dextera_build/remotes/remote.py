@@ -6,10 +6,13 @@ never wrong, and never makes it fail.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from typing import BinaryIO, NamedTuple, Protocol
 
 from dextera_build.redact import redact
+from dextera_build.remotes.threads import Crew
 
 MOST_ENTRY = 64 << 20
 """A result under a key that is longer is not taken [bytes]; one blob takes about 150 bytes there."""
@@ -80,3 +83,62 @@ class Remote(Protocol):
     def close(self) -> None:
         """Let connections go; calls that wait for an answer end with a `RemoteFault`."""
         ...
+
+
+class SingleBlobs(ABC):
+    """The half of a `Remote` that is about blobs, for remotes that know one blob at a time.
+
+    Args:
+        address: See `Remote`.
+        threads: How many more than the calling one ask at once.
+    """
+
+    def __init__(self, address: str, threads: int) -> None:
+        self.address = address
+        self._crew = Crew(threads, f"dxb {address}")
+
+    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
+        """Those that the remote lacks, or holds with another size."""
+        lacking: set[Digest] = set()
+
+        def look(digest: Digest) -> None:
+            if not self._has(digest):
+                lacking.add(digest)
+
+        self._crew.each(look, digests)
+        return lacking
+
+    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
+        """Hand `take` the bytes of every blob that the remote holds."""
+
+        def fetch_one(digest: Digest) -> None:
+            with self._reading(digest) as pieces:
+                if pieces is not None:
+                    take(digest, pieces)
+
+        self._crew.each(fetch_one, digests)
+
+    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
+        """Upload blobs."""
+
+        def send_one(digest: Digest) -> None:
+            with give(digest) as file:
+                self._write(digest, file)
+
+        self._crew.each(send_one, digests)
+
+    def close(self) -> None:
+        """Let the threads go."""
+        self._crew.dismiss()
+
+    @abstractmethod
+    def _has(self, digest: Digest) -> bool:
+        """Whether the remote holds a blob with this size."""
+
+    @abstractmethod
+    def _reading(self, digest: Digest) -> AbstractContextManager[Iterator[bytes] | None]:
+        """The pieces of a blob, or None where the remote lacks it."""
+
+    @abstractmethod
+    def _write(self, digest: Digest, file: BinaryIO) -> None:
+        """Upload one blob."""

@@ -7,8 +7,8 @@ serves other tools, too.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from datetime import timedelta
 from typing import Any, BinaryIO
 
@@ -16,8 +16,7 @@ import obstore
 from obstore import exceptions
 from obstore.store import from_url
 
-from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault
-from dextera_build.remotes.threads import Crew
+from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault, SingleBlobs
 
 _CHUNK = 1 << 20
 _PART = 8 << 20
@@ -46,7 +45,7 @@ _CLIENT = (
 """What obstore's configuration says of the connection."""
 
 
-class ObjectStore:
+class ObjectStore(SingleBlobs):
     """One bucket, or what lies under a prefix of it.
 
     Args:
@@ -60,7 +59,7 @@ class ObjectStore:
     """
 
     def __init__(self, url: str, options: Mapping[str, str] | None = None, *, timeout_s: float = 10.0) -> None:
-        self.address = url.rstrip("/")
+        super().__init__(url.rstrip("/"), _THREADS)
         patience = timedelta(seconds=timeout_s)
         said = options or {}
         # Among the settings of the bucket these make the library panic.
@@ -74,7 +73,6 @@ class ObjectStore:
             self._store = from_url(self.address, config=config, client_options=client, retry_config=retry)
         except exceptions.BaseError as error:
             raise ValueError(str(error)) from None
-        self._crew = Crew(_THREADS, f"dxb {self.address}")
 
     def get_entry(self, key: str) -> bytes | None:
         """The entry under a key, or None."""
@@ -92,47 +90,23 @@ class ObjectStore:
         with self._faults():
             obstore.put(self._store, f"ac/{key}", message)
 
-    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
-        """Those that the bucket lacks, or holds with another size."""
-        lacking: set[Digest] = set()
+    def _has(self, digest: Digest) -> bool:
+        with self._faults():
+            try:
+                return int(obstore.head(self._store, f"cas/{digest.hash}")["size"]) == digest.size
+            except FileNotFoundError:
+                return False
 
-        def look(digest: Digest) -> None:
-            with self._faults():
-                try:
-                    if obstore.head(self._store, f"cas/{digest.hash}")["size"] == digest.size:
-                        return
-                except FileNotFoundError:
-                    pass
-                lacking.add(digest)
+    @contextmanager
+    def _reading(self, digest: Digest) -> Iterator[Iterator[bytes] | None]:
+        found = None
+        with self._faults(), suppress(FileNotFoundError):
+            found = obstore.get(self._store, f"cas/{digest.hash}")
+        yield None if found is None else self._pieces(found)
 
-        self._crew.each(look, digests)
-        return lacking
-
-    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
-        """Hand `take` the bytes of every blob that the bucket holds."""
-
-        def fetch_one(digest: Digest) -> None:
-            with self._faults():
-                try:
-                    found = obstore.get(self._store, f"cas/{digest.hash}")
-                except FileNotFoundError:
-                    return
-            take(digest, self._pieces(found))
-
-        self._crew.each(fetch_one, digests)
-
-    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
-        """Upload blobs; large ones in parts."""
-
-        def send_one(digest: Digest) -> None:
-            with give(digest) as file, self._faults():
-                obstore.put(self._store, f"cas/{digest.hash}", file, chunk_size=_PART, max_concurrency=4)
-
-        self._crew.each(send_one, digests)
-
-    def close(self) -> None:
-        """Let the threads go."""
-        self._crew.dismiss()
+    def _write(self, digest: Digest, file: BinaryIO) -> None:
+        with self._faults():
+            obstore.put(self._store, f"cas/{digest.hash}", file, chunk_size=_PART, max_concurrency=4)
 
     def _pieces(self, found: obstore.GetResult) -> Iterator[bytes]:
         with self._faults():

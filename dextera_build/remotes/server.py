@@ -19,7 +19,8 @@ from typing import TextIO
 
 from dextera_build.errors import StoreError
 from dextera_build.remotes.remote import MOST_ENTRY
-from dextera_build.remotes.served import Offers
+from dextera_build.store import entry as entries
+from dextera_build.store import traces
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.store import Store
 
@@ -60,7 +61,6 @@ class CacheServer(ThreadingHTTPServer):
     ) -> None:
         if ":" in address[0]:
             self.address_family = socket.AF_INET6
-        self.offers = Offers(store)
         self.store, self.read_only, self.most_bytes, self.log = store, read_only, most_bytes, log
         self.welcome = b"Basic " + base64.b64encode(f"dxb:{secret}".encode()) if secret else b""
         """What a client must say to be served."""
@@ -125,11 +125,12 @@ class _Request(BaseHTTPRequestHandler):
             return
         kind, digest = place
         if kind == "ac":
-            message = self.server.offers.get(digest)
-            if message is None:
+            actions = self.server.store.actions
+            entry = actions.entry(digest) if actions.get(digest) is not None else None
+            if entry is None:
                 self._answer(HTTPStatus.NOT_FOUND)
             else:
-                self._answer(HTTPStatus.OK, message, body=body)
+                self._answer(HTTPStatus.OK, entry.spell(), body=body)
             return
         try:
             file = self.server.store.blobs.open(digest)
@@ -148,7 +149,7 @@ class _Request(BaseHTTPRequestHandler):
         pieces = self._pieces(length)
         try:
             if kind == "ac":
-                problem = self.server.offers.put(digest, b"".join(pieces))
+                problem = _publish(self.server.store, digest, b"".join(pieces))
             else:
                 problem = self._take_blob(digest, length, pieces)
             for _ in pieces:  # the next request begins where this one's body ends
@@ -215,3 +216,30 @@ class _Request(BaseHTTPRequestHandler):
         if self.close_connection:
             self.send_header("Connection", "close")
         self.end_headers()
+
+
+def _publish(store: Store, key: str, message: bytes) -> str:
+    """Take a result; returns why not, or "".
+
+    Raises:
+        StoreError: The disk is full, or the store cannot be written.
+    """
+    try:
+        entry = entries.read(message)
+    except ValueError:
+        return "this is no result of dxb"
+    if entry.key != key or entry.is_bare:
+        return "the result of another key, or a bare one"
+    lacking = next((file for file in entry.files if store.blobs.size(file.digest) != file.size), None)
+    if lacking is not None:
+        return f"blob {lacking.digest} is not here; blobs come first"
+    try:
+        if store.actions.get(key) is None or traces.listed(store, entry.result):
+            traces.publish(store, key, entry.result, entry.document)
+    except MissingBlob as error:
+        return f"blob {error.digest} is not here; blobs come first"
+    except StoreError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return "a header is damaged"
+    return ""

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.bundle.closure_of_targets import as_build, survey
-from dextera_build.bundle.config import Closure, Contents
+from dextera_build.bundle.closure_of_targets import survey
+from dextera_build.bundle.config import Build, Closure, Contents
 from dextera_build.bundle.export import Export
-from dextera_build.digest import canonical, of_bytes
+from dextera_build.digest import canonical
 from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.key import manifest as key_document
 from dextera_build.store.entry import ActionResult
@@ -19,7 +19,7 @@ from dextera_build.store.store import Store
 from tests.bundle.forge import unpacked
 from tests.engine.tiny import call, every, graph, group, item, leaf, out, run
 
-RECIPE = b"nodes: {}\n"
+RECIPE = "nodes: {}\n"
 Bundling = Callable[..., Export]
 
 
@@ -35,11 +35,10 @@ def small(file: Path) -> Graph:
 
 def bundle(store: Store, plan: Graph, closure: Closure = "targets", **more: object) -> Export:
     """The bundle of a graph's default targets."""
-    found = survey(plan, [Address(name) for name in plan.targets["default"]], store)
+    found = survey(plan, [Address(name) for name in plan.targets["default"]], store, closure, lambda path: path.name)
     assert found.stale == ()
-    build = as_build(found, "tiny/graph", "cpu", closure, lambda path: path.name)
-    contents = Contents(closure, "1.0", (build,), {"tiny/graph": of_bytes(RECIPE)})
-    return Export(store, contents, {"tiny/graph": RECIPE}, **more)  # type: ignore[arg-type]
+    build = Build("tiny/graph", found.targets, "cpu", found.nodes)
+    return Export(store, Contents(closure, "1.0", (build,), {"tiny/graph": RECIPE}), **more)  # type: ignore[arg-type]
 
 
 def large(store: Store, file: Path, size: int) -> Export:

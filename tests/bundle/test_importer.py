@@ -74,7 +74,7 @@ def test_what_was_bundled_bare_can_be_bundled_again(tmp_path, store, other, plan
     take(tmp_path / "one.tar", other)
     bundle(other, plan).write(tmp_path / "two.tar")
     assert (tmp_path / "two.tar").read_bytes() == (tmp_path / "one.tar").read_bytes()
-    found = survey(plan, [Address(name) for name in plan.targets["default"]], other, whole=True)
+    found = survey(plan, [Address(name) for name in plan.targets["default"]], other, "full")
     assert found.stale != ()
 
 

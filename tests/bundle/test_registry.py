@@ -15,7 +15,7 @@ import pytest
 from dextera_build.bundle import importer, layout, sign, trust
 from tests.bundle.conftest import bundle
 
-REPO = Path(__file__).parents[3]
+REPO = Path(__file__).parents[2]
 DOCS = REPO / "dextera_build" / "docs" / "bundles.md"
 PORT = 5000
 """As `cache/registry.yml` and the docs say."""

@@ -31,9 +31,9 @@ def sweep(depth: int) -> str:
 RECIPES = {
     "a number of 5,000 digits": (shout("9" * 5000), "R102", "a number has more than 400 digits"),
     "a hexadecimal number of 50,000 digits": (shout("0x" + "f" * 50_000), "R102", "more than 400 digits"),
-    "a number that is none": (shout("!!int x"), "R102", "a value with the tag `int` is none"),
-    "octal digits that are none": (shout("!!int 0o99"), "R102", "a value with the tag `int` is none"),
-    "infinity by a tag": (nodes("  a: {rule: toy.start, sizes_m: [!!float inf]}\n"), "R102", "is none"),
+    "a number that is none": (shout("!!int x"), "R102", "the tag `tag:yaml.org,2002:int` is not known here"),
+    "octal digits that are none": (shout("!!int 0o99"), "R102", "the tag `tag:yaml.org,2002:int` is not known here"),
+    "infinity by a tag": (nodes("  a: {rule: toy.start, sizes_m: [!!float inf]}\n"), "R102", "is not known here"),
     "infinity by its size": (nodes("  a: {rule: toy.start, sizes_m: [1e999]}\n"), "R109", "finite"),
     "brackets": ("a: " + "[" * 200_000, "R101", "nested more than 100 deep"),
     "braces": ("{" * 100_000, "R102", "a key must be text"),

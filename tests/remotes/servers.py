@@ -19,7 +19,7 @@ import pytest
 from dextera_build.remotes.server import CacheServer
 from dextera_build.store.store import Store
 
-REPO = Path(__file__).parents[3]
+REPO = Path(__file__).parents[2]
 MOTO = Path(os.environ.get("DXB_SERVERS", REPO / ".venv" / "servers")) / "bin" / "moto_server"
 """Servers have an environment of their own, which `make servers` fills."""
 

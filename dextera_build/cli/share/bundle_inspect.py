@@ -6,6 +6,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any
 
+from dextera_build import digest
 from dextera_build.bundle import importer, oci
 from dextera_build.cli import options
 from dextera_build.cli.share.bundle_import import judged, source_of
@@ -14,8 +15,6 @@ from dextera_build.errors import UsageError, did_you_mean, listing
 if TYPE_CHECKING:
     from dextera_build.bundle.importer import Opened
     from dextera_build.bundle.trust import Voucher
-
-_MOST_RECIPE = 4 << 20
 
 
 def inspect(args: argparse.Namespace) -> int:
@@ -45,7 +44,10 @@ def _rows(bundle: Opened, voucher: Voucher) -> list[tuple[str, object]]:
         ("with bytes", len({node.key for node in nodes if node.is_whole})),
         ("layers", len(layers)),
         ("bytes", bundle.size),
-        *(("recipe", f"{name}\tsha256:{digest}") for name, digest in bundle.contents.recipes.items()),
+        *(
+            ("recipe", f"{name}\tsha256:{digest.of_bytes(text.encode())}")
+            for name, text in bundle.contents.recipes.items()
+        ),
         ("made by", f"dxb {bundle.contents.dxb}"),
         ("inputs", len({path for node in nodes for path in node.files.values()})),
         ("signature", str(voucher)),
@@ -71,5 +73,4 @@ def _recipe(bundle: Opened, name: str) -> str:
             facts={"recipes": listing(known)},
             hint=did_you_mean(name, known),
         )
-    layer = next(layer for layer in bundle.manifest.layers if layer.digest == known[name])
-    return bundle.source.whole(layer, "a recipe", _MOST_RECIPE).decode(errors="replace")
+    return known[name]

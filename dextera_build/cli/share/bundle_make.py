@@ -43,16 +43,15 @@ def _make(args: argparse.Namespace, targets: Sequence[str]) -> Export:
         named = parse_target(text)
         wanted.setdefault(named.recipe, []).append(named.node)
     builds: list[Build] = []
-    recipes: dict[str, bytes] = {}
+    recipes: dict[str, str] = {}
     times: list[float] = []
     for recipe, names in sorted(wanted.items()):
         build, plan, past = _survey(args, project, recipe, names)
         builds.append(build)
         recipes |= _recipes(project, plan)
         times += past
-    texts = {name: _digest(data) for name, data in recipes.items()}
-    contents = Contents(args.closure, __version__, tuple(builds), texts)
-    made = Export(reading(project), contents, recipes, _created(times))
+    contents = Contents(args.closure, __version__, tuple(builds), recipes)
+    made = Export(reading(project), contents, _created(times))
     if args.sign:
         signature, key = sign.seal(made.digest, Path(args.sign))
         made.attach(signature)
@@ -64,39 +63,37 @@ def _survey(
     args: argparse.Namespace, project: Project, recipe: str, names: Sequence[str]
 ) -> tuple[Build, Plan, list[float]]:
     """A build as it stands in the store, its plan, and when its targets were made."""
-    from dextera_build.bundle.closure_of_targets import as_build, survey
+    from dextera_build.bundle.closure_of_targets import survey
     from dextera_build.session import Session, addresses
 
     session = Session(project, recipe, options.added(args))
     plan = session.plan()
     asked = [address for name in names for address in addresses(plan.graph, name)]
-    full = args.closure == "full"
-    found = survey(plan.graph, asked, session.store, whole=full)
+    found = survey(plan.graph, asked, session.store, args.closure, partial(_shown, project))
     if found.stale:
         wanted = " ".join(f"{recipe}:{name}" if name else recipe for name in names)
         raise UsageError(
             f"`{recipe}` is not built as it stands now",
             code="DXB-U142",
             facts={"stale": listing(found.stale)},
-            hint=f"`dxb build {'--whole ' if full else ''}{wanted}`",
+            hint=f"`dxb build {'--whole ' if args.closure == 'full' else ''}{wanted}`",
         )
-    build = as_build(found, recipe, project.profile, args.closure, partial(_shown, project))
-    return build, plan, _past(session, found)
+    return Build(recipe, found.targets, project.profile, found.nodes), plan, _past(session, found)
 
 
 def _past(session: Session, found: Survey) -> list[float]:
-    known = [(session.past_builds.get(node.address), node) for node in found.nodes if node.address in found.targets]
+    known = [(session.past_builds.get(node.node), node) for node in found.nodes if node.node in found.targets]
     return [entry.time for entry, node in known if entry is not None and entry.key == node.key]
 
 
-def _recipes(project: Project, plan: Plan) -> dict[str, bytes]:
+def _recipes(project: Project, plan: Plan) -> dict[str, str]:
     """Address -> YAML of every recipe that planning read."""
     known = {path.resolve(): address for address, path in project.recipes()}
     found = {}
     for path in plan.recipes:
         address = known.get(path.resolve())
         if address is not None:
-            found[address] = path.read_bytes()
+            found[address] = path.read_bytes().decode()
     return found
 
 
@@ -112,9 +109,3 @@ def _created(times: Sequence[float]) -> str:
 def _shown(project: Project, path: Path) -> str:
     """From the project's folder; of what lies elsewhere the name alone, as the rest is nobody's business."""
     return str(path.relative_to(project.root)) if path.is_relative_to(project.root) else path.name
-
-
-def _digest(data: bytes) -> str:
-    from dextera_build import digest
-
-    return digest.of_bytes(data)
