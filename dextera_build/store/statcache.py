@@ -80,17 +80,14 @@ class StatCache:
         found = {path: self._recall(path, state) for path, state in inside}
         unread = [(path, state) for path, state in inside if found[path] is None]
         if len(unread) < _FEW:
-            return {
-                path: known or self._read(path, state)
-                for (path, state), known in zip(inside, found.values(), strict=True)
-            }
-        from concurrent.futures import ThreadPoolExecutor  # slow to import
+            read = [self._read(path, state) for path, state in unread]
+        else:
+            from concurrent.futures import ThreadPoolExecutor  # slow to import
 
-        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-            read = pool.map(lambda one: self._read(*one), unread)
-            return {path: known for path, known in found.items() if known is not None} | dict(
-                zip((path for path, _ in unread), read, strict=True)
-            )
+            with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+                read = list(pool.map(lambda one: self._read(*one), unread))
+        known = {path: row for path, row in found.items() if row is not None}
+        return known | {path: row for (path, _), row in zip(unread, read, strict=True)}
 
     def _file(self, path: str, state: os.stat_result) -> tuple[str, int]:
         return self._recall(path, state) or self._read(path, state)
