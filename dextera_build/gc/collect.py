@@ -16,6 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dextera_build.errors import StoreError
 from dextera_build.gc import inventory
 from dextera_build.gc import roots as held_by
 from dextera_build.gc.choose import Choice, Horizon, Limits, choose
@@ -87,7 +88,13 @@ def collect(store: Store, roots: Callable[[], Roots], limits: Limits | None = No
         return _Collector(
             store, roots(), limits or Limits(), alone=store.locks.reliable() and not store.running.starts()
         ).plan()
-    inventory.refuse_unwritable(store, "collected", "DXB-S401", "or set `DXB_CACHE` to a store of your own")
+    if (folder := inventory.unwritable(store)) is not None:
+        raise StoreError(
+            "the store cannot be collected, it may only be read",
+            code="DXB-S401",
+            facts={"folder": str(folder)},
+            hint="ask whoever owns it, or set `DXB_CACHE` to a store of your own",
+        )
     with store.running.collecting() as alone:
         return _Collector(store, roots(), limits or Limits(), alone=alone).sweep()
 

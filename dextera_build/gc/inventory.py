@@ -7,9 +7,9 @@ import shutil
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TypeAlias
 
-from dextera_build.errors import StoreError
 from dextera_build.store import entry as entries
 from dextera_build.store import files
 from dextera_build.store.blobs import listing
@@ -117,17 +117,7 @@ def remove(path: str) -> None:
         os.unlink(path)
 
 
-def refuse_unwritable(store: Store, what: str, code: str, hint: str) -> None:
-    """Stop before anything changes.
-
-    Raises:
-        StoreError: The store may only be read.
-    """
-    for place in (store.blobs.root, store.actions.root, store.local, store.root):
-        if place.is_dir() and not os.access(place, os.W_OK):
-            raise StoreError(
-                f"the store cannot be {what}, it may only be read",
-                code=code,
-                facts={"folder": str(place)},
-                hint=f"ask whoever owns it; {hint}",
-            )
+def unwritable(store: Store) -> Path | None:
+    """A folder of the store that may only be read, or None."""
+    places = (store.blobs.root, store.actions.root, store.local, store.root)
+    return next((place for place in places if place.is_dir() and not os.access(place, os.W_OK)), None)

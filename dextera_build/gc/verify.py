@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dextera_build import digest as digests
+from dextera_build.errors import StoreError
 from dextera_build.gc import inventory
 from dextera_build.store import entry as entries
 from dextera_build.store import failpoints, files, last_use, permissions
@@ -71,9 +72,13 @@ def verify(
     Raises:
         StoreError: It shall be repaired and cannot be written.
     """
-    if repair:
-        hint = "`dxb cache verify` without `--repair` only reads"
-        inventory.refuse_unwritable(store, "repaired", "DXB-S402", hint)
+    if repair and (folder := inventory.unwritable(store)) is not None:
+        raise StoreError(
+            "the store cannot be repaired, it may only be read",
+            code="DXB-S402",
+            facts={"folder": str(folder)},
+            hint="ask whoever owns it; `dxb cache verify` without `--repair` only reads",
+        )
     verifier = _Verifier(store, fast, repair, progress or (lambda count, size: None))
     verifier.blobs(jobs or len(os.sched_getaffinity(0)))
     verifier.results()
