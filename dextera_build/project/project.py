@@ -285,13 +285,13 @@ class Project:
         Raises:
             RecipeError: It is wrong, or extends what does not exist, or itself.
         """
-        from dextera_build.recipe import limits
+        from dextera_build.recipe.schema import refuse_deep
 
         own = self._read(address)
         if own is None or own.extends is None:
             return own
         base, trail = str(own.extends.value), (*extending, address)
-        limits.refuse_deep(trail, own.extends.place)
+        refuse_deep(trail, own.extends.place)
         found = self.recipe(base, trail) if base not in trail else None
         if found is None:
             if base in trail:

@@ -12,12 +12,15 @@ from dextera_build.code.loader import Library
 from dextera_build.engine.graph import Call, Graph, Group, Leaf, Output
 from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
-from dextera_build.recipe import cycles, groups, limits
+from dextera_build.recipe import cycles, groups
 from dextera_build.recipe.calls import CallMaker
-from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, MatrixDecl, Recipe, UseDecl
+from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, MatrixDecl, Recipe, UseDecl, refuse_deep
 from dextera_build.recipe.scope import Alias, Bound, GroupName, Scope, UseName, item
 from dextera_build.recipe.settings import COMMAND_LINE, Setting
 from dextera_build.recipe.strict_yaml import Node
+
+_MOST_USED = 100_000
+"""Nodes of recipes within a recipe: a few small files that use one another can say a billion."""
 
 Read = Callable[[str], Recipe | None]
 
@@ -158,7 +161,7 @@ class _Planner:
                 "the recipe uses itself", code="DXB-R108", where=Place(str(recipe.file)), facts={"cycle": loop}
             )
         self._opening.append(recipe.address)
-        limits.refuse_deep(self._opening, Place(str(recipe.file)))
+        refuse_deep(self._opening, Place(str(recipe.file)))
         scope = Scope(None)
         for name, decl in recipe.inputs.items():
             text = given.get(name, decl.default)
@@ -184,7 +187,13 @@ class _Planner:
         for name, decl in nodes.items():
             address = (*group, prefix + name)
             self._used += len(self._opening) > 1
-            limits.refuse_many(self._used, decl.place)
+            if self._used > _MOST_USED:
+                raise RecipeError(
+                    f"recipes within this recipe come to more than {_MOST_USED:,} nodes",
+                    code="DXB-R116",
+                    where=decl.place,
+                    hint="`each` and `matrix` make copies of nodes without naming them",
+                )
             if isinstance(decl, CallDecl):
                 self._pending[address] = (decl, scope)
                 found = self.maker.rule_file(decl)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeAlias
 
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
-from dextera_build.recipe import limits, matrix, strict_yaml
+from dextera_build.recipe import matrix, strict_yaml
 from dextera_build.recipe.strict_yaml import Node
 
+_MOST_BYTES = 64 << 20
+"""Of one recipe file; 100,000 nodes take about 10 MB."""
+_DEEPEST = 100
 _NAME = "abcdefghijklmnopqrstuvwxyz0123456789_"
 
 
@@ -118,8 +121,8 @@ def read(file: Path, address: str, shown: str | None = None) -> Recipe:
         RecipeError: With the place of what is wrong.
     """
     try:
-        if file.stat().st_size > limits.MOST_BYTES:
-            raise OSError(f"it is larger than {limits.MOST_BYTES >> 20} MiB")
+        if file.stat().st_size > _MOST_BYTES:
+            raise OSError(f"it is larger than {_MOST_BYTES >> 20} MiB")
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise RecipeError(f"cannot read the recipe: {error}", code="DXB-R100", where=Place(str(file))) from None
@@ -136,6 +139,25 @@ def read(file: Path, address: str, shown: str | None = None) -> Recipe:
     targets = {name: _target(node) for name, node in _entries(parts.get("targets"), "targets").items()}
     summary = _text(parts["summary"], "summary") if "summary" in parts else ""
     return Recipe(address, file, summary, inputs, nodes, targets, extends, (file,))
+
+
+def refuse_deep(trail: Sequence[str], where: Place) -> None:
+    """Recipes may use or extend one another through a hundred files.
+
+    Args:
+        trail: Addresses, from the recipe that is asked for to the one that is about to be read.
+        where: What names the last of them.
+
+    Raises:
+        RecipeError: There are more.
+    """
+    if len(trail) > _DEEPEST:
+        raise RecipeError(
+            f"recipes use or extend one another more than {_DEEPEST} deep",
+            code="DXB-R115",
+            where=where,
+            facts={"trail": " -> ".join([*trail[:3], "...", *trail[-2:]])},
+        )
 
 
 def _mapping(node: Node, what: str, allowed: Iterable[str]) -> dict[str, Node]:

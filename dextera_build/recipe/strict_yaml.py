@@ -27,6 +27,8 @@ _FORMS: tuple[tuple[re.Pattern[str], Callable[[str], object]], ...] = (
     (re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"), float),
 )
 """Forms of plain scalars that are not text, and their values."""
+_STARTS = frozenset(("", *"~nNtTfF-+.0123456789"))
+"""What they begin with."""
 _DEEPEST = 100
 _MOST_ALIASED = 100_000
 """How many values aliases may stand for in one file: a few lines of them can say a billion."""
@@ -128,13 +130,12 @@ class _Reader:
         place = self._place(event)
         if isinstance(event, yaml.AliasEvent):
             return self._alias(event, depth, place)
-        if event.tag is not None:
-            raise RecipeError(f"the tag `{event.tag}` is not known here", code="DXB-R102", where=place)
         before, levels = self._values, 0
         self._values += 1
         if isinstance(event, yaml.ScalarEvent):
-            node = Node(_plain(event.value, place) if event.implicit[0] else event.value, place)
+            node = Node(self._scalar(event, place), place)
         else:
+            _refuse_tag(event, place)
             _refuse_deep(depth + 1, place)
             holds = self._mapping if isinstance(event, yaml.MappingStartEvent) else self._sequence
             node, levels = holds(depth + 1, place)
@@ -147,8 +148,9 @@ class _Reader:
         keys: dict[str, Place] = {}
         levels = 0
         while not isinstance(event := self._next(), yaml.MappingEndEvent):
-            key = self._key(event, keys, depth)
-            keys[key] = self._place(event)
+            here = self._place(event)
+            key = self._key(event, here, keys)
+            keys[key] = here
             values[key], below = self._node(self._next(), depth)
             levels = max(levels, below)
         return Node(values, place, keys), levels + 1
@@ -162,20 +164,24 @@ class _Reader:
             levels = max(levels, below)
         return Node(values, place), levels + 1
 
-    def _key(self, event: Any, known: Mapping[str, Place], depth: int) -> str:
-        is_scalar = isinstance(event, yaml.ScalarEvent | yaml.AliasEvent)
-        key = self._node(event, depth)[0].value if is_scalar else None
+    def _key(self, event: Any, place: Place, known: Mapping[str, Place]) -> str:
+        key = self._scalar(event, place) if isinstance(event, yaml.ScalarEvent) else None
         if not isinstance(key, str) or key == "<<":
-            shown = repr(key) if isinstance(key, str | int | float) else "none"
-            raise RecipeError(f"a key must be text, this one is {shown}", code="DXB-R102", where=self._place(event))
+            shown = "none" if key is None else repr(key)
+            raise RecipeError(f"a key must be text, this one is {shown}", code="DXB-R102", where=place)
         if key in known:
             raise RecipeError(
                 f"`{key}` stands twice in one mapping",
                 code="DXB-R103",
-                where=self._place(event),
+                where=place,
                 facts={"first": known[key]},
             )
         return sys.intern(key)
+
+    @staticmethod
+    def _scalar(event: Any, place: Place) -> Any:
+        _refuse_tag(event, place)
+        return _plain(event.value, place) if event.implicit[0] else event.value
 
     def _alias(self, event: Any, depth: int, place: Place) -> tuple[Node, int]:
         if event.anchor not in self._anchors:
@@ -203,7 +209,14 @@ def _refuse_deep(depth: int, place: Place) -> None:
         raise RecipeError(f"values are nested more than {_DEEPEST} deep", code="DXB-R101", where=place)
 
 
+def _refuse_tag(event: Any, place: Place) -> None:
+    if event.tag is not None:
+        raise RecipeError(f"the tag `{event.tag}` is not known here", code="DXB-R102", where=place)
+
+
 def _plain(text: str, place: Place) -> Any:
+    if text[:1] not in _STARTS:
+        return text
     for form, value in _FORMS:
         if form.fullmatch(text):
             if len(text) > _MOST_DIGITS:

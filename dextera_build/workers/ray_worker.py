@@ -6,11 +6,10 @@ Nothing here imports Ray.
 
 from __future__ import annotations
 
-import importlib
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -24,6 +23,7 @@ from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.protocol import Ended, Report, Said, Task
 from dextera_build.workers.staging import Staging
+from dextera_build.workers.worker import load
 
 STORE = "DXB_NODE_STORE"
 """Variable that names the folder of a node's store; nodes on one machine may share it, or have one each."""
@@ -60,7 +60,7 @@ class NodeWorker:
 
     def __init__(self, setup: Setup) -> None:
         if setup.compare:
-            _refuse_difference(_named(setup.compare)(setup.versions))
+            _refuse_difference(load(setup.compare)(setup.versions))
         self._store = Store(folder())
         # Until this process ends, so that no collection takes what was just downloaded.
         self._announced = self._store.running.announced()
@@ -177,9 +177,3 @@ def _refuse_difference(found: Mapping[str, tuple[str, str]]) -> None:
             },
             hint="install the same versions on every node, and start Ray anew there",
         )
-
-
-def _named(text: str) -> Callable[..., Mapping[str, tuple[str, str]]]:
-    module, _, name = text.partition(":")
-    found: Callable[..., Mapping[str, tuple[str, str]]] = getattr(importlib.import_module(module), name)
-    return found

@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import resource
 import time
-import weakref
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from typing import Protocol
@@ -26,10 +25,6 @@ class Meter:
     """Measures one task after another in the process that runs them."""
 
     def __init__(self) -> None:
-        self._reset = _open("/proc/self/clear_refs", os.O_WRONLY)
-        self._status = _open("/proc/self/status", os.O_RDONLY)
-        self._io = _open("/proc/self/io", os.O_RDONLY)
-        weakref.finalize(self, _close, self._reset, self._status, self._io)
         self._own = 0.0
         """Processor time of this process when the task began [s], and the next two likewise."""
         self._children = (0.0, 0)
@@ -37,36 +32,21 @@ class Meter:
 
     def begin(self) -> None:
         """A task begins."""
-        if self._reset >= 0:
-            with suppress(OSError):
-                os.pwrite(self._reset, b"5", 0)  # the peak counts from here
-        self._own, self._children, self._moved = time.process_time(), _children(), self._bytes()
+        with suppress(OSError), open("/proc/self/clear_refs", "wb") as peak:
+            peak.write(b"5")  # the peak counts from here
+        self._own, self._children, self._moved = time.process_time(), _children(), _moved()
 
     def end(self) -> Usage:
         """What the process used since `begin`."""
-        (before, record), (children, peak), moved = self._children, _children(), self._bytes()
+        (before, record), (children, peak), moved = self._children, _children(), _moved()
         used: Usage = {"cpu_seconds": round(time.process_time() - self._own + children - before, 6)}
         if self._moved is not None and moved is not None:
             used["read_bytes"], used["written_bytes"] = moved[0] - self._moved[0], moved[1] - self._moved[1]
         # Of children only the largest of all times is known: it is this task's where that record was broken meanwhile.
-        peak = max(self._peak(), peak if peak > record else 0)
+        peak = max(_peak(), peak if peak > record else 0)
         if peak:
             used["memory_bytes"] = peak
         return used
-
-    def _peak(self) -> int:
-        """Most that was resident since the last reset, or ever where that is not allowed [bytes]."""
-        for line in _text(self._status).splitlines():
-            if line.startswith(b"VmHWM:"):
-                return int(line.split()[1]) * 1024
-        return 0
-
-    def _bytes(self) -> tuple[int, int] | None:
-        """(read, written) so far."""
-        words = _text(self._io).split(None, 4)
-        if len(words) < 4 or words[0] != b"rchar:" or words[2] != b"wchar:":
-            return None
-        return int(words[1]), int(words[3])
 
 
 class Watched(Protocol):
@@ -133,21 +113,25 @@ def _children() -> tuple[float, int]:
     return used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
 
 
-def _close(*descriptors: int) -> None:
-    for descriptor in descriptors:
-        if descriptor >= 0:
-            os.close(descriptor)
+def _peak() -> int:
+    """Most that was resident since the last reset, or ever where that is not allowed [bytes]."""
+    for line in _text("/proc/self/status").splitlines():
+        if line.startswith(b"VmHWM:"):
+            return int(line.split()[1]) * 1024
+    return 0
 
 
-def _open(path: str, flags: int) -> int:
+def _moved() -> tuple[int, int] | None:
+    """(read, written) so far [bytes]."""
+    words = _text("/proc/self/io").split(None, 4)
+    if len(words) < 4 or words[0] != b"rchar:" or words[2] != b"wchar:":
+        return None
+    return int(words[1]), int(words[3])
+
+
+def _text(path: str) -> bytes:
     try:
-        return os.open(path, flags | os.O_CLOEXEC)
-    except OSError:
-        return -1
-
-
-def _text(descriptor: int) -> bytes:
-    try:
-        return os.pread(descriptor, _PAGE, 0) if descriptor >= 0 else b""
+        with open(path, "rb") as file:
+            return file.read()
     except OSError:
         return b""

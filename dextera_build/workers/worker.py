@@ -119,10 +119,10 @@ class Worker:
             self._pool.sendall(json.dumps(answer, default=str).encode() + b"\n")
 
 
-def load(runner: str) -> Callable[..., Mapping[str, Any]]:
+def load(named: str) -> Callable[..., Any]:
     """The function that `module:function` names."""
-    module, _, name = runner.partition(":")
-    found: Callable[..., Mapping[str, Any]] = getattr(importlib.import_module(module), name)
+    module, _, name = named.partition(":")
+    found: Callable[..., Any] = getattr(importlib.import_module(module), name)
     return found
 
 

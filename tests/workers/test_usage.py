@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import os
 import signal
@@ -10,7 +9,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -151,24 +149,3 @@ def test_a_worker_that_died_was_seen(store: Store, monkeypatch: pytest.MonkeyPat
     assert killed
     assert result.nodes["a"].status == "failed"
     assert result.nodes["a"].usage["memory_bytes"] > 5 * MIB
-
-
-def files_of_meters() -> set[tuple[str, str]]:
-    """Number and name of the open files of all meters of this process; another thread may open and close files."""
-    found = set()
-    for number in os.listdir("/proc/self/fd"):
-        with suppress(OSError):
-            found.add((number, os.readlink(f"/proc/self/fd/{number}")))
-    names = {f"/proc/{os.getpid()}/{name}" for name in ("clear_refs", "status", "io")}
-    return {(number, name) for number, name in found if name in names}
-
-
-def test_a_meter_that_nobody_needs_any_more_leaves_no_open_file() -> None:
-    gc.collect()
-    before = files_of_meters()
-    meters = [Meter() for _ in range(10)]
-    opened = files_of_meters() - before
-    assert len(opened) >= 20
-    del meters
-    gc.collect()
-    assert files_of_meters() & opened == set()
