@@ -143,6 +143,11 @@ def from_json(data: Mapping[str, object]) -> DxbError:
     )
 
 
+def install_extra(extra: str) -> str:
+    """The hint that installs an extra; dxb comes as a clone or a wheel, from no package index."""
+    return f"`pip install -e '.[{extra}]'` in the clone of dxb, or `pip install 'WHEEL[{extra}]'`"
+
+
 def did_you_mean(name: str, known: Iterable[str], form: str = "`{}`") -> str | None:
     """The hint for a name that does not exist, or None where nothing is near."""
     import difflib  # an error has time, every other command has not

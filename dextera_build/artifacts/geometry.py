@@ -31,7 +31,7 @@ class Mesh(Artifact):
     @model_validator(mode="after")
     def _check_indices(self) -> Self:
         if len(self.faces) and (self.faces.min() < 0 or self.faces.max() >= len(self.vertices)):
-            raise ArtifactError("Mesh.faces: an index lies outside the vertices", code="DXB-A301")
+            raise ArtifactError("Mesh.faces: an index is out of range of the vertices", code="DXB-A301")
         if (self.uv is None) != (self.texture is None):
             raise ArtifactError("Mesh: `uv` and `texture` go together", code="DXB-A302")
         return self

@@ -66,5 +66,5 @@ def _refused(kind: str, label: str, wrong: str) -> ArtifactError:
     return ArtifactError(
         f"{kind}: `{label}` cannot be the name of a file: {wrong}",
         code="DXB-A110",
-        hint="labels become file names: rename it where the value is made",
+        hint="labels become file names: rename it in the rule or input that sets it",
     )

@@ -86,7 +86,7 @@ class Locking:
                 f"`{session.recipe}` is not what `{self.path.name}` says",
                 code="DXB-C103",
                 facts=facts,
-                hint=f"`dxb build --lock {session.recipe}` pins what it is now",
+                hint=f"`dxb build --lock {session.recipe}` pins the current one",
             )
 
     def _difference(self, recipe: str, state: Planned, causes: Causes) -> str:

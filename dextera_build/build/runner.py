@@ -121,7 +121,7 @@ class ProjectReads(Recording):
                 "a rule reads files of the project, whose folder is not on this machine",
                 code="DXB-E370",
                 facts={"folder": str(root)},
-                hint="run it where the project lies",
+                hint="run it in the project's folder",
             )
         super().__init__(Look(root, store.leaves, store.root))
         self._store = store

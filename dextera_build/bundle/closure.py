@@ -12,24 +12,29 @@ from typing import Any
 
 from dextera_build.bundle import documents
 from dextera_build.bundle.config import Contents, Node
-from dextera_build.bundle.documents import Read
+from dextera_build.bundle.documents import BODY, DIGEST, TEXT, Form, Read, maybe
 from dextera_build.bundle.errors import ill_formed, wrong_result
 from dextera_build.store import headers, traces
 from dextera_build.store.blobs import is_digest
 from dextera_build.store.entry import ActionResult
 
-_KEY: dict[str, type | tuple[type, ...]] = {
-    "schema": int,
-    "rule": str,
-    "version": int,
-    "code": dict,
-    "packages": dict,
-    "backend": (str, type(None)),
-    "weights": list,
-    "types": dict,
-    "options": dict,
-    "salt": str,
-    "inputs": list,
+_INTEGER = Form("a whole number", lambda it: type(it) is int)
+_INPUT = Form(
+    "a list of slots with SHA-256 digests",
+    lambda it: isinstance(it, list) and len(it) == 2 and isinstance(it[0], str) and DIGEST.fits(it[1]),
+)
+_KEY = {
+    "schema": _INTEGER,
+    "rule": TEXT,
+    "version": _INTEGER,
+    "code": {BODY: {TEXT: TEXT}},
+    "packages": {TEXT: TEXT},
+    "backend": maybe(TEXT),
+    "weights": [TEXT],
+    "types": {TEXT: TEXT},
+    "options": {},
+    "salt": BODY,
+    "inputs": [_INPUT],
 }
 """Fields of a key document; `engine/key.py` writes them."""
 
@@ -75,9 +80,7 @@ class Closure:
     def _call(self, address: str, key: str, digest: str) -> None:
         """Add a recorded call: request and answer."""
         what = f"a call of `{address}`"
-        asked = documents.Reader(documents.parse(self._read(key), what), what)
-        documents.Reader(asked.raw.get("request"), f"the request of {what}")
-        asked.text("service")
+        documents.check(documents.parse(self._read(key), what), {"service": TEXT, "request": {}}, what)
         called = read_result(self._read(digest), address)
         if called.key_document != key or called.digest != digest or not called.is_record:
             raise wrong_result(address, "a call that it names is not one")
@@ -87,23 +90,11 @@ class Closure:
     def _document(self, address: str, node: Node) -> dict[str, Any]:
         what = f"the key document of `{address}`"
         document = documents.parse(self._read(node.key), what)
-        reader = documents.Reader(document, what)
-        if reader.text("rule") != node.rule or reader.maybe("backend") != node.backend:
-            raise wrong_result(address, "its key document is that of another rule or backend")
-        if document.keys() - {traces.READ} != _KEY.keys() or not all(
-            isinstance(document[name], form) for name, form in _KEY.items()
-        ):
+        if document.keys() - {traces.READ} != _KEY.keys():
             raise ill_formed(what, "it does not have the fields of a key document")
-        for source in document["code"]:
-            documents.Reader(document["code"], what).table(source)
-        for name in ("packages", "types"):
-            reader.table(name)
-        reader.texts("weights")
-        for pair in reader.items("inputs"):
-            if not (isinstance(pair, list) and len(pair) == 2 and all(isinstance(part, str) for part in pair)):
-                raise ill_formed(what, "`inputs` are not pairs of slot and digest")
-            if not is_digest(pair[1]):
-                raise ill_formed(what, "an input is not a SHA-256 digest")
+        documents.check(document, _KEY, what)
+        if document["rule"] != node.rule or document["backend"] != node.backend:
+            raise wrong_result(address, "its key document is that of another rule or backend")
         try:
             traces.parts_of(self._read(node.key))
         except (ValueError, TypeError, KeyError):
@@ -184,6 +175,6 @@ def read_result(data: bytes, address: str) -> ActionResult:
     except ValueError:
         raise ill_formed(what, "it does not have the fields of a result") from None
     units = [unit for _, unit in result.metrics.values()]
-    for text in (result.line, *(caption for caption, _ in result.previews), *result.metrics, *units):
-        documents.Reader({"text": text}, what).text("text")
+    texts = [result.line, *(caption for caption, _ in result.previews), *result.metrics, *units]
+    documents.check(texts, [TEXT], what, "text")
     return result

@@ -5,15 +5,34 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias
 
 from dextera_build import digest as digests
 from dextera_build.bundle import documents
+from dextera_build.bundle.documents import BODY, DIGEST, FLAG, SECONDS, TEXT, Form, maybe
 from dextera_build.bundle.errors import ill_formed
 
 FORM = 3
 Closure: TypeAlias = Literal["targets", "full"]
 """`targets`: whole results of the targets, bare ones of all other nodes. `full`: whole results of every node."""
+_NODE = {
+    "node": TEXT,
+    "rule": TEXT,
+    "backend": maybe(TEXT),
+    "key": DIGEST,
+    "output": DIGEST,
+    "result": maybe(DIGEST),
+    "is_whole": FLAG,
+    "seconds": SECONDS,
+    "depends_on": [TEXT],
+    "files": {TEXT: TEXT},
+}
+_CONFIG = {
+    "closure": Form("`targets` or `full`", lambda it: it in ("targets", "full")),
+    "dxb": TEXT,
+    "builds": [{"recipe": TEXT, "targets": [TEXT], "profile": TEXT, "nodes": [_NODE]}],
+    "recipes": {BODY: BODY},
+}
 _RECIPE = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*")
 
 
@@ -91,21 +110,16 @@ class Contents:
             BundleRefused: It is malformed.
         """
         what = "the config"
-        reader = documents.Reader(documents.parse(data, what), what)
-        if reader.raw.get("form") != FORM:
+        raw = documents.parse(data, what)
+        if raw.get("form") != FORM:
             raise ill_formed(what, f"its form is not {FORM}, the one that this dxb reads")
-        closure = reader.text("closure")
-        if closure not in get_args(Closure):
-            raise ill_formed(what, "`closure` is neither `targets` nor `full`")
-        recipes = documents.Reader(reader.raw.get("recipes"), "`recipes` of the config")
-        found = cls(
-            "full" if closure == "full" else "targets",
-            reader.text("dxb"),
-            tuple(_build(raw) for raw in reader.items("builds")),
-            {_address(name): recipes.body(name) for name in recipes.raw},
-        )
+        documents.check(raw, _CONFIG, what)
+        found = cls(raw["closure"], raw["dxb"], tuple(map(_build, raw["builds"])), raw["recipes"])
         if not found.builds:
             raise ill_formed(what, "there is no build in it")
+        for address in (*found.recipes, *(build.recipe for build in found.builds)):
+            if not _RECIPE.fullmatch(address):
+                raise ill_formed(what, f"`{address[:80]}` is not the address of a recipe")
         return found
 
 
@@ -114,14 +128,14 @@ def _spell_build(build: Build) -> dict[str, Any]:
     return {**vars(build), "targets": list(build.targets), "nodes": nodes}
 
 
-def _build(raw: object) -> Build:
+def _build(raw: dict[str, Any]) -> Build:
     what = "a build of the config"
-    reader = documents.Reader(raw, what)
-    nodes = tuple(_node(item) for item in reader.items("nodes"))
+    rows = [{name: node[name] for name in _NODE} for node in raw["nodes"]]
+    nodes = tuple(Node(**row | {"depends_on": tuple(row["depends_on"])}) for row in rows)
     known = {node.node: node for node in nodes}
     if len(known) != len(nodes):
         raise ill_formed(what, "a node stands twice")
-    targets = reader.texts("targets")
+    targets = tuple(raw["targets"])
     if not targets:
         raise ill_formed(what, "it has no targets")
     for name in (*targets, *(name for node in nodes for name in node.depends_on)):
@@ -130,26 +144,4 @@ def _build(raw: object) -> Build:
     for name in targets:
         if known[name].result is None or not known[name].is_whole:
             raise ill_formed(what, f"the target `{name}` has no result")
-    return Build(_address(reader.text("recipe")), targets, reader.text("profile"), nodes)
-
-
-def _node(raw: object) -> Node:
-    reader = documents.Reader(raw, "a node of the config")
-    return Node(
-        node=reader.text("node"),
-        rule=reader.text("rule"),
-        backend=reader.maybe("backend"),
-        key=reader.digest("key"),
-        output=reader.digest("output"),
-        result=reader.maybe_digest("result"),
-        is_whole=reader.raw.get("is_whole") is True,
-        seconds=reader.seconds("seconds"),
-        depends_on=reader.texts("depends_on"),
-        files=reader.table("files"),
-    )
-
-
-def _address(text: str) -> str:
-    if not _RECIPE.fullmatch(text):
-        raise ill_formed("the config", f"`{text[:80]}` is not the address of a recipe")
-    return text
+    return Build(raw["recipe"], targets, raw["profile"], nodes)

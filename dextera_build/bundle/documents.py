@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NoReturn
 
-from dextera_build.bundle.errors import ill_formed
+from dextera_build.bundle.errors import BundleRefused, ill_formed
 from dextera_build.store.blobs import is_digest
 
 DEEPEST = 64
@@ -32,87 +33,68 @@ def parse(data: bytes, what: str) -> dict[str, Any]:
     return found
 
 
-class Reader:
-    """Reads fields of a parsed object, and names the one that is wrong.
+@dataclass(frozen=True)
+class Form:
+    """What a value must be."""
+
+    name: str
+    """As errors call it."""
+    fits: Callable[[Any], bool]
+
+
+TEXT = Form(
+    "a text without control characters", lambda it: isinstance(it, str) and it.isprintable() and len(it) <= 4096
+)
+"""Can be shown on a terminal."""
+BODY = Form("a text", lambda it: isinstance(it, str) and not any("\ud800" <= sign <= "\udfff" for sign in it))
+"""A text of any length and with any characters, as UTF-8 holds them."""
+DIGEST = Form("a SHA-256 digest", lambda it: isinstance(it, str) and is_digest(it))
+COUNT = Form("a whole number", lambda it: type(it) is int and 0 <= it < 1 << 53)
+SECONDS = Form("a number of seconds", lambda it: type(it) in (int, float) and 0 <= it < 1e15)
+FLAG = Form("true or false", lambda it: isinstance(it, bool))
+
+
+def maybe(form: Form) -> Form:
+    """The same, or null."""
+    return Form(f"{form.name}, or null", lambda it: it is None or form.fits(it))
+
+
+def check(value: Any, form: Any, what: str, place: str = "it") -> Any:
+    """`value`, if it has a form.
 
     Args:
-        raw: The object.
-        what: Names it in errors.
+        value: Parsed JSON.
+        form: A `Form`; `[form]` for a list; `{name: form}` for an object with at least these fields; `{Form: form}` for
+            an object with any names of one form.
+        what: Names the document in errors.
+        place: Names the value in errors.
+
+    Raises:
+        BundleRefused: It has not.
     """
-
-    def __init__(self, raw: object, what: str) -> None:
-        if not isinstance(raw, dict):
-            raise ill_formed(what, "it is not an object")
-        self.raw: Mapping[str, Any] = raw
-        self.what = what
-
-    def text(self, name: str, default: str | None = None) -> str:
-        """A text that can be shown on a terminal."""
-        value = self.raw.get(name, default)
-        if not isinstance(value, str) or not value.isprintable() or len(value) > 4096:
-            self._refuse(name, "a text without control characters")
-        return value
-
-    def body(self, name: str) -> str:
-        """A text of any length and with any characters, as UTF-8 holds them."""
-        value = self.raw.get(name)
-        if not isinstance(value, str) or any("\ud800" <= sign <= "\udfff" for sign in value):
-            self._refuse(name, "a text")
-        return value
-
-    def maybe(self, name: str) -> str | None:
-        """A text, or None."""
-        return None if self.raw.get(name) is None else self.text(name)
-
-    def digest(self, name: str) -> str:
-        """A SHA-256 in hex."""
-        value = self.raw.get(name)
-        if not isinstance(value, str) or not is_digest(value):
-            self._refuse(name, "a SHA-256 digest")
-        return value
-
-    def maybe_digest(self, name: str) -> str | None:
-        """A SHA-256 in hex, or None."""
-        return None if self.raw.get(name) is None else self.digest(name)
-
-    def count(self, name: str) -> int:
-        """A whole number, not below zero."""
-        value = self.raw.get(name)
-        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 1 << 53:
-            self._refuse(name, "a whole number")
-        return value
-
-    def seconds(self, name: str) -> float:
-        """A number, not below zero."""
-        value = self.raw.get(name)
-        if not isinstance(value, int | float) or isinstance(value, bool) or not 0 <= value < 1e15:
-            self._refuse(name, "a number of seconds")
-        return float(value)
-
-    def items(self, name: str) -> list[Any]:
-        """A list."""
-        value = self.raw.get(name)
+    if isinstance(form, Form):
+        if not form.fits(value):
+            raise _unfit(what, place, form.name)
+    elif isinstance(form, list):
         if not isinstance(value, list):
-            self._refuse(name, "a list")
-        return value
-
-    def texts(self, name: str) -> tuple[str, ...]:
-        """A list of texts."""
-        return tuple(Reader({"": value}, f"`{name}` of {self.what}").text("") for value in self.items(name))
-
-    def table(self, name: str, *, needed: bool = True) -> dict[str, str]:
-        """Text -> text."""
-        value = self.raw.get(name, None if needed else {})
-        if not isinstance(value, dict):
-            self._refuse(name, "an object")
-        return {_shown(key, self): Reader(value, f"`{name}` of {self.what}").text(key) for key in value}
-
-    def _refuse(self, name: str, form: str) -> NoReturn:
-        raise ill_formed(self.what, f"`{name}` is not {form}" if name else f"an item is not {form}")
+            raise _unfit(what, place, "a list")
+        for item in value:
+            check(item, form[0], what, place)
+    elif not isinstance(value, dict):
+        raise _unfit(what, place, "an object")
+    else:
+        for name, inner in form.items():
+            if isinstance(name, str):
+                check(value.get(name), inner, what, name)
+                continue
+            for key, item in value.items():
+                check(key, name, what, f"a name in {place}")
+                check(item, inner, what, key)
+    return value
 
 
-def _shown(key: str, reader: Reader) -> str:
-    return Reader({"": key}, reader.what).text("")
+def _unfit(what: str, place: str, form: str) -> BundleRefused:
+    return ill_formed(what, f"`{place[:80]}` is not {form}" if place != "it" else f"it is not {form}")
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -132,7 +132,7 @@ class Export:
             raise MissingBlob(digest) from None
         if state.hexdigest() != digest:
             self._store.blobs.quarantine(digest)
-            raise MissingBlob(digest, "its bytes were damaged, it was set aside")
+            raise MissingBlob(digest, "damaged bytes, moved to quarantine")
 
     def _inside(self, digest: str) -> bytes:
         """A `result.json` as its entry holds it, b"" where no entry does."""

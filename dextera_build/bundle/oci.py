@@ -8,6 +8,7 @@ from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.bundle import documents
+from dextera_build.bundle.documents import COUNT, TEXT, Form
 from dextera_build.bundle.errors import ill_formed, too_large
 from dextera_build.store.blobs import is_digest
 
@@ -30,6 +31,9 @@ MOST_MANIFEST = 4 << 20
 """Bytes of a manifest or an index; registries take no more."""
 MOST_CONFIG = 128 << 20
 MOST_LAYERS = 10_000
+_OCI_DIGEST = Form(
+    "a SHA-256 digest", lambda it: isinstance(it, str) and it[:7] == "sha256:" and is_digest(it.removeprefix("sha256:"))
+)
 
 
 @dataclass(frozen=True)
@@ -54,15 +58,9 @@ class Descriptor:
         Raises:
             BundleRefused: It is malformed.
         """
-        reader = documents.Reader(raw, what)
-        algorithm, _, digest = reader.text("digest").partition(":")
-        if algorithm != "sha256" or not is_digest(digest):
-            raise ill_formed(what, "`digest` is not a SHA-256 digest")
+        found = documents.check(raw, {"mediaType": TEXT, "digest": _OCI_DIGEST, "size": COUNT}, what)
         return cls(
-            reader.text("mediaType"),
-            digest,
-            reader.count("size"),
-            reader.table("annotations", needed=False),
+            found["mediaType"], found["digest"].removeprefix("sha256:"), found["size"], _annotations(found, what)
         )
 
     def spell(self) -> dict[str, Any]:
@@ -91,20 +89,21 @@ class Manifest:
         Raises:
             BundleRefused: It is malformed, or not canonical JSON.
         """
-        reader = documents.Reader(documents.parse(data, "the manifest"), "the manifest")
-        if reader.raw.get("schemaVersion") != 2 or reader.text("mediaType") != MANIFEST:
-            raise ill_formed("the manifest", f"it is not of type `{MANIFEST}`")
-        if reader.text("artifactType", "") != BUNDLE:
-            raise ill_formed("the manifest", f"its artifact type is not `{BUNDLE}`")
-        items = reader.items("layers")
-        if len(items) > MOST_LAYERS:
-            raise too_large("the list of layers", len(items), MOST_LAYERS)
-        layers = [Descriptor.read(layer, "a layer") for layer in items]
+        what = "the manifest"
+        raw = documents.parse(data, what)
+        if raw.get("schemaVersion") != 2 or raw.get("mediaType") != MANIFEST:
+            raise ill_formed(what, f"it is not of type `{MANIFEST}`")
+        if raw.get("artifactType") != BUNDLE:
+            raise ill_formed(what, f"its artifact type is not `{BUNDLE}`")
+        documents.check(raw, {"layers": [{}]}, what)
+        if len(raw["layers"]) > MOST_LAYERS:
+            raise too_large("the list of layers", len(raw["layers"]), MOST_LAYERS)
+        layers = [Descriptor.read(layer, "a layer") for layer in raw["layers"]]
         signature = layers.pop() if layers and layers[-1].media_type == SIGNATURE else None
-        config = Descriptor.read(reader.raw.get("config"), "the manifest's `config`")
-        found = cls(config, tuple(layers), signature, reader.table("annotations", needed=False))
+        config = Descriptor.read(raw.get("config"), "the manifest's `config`")
+        found = cls(config, tuple(layers), signature, _annotations(raw, what))
         if found.spell() != data:
-            raise ill_formed("the manifest", "it is not spelled as dxb spells it")
+            raise ill_formed(what, "it is not spelled as dxb spells it")
         return found
 
     @property
@@ -138,8 +137,12 @@ def read_index(data: bytes) -> list[Descriptor]:
     Raises:
         BundleRefused: It is malformed.
     """
-    reader = documents.Reader(documents.parse(data, "the index"), "the index")
-    if reader.raw.get("schemaVersion") != 2:
+    raw = documents.check(documents.parse(data, "the index"), {"manifests": [{}]}, "the index")
+    if raw.get("schemaVersion") != 2:
         raise ill_formed("the index", f"it is not of type `{INDEX}`")
-    found = [Descriptor.read(raw, "an entry of the index") for raw in reader.items("manifests")]
+    found = [Descriptor.read(entry, "an entry of the index") for entry in raw["manifests"]]
     return list({manifest.digest: manifest for manifest in found}.values())
+
+
+def _annotations(raw: Mapping[str, Any], what: str) -> dict[str, str]:
+    return dict(documents.check(raw.get("annotations", {}), {TEXT: TEXT}, what, "annotations"))

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build import digest as digests
-from dextera_build.errors import MachineError, UsageError
+from dextera_build.errors import MachineError, UsageError, install_extra
 from dextera_build.store import files
 
 if TYPE_CHECKING:
@@ -185,5 +185,5 @@ def _require() -> None:
         raise MachineError(
             "keys and signatures need the package `cryptography`",
             code="DXB-E340",
-            hint="pip install 'dextera-build[share]'",
+            hint=install_extra("share"),
         ) from None

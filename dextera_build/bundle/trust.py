@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from dextera_build.bundle import documents
+from dextera_build.bundle.documents import TEXT
 from dextera_build.bundle.errors import BundleRefused, ill_formed
 from dextera_build.bundle.importer import Opened
 from dextera_build.bundle.sign import PublicKey, message
@@ -64,9 +65,9 @@ def read_signature(data: bytes) -> tuple[str, bytes]:
     Raises:
         BundleRefused: It is malformed.
     """
-    reader = documents.Reader(documents.parse(data, _WHAT), _WHAT)
+    found = documents.check(documents.parse(data, _WHAT), {"key": TEXT, "signature": TEXT}, _WHAT)
     try:
-        return reader.text("key"), base64.b64decode(reader.text("signature"), validate=True)
+        return found["key"], base64.b64decode(found["signature"], validate=True)
     except ValueError:
         raise ill_formed(_WHAT, "it is not base64") from None
 

@@ -129,7 +129,7 @@ def _look_at_body(asked: Question, body: bytes, manner: Manner) -> None:
             f"the answer of `{asked.shown}` holds {found}, so it is not recorded",
             code="DXB-B346",
             facts=asked.facts(),
-            hint="the service repeats what it was sent; send the secret in a header",
+            hint="the service echoes its request; send the secret in a header",
         )
     if manner.valid is None:
         return
@@ -155,7 +155,7 @@ def _give_up(asked: Question, fault: _AgainError, tries: int) -> NoReturn:
         f"`{asked.shown}` cannot be asked: {fault}",
         code="DXB-E360",
         facts=facts,
-        hint="build again later; what was answered so far is recorded",
+        hint="build again later; answers so far are recorded",
     ) from None
 
 

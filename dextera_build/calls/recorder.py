@@ -152,7 +152,7 @@ def _off(asked: Question) -> RuleError:
         f"a rule wants to call `{asked.shown}`, and calls are off",
         code="DXB-B341",
         facts=asked.facts(),
-        hint="profile `stub` never calls; elsewhere `--calls record` asks, `--calls replay` takes what is recorded",
+        hint="profile `stub` never calls; else `--calls record` asks, `--calls replay` uses recorded answers",
     )
 
 
@@ -161,5 +161,5 @@ def _unknown(asked: Question) -> RuleError:
         f"no answer of `{asked.shown}` to this request is recorded, and nothing may be asked",
         code="DXB-B340",
         facts=asked.facts(),
-        hint="`--calls record` asks the service; `--cache local:rw,NAME:r` or `dxb bundle import` brings answers",
+        hint="`--calls record` asks the service; `--cache local:rw,NAME:r` or `dxb bundle import` gets answers",
     )

@@ -18,7 +18,7 @@ class _Parser(argparse.ArgumentParser):
     """Says what is wrong in the form of every other error."""
 
     def error(self, message: str) -> NoReturn:
-        hint: str | None = f"`{self.prog} --help` shows what it takes"
+        hint: str | None = f"`{self.prog} --help` lists its arguments"
         if message.startswith("argument VERB: invalid choice: "):
             wrong = message.split("'")[1]
             message, hint = f"there is no verb `{wrong}`", did_you_mean(wrong, VERBS, "`dxb {}`") or hint
@@ -65,7 +65,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         flag = next((word.partition("=")[0] for word in rest if word.startswith("-")), None)
         if flag is None:
             raise UsageError(f"`{rest[0]}` is one argument too many", code="DXB-U101", hint=f"`dxb {verb} --help`")
-        hint = did_you_mean(flag, known) or f"`dxb {verb} --help` shows what it takes"
+        hint = did_you_mean(flag, known) or f"`dxb {verb} --help` lists its arguments"
         raise UsageError(f"`dxb {verb}` has no flag `{flag}`", code="DXB-U101", hint=hint)
     return args
 

@@ -55,7 +55,7 @@ def _guarded(words: "list[str]") -> int:
     try:
         return 0 if snapshot.answer(words) else _run(words)
     except KeyboardInterrupt:
-        print("interrupted; what was finished is kept, the next build goes on from there", file=sys.stderr)
+        print("interrupted; finished results are kept, and the next build continues from there", file=sys.stderr)
         return 130
     except Exception as error:  # the one place that must not let a traceback out unexplained
         from dextera_build.errors import DxbError

@@ -52,7 +52,7 @@ def request_arguments(parser: argparse.ArgumentParser) -> None:
 
 def resources_argument(parser: argparse.ArgumentParser) -> None:
     """What the machine has."""
-    text = "what this machine has to share out, over what is measured: gpu=1,memory=16,licence:x=2 (DXB_RESOURCES)"
+    text = "resources of this machine, instead of the measured ones: gpu=1,memory=16,licence:x=2 (DXB_RESOURCES)"
     parser.add_argument("--resources", metavar="NAME=AMOUNT,...", help=text)
 
 

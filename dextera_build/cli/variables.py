@@ -16,24 +16,24 @@ SETTINGS = {
     "DXB_CACHE": "the store's folder, or which stores to use",
     "DXB_REMOTES": "which stores to use, where `DXB_CACHE` is the folder",
     "DXB_PROFILE": "stub, cpu, gpu or cloud",
-    "DXB_JOBS": "cores to share out",
-    "DXB_RESOURCES": "what this machine has to share out",
+    "DXB_JOBS": "number of cores to use",
+    "DXB_RESOURCES": "resources of this machine",
     "DXB_EXECUTOR": "where nodes run",
     "DXB_CONSOLE": "live, plain, jsonl or none",
     "DXB_CALLS": "how calls of services are treated",
     "DXB_DURABLE": "whether the end of a build waits for the disk",
-    "DXB_TRUSTED_KEYS": "a file or folder with the public keys of those whose bundles are believed",
-    "DXB_REQUIRE_SIGNED": "whether results from elsewhere are refused that no trusted key signed",
+    "DXB_TRUSTED_KEYS": "a file or folder with the public keys of trusted signers",
+    "DXB_REQUIRE_SIGNED": "whether unsigned results from elsewhere are refused",
 }
 """Those that stand for a setting of `dxb.toml`; `dxb show --config` names the ones in force."""
 OTHERS = {
-    "DXB_NO_PROGRESS": "any text: whole lines at a terminal, too",
+    "DXB_NO_PROGRESS": "any text: print plain lines also on a terminal",
     "DXB_KEY_PASSPHRASE": "opens the private key that `--sign` names",
     "DXB_SERVE_SECRET": "the password that `dxb cache serve` asks for, of the user `dxb`",
     "DXB_NODE_STORE": "the store's folder of a Ray worker",
-    "DXB_VLM_URL": "where backend `vlm` asks",
-    "DXB_VLM_API_KEY": "the key that backend `vlm` asks with",
-    "DXB_FAILPOINT": "where a test stops a process",
+    "DXB_VLM_URL": "address of the service of backend `vlm`",
+    "DXB_VLM_API_KEY": "API key of backend `vlm`",
+    "DXB_FAILPOINT": "for tests: the step at which a process stops",
 }
 
 _told: set[str] = set()

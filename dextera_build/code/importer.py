@@ -108,7 +108,7 @@ class Importer:
 
     def _refuse(self, file: str) -> RuleError:
         self._edited = RuleError(
-            "code was edited while the build ran, and is not what the key of this node stands for",
+            "code was edited while the build ran, and differs from the code in this node's key",
             code="DXB-B315",
             where=Place(file),
             hint="build again",

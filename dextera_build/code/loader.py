@@ -28,7 +28,7 @@ from dextera_build.code.importer import IMPORTER, install
 from dextera_build.code.modules import PACKAGE as PACKAGE
 from dextera_build.code.modules import read
 from dextera_build.code.syntax import tree
-from dextera_build.errors import MachineError, Place, RecipeError, did_you_mean, listing
+from dextera_build.errors import MachineError, Place, RecipeError, did_you_mean, install_extra, listing
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -287,13 +287,12 @@ def choose_backend(found: RuleFile, wanted: str | None, profile: str, where: Pla
         return None
     chosen = found.backends[wanted] if wanted else _of_profile(found, profile, where)
     if missing := chosen.missing():
-        extra = f"[{chosen.facts.extra}]" if chosen.facts.extra else ""
         raise MachineError(
             f"backend `{chosen.name}` of {found.path} is not installed",
             code="DXB-E301",
             where=where,
             facts={"needs": ", ".join(missing), "others": _others(found, chosen.name)},
-            hint=f"`pip install 'dextera-build{extra}'`",
+            hint=install_extra(chosen.facts.extra) if chosen.facts.extra else f"`pip install {' '.join(missing)}`",
         )
     return chosen
 

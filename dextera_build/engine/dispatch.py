@@ -195,7 +195,7 @@ class Dispatch:
         except DxbError as error:
             return End(node, error=error)
         if report.reply is not None and report.reply["output"] != result.output:
-            text = "its key gave another output before, which stays: `dxb ls divergent`"
+            text = "its key gave another output before, which is kept: `dxb ls divergent`"
             self.hooks.said(node, "log", {"text": text})
         return End(node, "ran", result)
 

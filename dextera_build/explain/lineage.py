@@ -149,7 +149,7 @@ def _leaf(session: Session, origin: Origin, reader: str) -> Row:
     if origin.path:
         return row | {"path": origin.path, "files": dict(origin.files)}
     again = f"`dxb build '{session.recipe}' --force '{reader}'` reads or makes it again"
-    return row | {"kind": "unknown", "missing": f"the store does not know where it came from; {again}"}
+    return row | {"kind": "unknown", "missing": f"the store has no record of its origin; {again}"}
 
 
 def _head(row: Row, part: str, again: bool) -> str:

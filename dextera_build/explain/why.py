@@ -48,11 +48,11 @@ def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: s
         # The run in which it got this key: there it ran, was fetched, or was in the store already.
         since = f"since {when}" if entry and entry.key == state.key else "built by an earlier run or another recipe"
         again = session.store.divergent.get(state.key or "")
-        outputs = f"; run again it gave another output, {again.again[-1][:12]} for {again.first[:12]}" if again else ""
+        outputs = f"; a later run gave another output, {again.again[-1][:12]} for {again.first[:12]}" if again else ""
         return f"up to date: key {(state.key or '')[:12]}, {since}{outputs}", []
     if state is not None and state.bare:
         maker = f", since {when}" if entry and entry.key == state.key else ""
-        return f"its result is known: key {(state.key or '')[:12]}{maker}; {NO_BYTES}, a build brings or makes them", []
+        return f"bare: key {(state.key or '')[:12]}{maker}; {NO_BYTES}; the next build fetches or rebuilds them", []
     causes = Causes(session, graph, states).of(node)
     if entry is None:
         return "never built", causes

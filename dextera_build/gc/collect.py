@@ -33,7 +33,7 @@ _LOCKLESS_S = 86400.0
 """Where a file system has no locks, all that was used in this time stays [s]."""
 _WHY = {
     "broken": "they lack a blob or cannot be read",
-    "age": "nobody used them for longer than the age",
+    "age": "they were not used for longer than the age",
     "size": "the longest unused ones above the size",
 }
 
@@ -93,7 +93,7 @@ def collect(store: Store, roots: Callable[[], Roots], limits: Limits | None = No
             "the store cannot be collected, it may only be read",
             code="DXB-S401",
             facts={"folder": str(folder)},
-            hint="ask whoever owns it, or set `DXB_CACHE` to a store of your own",
+            hint="ask its owner, or set `DXB_CACHE` to a store of your own",
         )
     with store.running.collecting() as alone:
         return _Collector(store, roots(), limits or Limits(), alone=alone).sweep()
@@ -159,9 +159,9 @@ class _Collector:
         for reason, why in _WHY.items():
             said.add("results", [entries[key].size for key, said in choice.results.items() if said == reason], why)
         said.add("blobs", [held.blobs[digest][0] for digest in choice.blobs], "no result that stays needs them")
-        said.add("keep", [held.keep[key][0] for key in choice.keep], "progress of calls that nobody went on with")
+        said.add("keep", [held.keep[key][0] for key in choice.keep], "progress of abandoned calls")
         left = [size for _, size, used in inventory.leftovers(self._store) if used < self._horizon.blobs]
-        said.add("leftovers", left, "unfinished files of killed processes, damaged blobs that were set aside")
+        said.add("leftovers", left, "unfinished files of killed processes, damaged blobs in quarantine")
         said.stays = list(_stays(held, choice, self._roots, self._horizon))
         return said
 

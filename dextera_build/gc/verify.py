@@ -77,7 +77,7 @@ def verify(
             "the store cannot be repaired, it may only be read",
             code="DXB-S402",
             facts={"folder": str(folder)},
-            hint="ask whoever owns it; `dxb cache verify` without `--repair` only reads",
+            hint="ask its owner; `dxb cache verify` without `--repair` only reads",
         )
     verifier = _Verifier(store, fast, repair, progress or (lambda count, size: None))
     verifier.blobs(jobs or len(os.sched_getaffinity(0)))

@@ -43,7 +43,7 @@ def look_at(eye: np.ndarray, target: np.ndarray) -> np.ndarray:
             "the camera looks straight up or down, where image right is not defined",
             code="DXB-A204",
             facts={"camera": tuple(map(float, eye)), "target": tuple(map(float, target))},
-            hint="move the camera or its target a little aside",
+            hint="move the camera or its target a little",
         )
     forward, right = forward / np.linalg.norm(forward), right / np.linalg.norm(right)
     return transforms.rigid(np.stack([right, np.cross(forward, right), forward], axis=1), np.asarray(eye))

@@ -105,7 +105,7 @@ def write(path: Path, pins: Pins) -> bool:
             code="DXB-S107",
             where=Place(str(path)),
             facts=facts,
-            hint="what was built is in the store; make room there or allow writing, and build again",
+            hint="the results are in the store; free space or allow writing, and build again",
         ) from None
     return True
 

@@ -215,7 +215,7 @@ class Project:
 
     @property
     def trusted_keys(self) -> list[Path]:
-        """Files and folders with the public keys of those whose bundles are believed.
+        """Files and folders with the public keys of trusted signers.
 
         Raises:
             UsageError: The settings name what is not there.
@@ -257,7 +257,7 @@ class Project:
                 code="DXB-U138",
                 facts={"read": listing(read), "from": self.config["require_signed"].origin},
                 hint="use no remote (`--cache local:rw`), or only write to them (mode `w`); "
-                "`dxb bundle import FILE` brings signed results",
+                "`dxb bundle import FILE` imports signed results",
             )
         return remotes
 

@@ -133,7 +133,7 @@ def _local(mode: str) -> str:
         raise UsageError(
             f"`local:{mode}`: a build needs its store",
             code="DXB-U134",
-            facts={"modes": "`local:rw`; `local:r` takes what the store holds and runs nothing"},
-            hint="`--force NODE` runs what is cached; `DXB_CACHE` names another folder",
+            facts={"modes": "`local:rw`; `local:r` uses only results in the store and runs nothing"},
+            hint="`--force NODE` runs a cached node; `DXB_CACHE` sets another folder",
         )
     return mode

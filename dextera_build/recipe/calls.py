@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.code.loader import BackendFile, Library, RuleFile, choose_backend, version_of
 from dextera_build.engine.graph import Call, Graph, Input, Pack, RuleFacts
-from dextera_build.errors import MachineError, RecipeError, UsageError, did_you_mean, listing
+from dextera_build.errors import MachineError, RecipeError, UsageError, did_you_mean, install_extra, listing
 from dextera_build.recipe import matrix
 from dextera_build.recipe.schema import CallDecl
 from dextera_build.recipe.scope import Scope, type_name
@@ -195,7 +195,7 @@ def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> 
         raise MachineError(
             f"{found.path} needs {listing(missing)}, which is not installed",
             code="DXB-E302",
-            hint="`pip install 'dextera-build[all]'`",
+            hint=install_extra("all"),
         )
     files = [found.file] + ([backend.file] if backend else [])
     library.note_undeclared(found, files, names)

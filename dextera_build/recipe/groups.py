@@ -31,7 +31,7 @@ def collection(decl: GroupDecl | MatrixDecl, over: Over | None) -> Output | Item
     assert over is not None
     found = over().input
     if not isinstance(found, Output | Item):
-        raise RecipeError("`each` takes what a node returns", code="DXB-R105", where=decl.each.place)
+        raise RecipeError("`each` takes the output of a node", code="DXB-R105", where=decl.each.place)
     return found
 
 

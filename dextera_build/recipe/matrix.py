@@ -78,7 +78,7 @@ def _values(name: str, node: Node) -> list[tuple[str, Node]]:
         text = item.value if isinstance(item.value, str) else json.dumps(item.plain())
         if isinstance(item.value, dict | list) or not _TEXT.fullmatch(text):
             raise RecipeError(
-                f"`{text}` cannot stand in the label of a copy",
+                f"`{text}` is not allowed in the label of a copy",
                 code="DXB-R507",
                 where=item.place,
                 facts={"values": "numbers, true, false, null, and text without spaces and [ ] / \\ , = :"},

@@ -192,7 +192,7 @@ class _Reader:
         self._aliased += values
         if self._aliased > _MOST_ALIASED:
             raise RecipeError(
-                f"aliases stand for more than {_MOST_ALIASED} values",
+                f"aliases expand to more than {_MOST_ALIASED} values",
                 code="DXB-R101",
                 where=place,
                 hint="write the values down, or use a recipe within a recipe",
@@ -221,7 +221,7 @@ def _plain(text: str, place: Place) -> Any:
         if form.fullmatch(text):
             if len(text) > _MOST_DIGITS:
                 message = f"a number has more than {_MOST_DIGITS} digits"
-                raise RecipeError(message, code="DXB-R102", where=place, hint="quote it where it is text")
+                raise RecipeError(message, code="DXB-R102", where=place, hint="quote it if it is text")
             return value(text)
     return text
 
@@ -237,7 +237,7 @@ def _syntax_error(error: yaml.YAMLError, text: str, file: str) -> RecipeError:
         before = text[: error.position]
         where = Place(file, before.count("\n") + 1, len(before) - before.rfind("\n"))
         code = f"U+{ord(text[error.position]):04X}"
-        return RecipeError(f"not valid YAML: the character {code} may not stand in it", code="DXB-R101", where=where)
+        return RecipeError(f"not valid YAML: the character {code} is not allowed", code="DXB-R101", where=where)
     mark = getattr(error, "problem_mark", None)
     where = Place(file, mark.line + 1, mark.column + 1) if mark else Place(file)
     problem = getattr(error, "problem", None) or str(error)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from dextera_build.errors import MachineError, UsageError
+from dextera_build.errors import MachineError, UsageError, install_extra
 from dextera_build.remotes.breaker import Guarded
 from dextera_build.remotes.remote import Remote
 from dextera_build.remotes.spec import Spec, checked, refuse_clear
@@ -31,7 +31,7 @@ def open_remote(spec: Spec) -> Remote:
             f"remote `{spec.name}` needs a package that is not installed",
             code="DXB-E330",
             facts={"address": spec.shown, "missing": error.name or str(error)},
-            hint="pip install 'dextera-build[share]'",
+            hint=install_extra("share"),
         ) from None
     except ValueError as error:
         raise UsageError(

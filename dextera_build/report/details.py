@@ -94,7 +94,7 @@ def _body(node: Node, known: _Known, pictures: Pictures) -> Html:
         ("tries", str(node.tries) if node.tries > 1 else ""),
         ("key", _digest(node.key)),
         ("output", [node.artifact, " " if node.artifact else "", _digest(node.output)]),
-        ("run again gave", [[_digest(output), " "] for output in node.again] or None),
+        ("a later run gave", [[_digest(output), " "] for output in node.again] or None),
         ("waits for", _links(node.blocked_by, known.by_address)),
         ("depends on", _links(node.depends_on, known.by_address)),
         ("packages", ", ".join(f"{n} {v}" for n, v in _mapping(node, "packages").items())),

@@ -26,9 +26,9 @@ def reproduce(run: Run) -> Html:
     """The commands that make this result and look at it again."""
     argv = ["dxb", *run.argv] if run.argv else ["dxb", "build", run.recipe]
     commands = [
-        (f"pip install 'dextera-build[twin]=={run.dxb}'", "the same program"),
-        (shlex.join(argv), "the same build; what is in the store is not built again"),
-        (f"dxb plan {shlex.quote(run.recipe)}", "what a build would do now"),
+        (f"pip install 'dextera_build-{run.dxb}-py3-none-any.whl[twin]'", "the same program, from its wheel"),
+        (shlex.join(argv), "the same build; cached nodes do not run"),
+        (f"dxb plan {shlex.quote(run.recipe)}", "the plan of a build now"),
         (f"dxb view {shlex.quote(run.recipe)}", "the result in three dimensions"),
         (f"dxb report {shlex.quote(run.name)}", "this page"),
     ]

@@ -18,7 +18,7 @@ from dextera_build.store.last_use import Use
 from dextera_build.store.locks import Locks
 
 _DIGEST = re.compile(r"[0-9a-f]{64}", re.ASCII)
-_DAMAGED = "its bytes were damaged, it was set aside"
+_DAMAGED = "damaged bytes, moved to quarantine"
 _SMALL = 1 << 20
 """Files up to this size [bytes] are read once, as a whole; others twice, in pieces."""
 
@@ -33,7 +33,7 @@ class MissingBlob(StoreError):  # noqa: N818 - says what it found
             f"blob `{digest[:12]}` cannot be read: {reason}",
             code=self.CODE,
             facts={"digest": digest},
-            hint="build again: what made it runs anew",
+            hint="build again: its producer runs again",
         )
         self.digest = digest
 

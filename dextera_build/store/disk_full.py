@@ -17,7 +17,7 @@ _WORDS = ("No space left on device", "Disk quota exceeded")
 _NEARLY = 1 << 20
 """Free space [bytes] below which a failed write needs no other reason."""
 _HINTS = {
-    "store": "`dxb cache size` shows what the store holds; free space there, or set `DXB_CACHE` to a larger disk",
+    "store": "`dxb cache size` shows the size of the store; free space there, or set `DXB_CACHE` to a larger disk",
     "scratch": "free space there, or set `TMPDIR` to a folder on a larger disk",
 }
 

@@ -38,11 +38,11 @@ def store_error(error: OSError, path: str) -> StoreError:
             "the store is full",
             code="DXB-S101",
             facts={"file": path, "system says": error.strerror, "free": disk_full.free(path)},
-            hint="`dxb cache size` shows what it holds; make room or set `DXB_CACHE` to a larger disk and build again",
+            hint="`dxb cache size` shows its size; free space, or set `DXB_CACHE` to a larger disk and build again",
         )
     no_folder = error.errno in (errno.EEXIST, errno.ENOTDIR)
     return StoreError(
-        "a file stands where the store has a folder" if no_folder else "the store cannot be written",
+        "a file is in the place of a folder of the store" if no_folder else "the store cannot be written",
         code="DXB-S102",
         facts={"file": path, "system says": error.strerror},
         hint="set `DXB_CACHE` to a folder that you may write to",

@@ -41,9 +41,7 @@ def reading(what: str) -> Iterator[None]:
         yield
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
         why = f"{type(error).__name__}: {error}"
-        raise ArtifactError(
-            f"what is stored of {what} is not of its type", code="DXB-A111", facts={"why": why}
-        ) from None
+        raise ArtifactError(f"the stored header of {what} is malformed", code="DXB-A111", facts={"why": why}) from None
 
 
 def closure(header: bytes) -> tuple[list[str], list[str]]:

@@ -204,7 +204,7 @@ class Recording:
                 RuleError(
                     f"there is no file `{name}` in the project's folder",
                     code="DXB-B352",
-                    hint=f"`ctx.exists({name!r})` asks first, `ctx.glob` lists what is there",
+                    hint=f"`ctx.exists({name!r})` checks first, `ctx.glob` lists files",
                 )
             )
         return answer
@@ -234,7 +234,7 @@ class Recording:
                     RuleError(
                         f"`{name}` is read after `ctx.keep` was used",
                         code="DXB-B353",
-                        hint="read first: what is kept may only depend on what was read before",
+                        hint="read files first: saved progress may depend only on files read before",
                     )
                 )
             try:
@@ -254,7 +254,7 @@ def _outside(name: str, real: str = "") -> RuleError:
         f"`{name}` is not in the project's folder, and a rule reads nothing else",
         code="DXB-B351",
         facts={"leads to": real} if real else {},
-        hint="name it from the project's folder, without `..`; copy what lies elsewhere, or make it an input",
+        hint="name it from the project's folder, without `..`; copy other files into it, or make them inputs",
     )
 
 

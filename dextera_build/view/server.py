@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from dextera_build.errors import MachineError, UsageError
+from dextera_build.errors import MachineError, UsageError, install_extra
 from dextera_build.view.guard import Guard
 
 
@@ -31,7 +31,7 @@ def start(port: int = 8080, host: str = "127.0.0.1", origins: Sequence[str] = ()
         raise MachineError(
             "the viewer needs viser, which is not installed",
             code="DXB-E320",
-            hint="`pip install 'dextera-build[view]'`",
+            hint=install_extra("view"),
         ) from None
     _check_address(host)
     # Its banner belongs to people, and standard output to data.

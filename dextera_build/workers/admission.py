@@ -50,8 +50,6 @@ class Ledger:
         self._free = dict(self._whole)
         self._sizes = [max(_count(gpu.memory_gb), 1) for gpu in capacity.gpus]
         self._left = list(self._sizes)
-        self._asked: dict[Needs, Grant] = {}
-        """Grants without devices."""
 
     @property
     def is_busy(self) -> bool:
@@ -60,7 +58,7 @@ class Ledger:
 
     def place(self, needs: Needs) -> Grant | None:
         """Where `needs` fit now, or None. More cores or memory than there are become all that there is."""
-        grant = self._plain(needs)
+        grant = Grant(self._amounts(needs))
         for name, amount in grant.amounts:
             if self._free[name] < amount:
                 return None
@@ -76,12 +74,6 @@ class Ledger:
     def give_back(self, grant: Grant) -> None:
         """Free again."""
         self._move(grant, 1)
-
-    def _plain(self, needs: Needs) -> Grant:
-        known = self._asked.get(needs)
-        if known is None:
-            known = self._asked[needs] = Grant(self._amounts(needs))
-        return known
 
     def _amounts(self, needs: Needs) -> tuple[tuple[str, int], ...]:
         wanted = {"cpu": max(needs.cpus, 1) * _UNITS, "memory": _count(needs.memory_gb)}
@@ -228,7 +220,7 @@ def lacks(found: Mapping[str, tuple[float, float]], capacity: Capacity) -> Machi
 def _remedy(name: str, wanted: float, capacity: Capacity) -> str:
     if capacity.is_cluster and name in MEASURED:
         return f"add a node: `ray start --address=HOST:PORT --num-gpus={wanted:g}`"
-    return f"say what there is, `--resources {name}={wanted:g}` or `[resources]` in dxb.toml"
+    return f"set the amount, `--resources {name}={wanted:g}` or `[resources]` in dxb.toml"
 
 
 def _count(amount: float) -> int:

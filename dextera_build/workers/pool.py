@@ -11,9 +11,9 @@ from typing import Any, Self
 
 from dextera_build.errors import MachineError, from_json
 from dextera_build.workers.capacity import Capacity, available_gb
-from dextera_build.workers.process import Process
+from dextera_build.workers.process import Process, Sampler
 from dextera_build.workers.protocol import Ended, Report, Said, Task
-from dextera_build.workers.usage import Sampler, with_peak
+from dextera_build.workers.usage import with_peak
 
 _GRACE_S = 1.0
 

@@ -14,6 +14,8 @@ from dextera_build.errors import DxbError, Place, RuleError
 from dextera_build.workers.capacity import Capacity, Needs
 
 _LITTLE = Needs()
+_TOLD = ("rule", "backend", "options", "inputs", "store", "project", "profile", "key", "sources")
+"""Fields of a task that its runner gets."""
 _LOG_MOST = 1 << 20
 """A longer log is kept from its end [bytes]."""
 
@@ -41,17 +43,7 @@ class Task:
 
     def message(self) -> dict[str, object]:
         """What the runner gets."""
-        return {
-            "rule": self.rule,
-            "backend": self.backend,
-            "options": self.options,
-            "inputs": self.inputs,
-            "store": self.store,
-            "project": self.project,
-            "profile": self.profile,
-            "key": self.key,
-            "sources": self.sources,
-        }
+        return {name: getattr(self, name) for name in _TOLD}
 
 
 @dataclass(frozen=True)

@@ -202,7 +202,7 @@ class RayExecutor:
             self._reports.append(Ended(ticket, 0.0, b"", error=_gone(self._tries.pop(ticket), reason)))
 
     def _again(self, task: Task, why: str) -> None:
-        self._reports.append(Said(task.ticket, "log", {"text": f"{why}, it begins anew"}))
+        self._reports.append(Said(task.ticket, "log", {"text": f"{why}, it starts again"}))
         self.submit(task)
 
     def _look(self) -> None:

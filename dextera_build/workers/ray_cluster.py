@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from dextera_build.errors import MachineError, UsageError
+from dextera_build.errors import MachineError, UsageError, install_extra
 from dextera_build.workers.protocol import Task
 from dextera_build.workers.ray_worker import ModelActor, Setup, Word, carry_out
 from dextera_build.workers.shapes import Shape, options
@@ -117,7 +117,7 @@ def _imported() -> Any:
             "`--executor ray` needs the package `ray`, which is not installed",
             code="DXB-E350",
             facts={"missing": error.name or str(error)},
-            hint="pip install 'dextera-build[ray]'",
+            hint=install_extra("ray"),
         ) from None
     return ray
 

@@ -175,5 +175,5 @@ def _refuse_difference(found: Mapping[str, tuple[str, str]]) -> None:
                 "node": os.uname().nodename,
                 **{f"`{name}`": f"driver {there}, node {here}" for name, (there, here) in found.items()},
             },
-            hint="install the same versions on every node, and start Ray anew there",
+            hint="install the same versions on every node, and restart Ray there",
         )

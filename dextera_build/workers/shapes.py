@@ -57,7 +57,7 @@ def shape(needs: Needs, nodes: Iterable[Mapping[str, float]], gpu_memory_gb: flo
         raise MachineError(
             "no machine of the cluster is left",
             code="DXB-E354",
-            hint="`ray status` shows which are; what was finished is kept, build again",
+            hint="`ray status` lists nodes; finished results are kept, build again",
         )
     # Resources that only the configuration names are counted by the driver; Ray knows nothing of them.
     counted = {name for node in nodes for name in node}

@@ -10,14 +10,12 @@ from __future__ import annotations
 import os
 import resource
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
-from typing import Protocol
 
 Usage = dict[str, float]
 """`cpu_seconds`, `memory_bytes` (peak), `read_bytes` and `written_bytes` (by read and write calls, cached or not)."""
 
-PERIOD_S = 0.25
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
@@ -47,44 +45,6 @@ class Meter:
         if peak:
             used["memory_bytes"] = peak
         return used
-
-
-class Watched(Protocol):
-    """A worker as the sampler sees it."""
-
-    @property
-    def pid(self) -> int:
-        """Its process id."""
-        ...
-
-    began: float
-    """When its task began, by `time.monotonic`."""
-    peak: int
-    """Most that its tree was seen with since then [bytes]."""
-
-
-class Sampler:
-    """Looks at workers from outside, at most once a period, and only at those whose task runs longer than that."""
-
-    def __init__(self) -> None:
-        self._next = 0.0
-
-    def patience(self, timeout_s: float | None, busy: int) -> float | None:
-        """How long the pool may wait so that the next look is in time."""
-        if not busy:
-            return timeout_s
-        return PERIOD_S if timeout_s is None else min(timeout_s, PERIOD_S)
-
-    def look(self, workers: Iterable[Watched]) -> bool:
-        """Note the peaks of `workers`, where it is time; returns whether it was."""
-        now = time.monotonic()
-        if now < self._next:
-            return False
-        self._next = now + PERIOD_S
-        for worker in workers:
-            if now - worker.began >= PERIOD_S:
-                worker.peak = max(worker.peak, tree_bytes(worker.pid))
-        return True
 
 
 def with_peak(usage: Mapping[str, float], seen: int) -> Usage:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
-from dextera_build.errors import RuleError, listing
+from dextera_build.errors import RuleError, install_extra, listing
 from dextera_build.rule import Backend
 from dextera_build.sim.model.robot_meshes import Part, dressed, misplaced
 from dextera_build.sim.render.portrait import of_robot
@@ -64,6 +64,6 @@ def _installed(name: str, file: str) -> Path:
         raise RuleError(
             f"`{name}` {distribution.version} has no file `{file}`",
             code="DXB-B213",
-            hint="`pip install 'dextera-build[robots]'`",
+            hint=install_extra("robots"),
         )
     return path

@@ -104,7 +104,7 @@ def test_a_label_is_not_part_of_the_item() -> None:
         (lambda: Mesh(vertices=TETRA[:, :2].copy(), faces=FACES), "axis 3 is 2, but the type says 3"),
         (lambda: Mesh(vertices=TETRA[0].copy(), faces=FACES), "shape is (3,)"),
         (lambda: Mesh(vertices=TETRA * np.float32(np.nan), faces=FACES), "12 of 12 numbers are not finite"),
-        (lambda: Mesh(vertices=TETRA.copy(), faces=FACES + 1), "an index lies outside the vertices"),
+        (lambda: Mesh(vertices=TETRA.copy(), faces=FACES + 1), "an index is out of range of the vertices"),
         (lambda: tetra(uv=np.zeros((4, 3, 2), np.float32)), "`uv` and `texture` go together"),
         (
             lambda: tetra(uv=np.zeros((3, 3, 2), np.float32), texture=Image(pixels=np.zeros((2, 2, 3), np.uint8))),

@@ -85,7 +85,7 @@ def test_facts_without_a_place_line_up() -> None:
         "backend `sam2` of segment.instances is not installed",
         code="DXB-E301",
         facts={"needs": "extra `sam2`, a GPU with 8 GiB", "here": "no GPU\nno weights"},
-        hint="`uv pip install 'dextera-build[sam2]'`",
+        hint="`pip install -e '.[models]'`",
     )
     assert render(error) == (
         "error[DXB-E301]: backend `sam2` of segment.instances is not installed\n"
@@ -93,7 +93,7 @@ def test_facts_without_a_place_line_up() -> None:
         "   here    no GPU\n"
         "           no weights\n"
         "\n"
-        "hint: `uv pip install 'dextera-build[sam2]'`"
+        "hint: `pip install -e '.[models]'`"
     )
 
 

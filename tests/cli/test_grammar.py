@@ -34,7 +34,7 @@ def test_old_names_answer_with_the_new_one(old: str, new: str) -> None:
         (["buidl"], "there is no verb `buidl`", "did you mean `dxb build`?"),
         (["build", "x", "--forec=y"], "`dxb build` has no flag `--forec`", "did you mean `--force`?"),
         (["cache", "gc", "--max-sze", "1"], "`dxb cache` has no flag `--max-sze`", "did you mean `--max-size`?"),
-        (["plan", "x", "--qqqqq"], "`dxb plan` has no flag `--qqqqq`", "`dxb plan --help` shows what it takes"),
+        (["plan", "x", "--qqqqq"], "`dxb plan` has no flag `--qqqqq`", "`dxb plan --help` lists its arguments"),
         (["plan", "x", "y"], "`y` is one argument too many", "`dxb plan --help`"),
     ],
 )

@@ -85,16 +85,16 @@ def test_a_build_after_an_import_runs_nothing(space, there):
 def test_bytes_that_did_not_come_are_made_when_they_are_asked_for(space, there):
     there.dxb("bundle", "import", bundle(space))
     why = there.dxb("why", "say/file:loud").out
-    assert "its result is known: key" in why
+    assert "bare: key" in why
     assert "its bytes are not in the store" in why
     assert (
-        "loud\tits result is known, its bytes are not in the store" in there.dxb("plan", "--check", "say/file:loud").out
+        "loud\tits result is bare: its bytes are not in the store" in there.dxb("plan", "--check", "say/file:loud").out
     )
     wrong = there.dxb("check", "say/file:all")
     assert (wrong.code, "DXB-B403" in wrong.err, "dxb build --whole 'say/file:all'" in wrong.err) == (1, True, True)
     built = there.dxb("build", "--console", "plain", "say/file:loud")
     assert built.code == 0, built.err
-    line = "loud: its result is known, its bytes are not in the store, and they are asked for"
+    line = "loud: its result is bare (bytes not in the store), and its bytes are requested"
     assert sum(line in row for row in built.err.splitlines()) == 1
     assert "1 ran" in built.err
     assert there.dxb("get", "say/file:loud").code == 0

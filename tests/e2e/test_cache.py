@@ -106,7 +106,7 @@ def test_a_workspace_that_vanished_holds_nothing_and_that_is_said(built: Space, 
         state.put(kind.replace(str(built.root), str(moved)), rows)
         state.put(kind, {}, without=rows if str(built.root) in kind else ())
     said = other.dxb("cache", "gc", "--max-size", "1B", "--yes")
-    assert f"`{moved}` is not there any more: what it built last is not held" in said.err
+    assert f"`{moved}` no longer exists: its results are not kept" in said.err
     assert other.dxb("cache", "size").out.splitlines()[1] == "actions\t0\t0"
 
 
@@ -128,7 +128,7 @@ def test_verify_exits_with_1_until_the_damage_is_repaired(built: Space) -> None:
     name = blob.parent.name + blob.name
     found = built.dxb("cache", "verify")
     assert (found.code, found.out) == (1, f"damaged\t{name}\tits bytes are not those of its name\t-\n")
-    assert "`dxb cache verify --repair` sets aside what is damaged" in found.err
+    assert "`dxb cache verify --repair` quarantines damaged files" in found.err
     assert built.dxb("cache", "verify", "--fast").code == 0
     repaired = built.dxb("cache", "verify", "--repair")
     assert repaired.code == 0

@@ -32,7 +32,7 @@ def test_without_the_package_the_error_says_what_to_install(space: Space) -> Non
     answer = space.dxb("build", "say/words", "--executor", "ray", env={"PYTHONPATH": path, **SHARED})
     assert answer.code == 4
     assert "error[DXB-E350]: `--executor ray` needs the package `ray`, which is not installed" in answer.err
-    assert "hint: pip install 'dextera-build[ray]'" in answer.err
+    assert "hint: `pip install -e '.[ray]'`" in answer.err
 
 
 def test_the_address_of_a_client_server_is_refused(space: Space) -> None:

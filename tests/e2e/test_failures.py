@@ -74,7 +74,7 @@ def test_ctrl_c_keeps_what_is_done(space):
     os.killpg(process.pid, signal.SIGINT)
     _, err = process.communicate(timeout=40)
     assert process.returncode == 130
-    assert "interrupted; what was finished is kept" in err
+    assert "interrupted; finished results are kept" in err
     assert "Traceback" not in err
     space.edit("recipes/say/bad.yaml", "seconds: 60", "seconds: 0")
     again = space.build("say/bad")

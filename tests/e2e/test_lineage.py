@@ -192,5 +192,5 @@ def test_a_digest_that_nothing_made_is_said(seen):
     found = lineage(seen, "say/seen:words")
     (unknown,) = [node for node in found["nodes"] if node["kind"] == "unknown"]
     assert unknown["missing"] == (
-        "the store does not know where it came from; `dxb build 'say/seen' --force 'words'` reads or makes it again"
+        "the store has no record of its origin; `dxb build 'say/seen' --force 'words'` reads or makes it again"
     )

@@ -47,10 +47,10 @@ def test_pull_says_what_is_lacking_and_runs_nothing(space: Space, served: str) -
     assert "error[DXB-S202]: 2 nodes are neither in the store nor in a remote" in pulled.err
     assert "say/words:word[one].loud, say/words:word[two].loud" in pulled.err
     assert "pulled say/words   7 nodes: 2 fetched, 3 wait, 2 lacking" in pulled.err
-    assert "`dxb build say/words` makes what is lacking" in pulled.err
+    assert "`dxb build say/words` builds the missing results" in pulled.err
     more = ("--set", "word[one].loud.times=4")
     pulled = space.dxb("cache", "pull", "say/words", *more, "--from", served, env={"DXB_CACHE": "two"})
-    assert "`dxb build say/words --set 'word[one].loud.times=4'` makes what is lacking" in pulled.err
+    assert "`dxb build say/words --set 'word[one].loud.times=4'` builds the missing results" in pulled.err
 
 
 def test_push_says_what_is_not_built(space: Space, served: str) -> None:

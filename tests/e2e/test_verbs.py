@@ -132,7 +132,7 @@ def test_a_backend_is_made_beside_a_rule_of_the_project_and_nowhere_else(space):
     assert space.dxb("new", "backend", "toy.shout=softly").out == "rules/toy/shout_softly.py\n"
     answer = space.dxb("new", "backend", "factorize.mesh=softly")
     assert (answer.code, answer.out) == (2, "")
-    assert "error[DXB-U193]: `factorize.mesh` is no rule of this project" in answer.err
+    assert "error[DXB-U193]: `factorize.mesh` is not a rule of this project" in answer.err
 
 
 def test_a_variable_that_nothing_reads_is_told_once_a_command(built):
@@ -170,7 +170,7 @@ def test_a_file_in_place_of_the_store_is_one_error(space):
     space.write("cache", "")
     answer = space.dxb("build", "say/words")
     assert (answer.code, answer.err.count("error[")) == (1, 1)
-    assert "error[DXB-S102]: a file stands where the store has a folder" in answer.err
+    assert "error[DXB-S102]: a file is in the place of a folder of the store" in answer.err
     assert str(space.root / "cache") in answer.err
 
 

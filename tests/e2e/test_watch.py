@@ -226,7 +226,7 @@ def test_an_interrupt_during_a_build_ends_with_130(notes, watch):
     while not list((notes.root / "cache/ac").rglob("??????*")) and time.monotonic() < deadline:
         time.sleep(0.02)
     assert watching.interrupt() == 130
-    watching.until("interrupted; what was finished is kept")
+    watching.until("interrupted; finished results are kept")
 
 
 def test_a_name_that_does_not_exist_ends_it(notes, watch):

@@ -6,7 +6,7 @@ import pytest
 
 from dextera_build.engine.graph import Gather, Group, Item, Leaf, Output
 from dextera_build.engine.lookup import copy_of
-from dextera_build.errors import DxbError, MachineError, RecipeError, UsageError
+from dextera_build.errors import DxbError, MachineError, RecipeError, UsageError, install_extra
 from dextera_build.recipe import settings
 from dextera_build.recipe.plan import Request, plan
 
@@ -317,7 +317,7 @@ def test_a_backend_that_is_not_installed_is_the_machines_fault(space):
     assert error.exit_code == 4
     assert error.message == "backend `cloud` of toy.spoken is not installed"
     assert error.facts["others"] == "quiet (quietly)"
-    assert error.hint == "`pip install 'dextera-build[models]'`"
+    assert error.hint == install_extra("models")
 
 
 def test_a_missing_input_says_how_to_give_it(space):

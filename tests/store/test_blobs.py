@@ -62,7 +62,7 @@ def test_a_damaged_blob_is_set_aside_and_can_come_back(blobs: Blobs, tmp_path: P
     key = blobs.put(b"good")
     blobs.path(key).chmod(0o644)
     blobs.path(key).write_bytes(b"evil")
-    with pytest.raises(MissingBlob, match="its bytes were damaged, it was set aside"):
+    with pytest.raises(MissingBlob, match="damaged bytes, moved to quarantine"):
         blobs.get(key)
     assert not blobs.has(key)
     assert (tmp_path / "local" / "quarantine" / key).read_bytes() == b"evil"

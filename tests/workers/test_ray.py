@@ -181,7 +181,7 @@ def test_a_lost_worker_costs_a_try_and_no_result(pool: RayExecutor, here: _Here,
     result = build_graph(PLAN, PLAN.targets["default"], store=store, executor=pool, listen=record)
     assert result.ok
     said = [event.text for event in record.events if event.kind == "node_log"]
-    assert said[:2] == ["its worker was lost (the node went away), it begins anew"] * 2
+    assert said[:2] == ["its worker was lost (the node went away), it starts again"] * 2
 
 
 def test_a_call_that_always_loses_its_worker_fails(pool: RayExecutor, here: _Here, store: Store) -> None:
@@ -200,7 +200,7 @@ def test_a_process_that_is_killed_each_time_fails_in_the_end(pool: RayExecutor, 
     assert error is not None
     assert error.code == "DXB-B301"
     said = [event.text for event in record.events if event.kind == "node_log"]
-    assert said == ["its process was killed, it begins anew"] * 2
+    assert said == ["its process was killed, it starts again"] * 2
 
 
 MODEL = facts(path="tiny.model")

@@ -18,7 +18,8 @@ from dextera_build.runs.history import History
 from dextera_build.runs.log import EventLog, read
 from dextera_build.store.store import Store
 from dextera_build.workers.pool import LocalExecutor
-from dextera_build.workers.usage import Meter, Sampler, Watched, tree_bytes, with_peak
+from dextera_build.workers.process import Process, Sampler
+from dextera_build.workers.usage import Meter, tree_bytes, with_peak
 from tests.engine.tiny import RUNNER, Record, call, graph
 
 MIB = 1 << 20
@@ -80,7 +81,7 @@ class Worker:
 
 def test_the_sampler_looks_only_at_what_runs_long(monkeypatch: pytest.MonkeyPatch) -> None:
     looked: list[int] = []
-    monkeypatch.setattr("dextera_build.workers.usage.tree_bytes", lambda pid: looked.append(pid) or 7)
+    monkeypatch.setattr("dextera_build.workers.process.tree_bytes", lambda pid: looked.append(pid) or 7)
     sampler, now = Sampler(), time.monotonic()
     workers = [Worker(1, now), Worker(2, now - 1)]
     sampler.look(workers)
@@ -134,7 +135,7 @@ def test_a_history_of_before_is_read(store: Store, pool: LocalExecutor) -> None:
 def test_a_worker_that_died_was_seen(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     look, killed = Sampler.look, []
 
-    def look_and_kill(sampler: Sampler, workers: Iterable[Watched]) -> None:
+    def look_and_kill(sampler: Sampler, workers: Iterable[Process]) -> None:
         workers = list(workers)
         look(sampler, workers)
         for worker in workers:

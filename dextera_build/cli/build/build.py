@@ -22,17 +22,19 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="twin/laptop_scene, or one node of it")
-    parser.add_argument("-k", "--keep-going", action="store_true", help="go on with what does not depend on a failure")
-    parser.add_argument("-j", "--jobs", metavar="N", help="cores to share out; most nodes take one (DXB_JOBS)")
+    parser.add_argument(
+        "-k", "--keep-going", action="store_true", help="continue with nodes that do not depend on a failed one"
+    )
+    parser.add_argument("-j", "--jobs", metavar="N", help="number of cores to use; most nodes take one (DXB_JOBS)")
     parser.add_argument(
         "--force", metavar="NODE", action="append", default=[], help="run this node even if it is cached"
     )
-    parser.add_argument("--whole", action="store_true", help="also the bytes of nodes that nobody has to read")
-    parser.add_argument("--check", action="store_true", help="run nothing; exit with 3 where something is stale")
+    parser.add_argument("--whole", action="store_true", help="download or rebuild the bytes of intermediate nodes, too")
+    parser.add_argument("--check", action="store_true", help="run nothing; exit with 3 if a target is stale")
     parser.add_argument("--console", metavar="KIND", help="live, plain, jsonl or none (DXB_CONSOLE)")
-    parser.add_argument("-v", "--verbose", action="store_true", help="show what nodes log, too")
+    parser.add_argument("-v", "--verbose", action="store_true", help="also show the logs of nodes")
     parser.add_argument("--lock", action="store_true", help="pin the targets in dxb.lock")
-    parser.add_argument("--locked", action="store_true", help="exit with 3 where a target is not what dxb.lock says")
+    parser.add_argument("--locked", action="store_true", help="exit with 3 if a target differs from dxb.lock")
     options.resources_argument(parser)
     options.executor_argument(parser)
     options.calls_argument(parser)

@@ -83,7 +83,7 @@ def _repeat(args: argparse.Namespace, project: Project, recipe: str, node: str) 
     absent = [slot for slot, digest in document["inputs"] if not session.store.actions.references.are_here(digest)]
     if absent:
         raise RuleError(
-            f"`{recipe}:{node}` cannot be run again: bytes of what it reads are not in the store",
+            f"`{recipe}:{node}` cannot be run again: bytes of its inputs are not in the store",
             code="DXB-B403",
             facts={"inputs": listing(absent)},
             hint=f"`dxb build --whole '{recipe}:{node}'`",

@@ -23,14 +23,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("target", metavar="RECIPE[:TARGET]")
     parser.add_argument(
-        "--check", action="store_true", help="only what is stale and why; exit with 3 where that is anything"
+        "--check", action="store_true", help="list only stale nodes and their causes; exit with 3 if there are any"
     )
     parser.add_argument(
         "--resources",
         metavar="NAME=AMOUNT,...",
         nargs="?",
         const="",
-        help="what each node is admitted by, and what this machine lacks; amounts say what it has: gpu=1,memory=16",
+        help="resources of each node, and those that this machine, or one with these amounts, lacks: gpu=1,memory=16",
     )
     options.project_arguments(parser)
     options.request_arguments(parser)

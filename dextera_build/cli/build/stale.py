@@ -55,7 +55,7 @@ def reason(session: Session, states: Mapping[str, Planned], causes: Causes, node
     """Why a stale node is stale, in one line: the first thing that changed, and how many more."""
     entry = session.past_builds.get(node)
     if states[node].bare:
-        return f"its result is known, {NO_BYTES}"
+        return f"its result is bare: {NO_BYTES}"
     if entry is None:
         return "never built"
     if entry.key == states[node].key:

@@ -29,13 +29,15 @@ _FIRST = "first build"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what to keep up to date")
-    parser.add_argument("-k", "--keep-going", action="store_true", help="go on with what does not depend on a failure")
-    parser.add_argument("-j", "--jobs", metavar="N", help="cores to share out; most nodes take one (DXB_JOBS)")
+    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="targets to keep up to date")
+    parser.add_argument(
+        "-k", "--keep-going", action="store_true", help="continue with nodes that do not depend on a failed one"
+    )
+    parser.add_argument("-j", "--jobs", metavar="N", help="number of cores to use; most nodes take one (DXB_JOBS)")
     parser.add_argument(
         "--console", metavar="KIND", default="none", help="live, plain or none (the default: a line a round)"
     )
-    parser.add_argument("-v", "--verbose", action="store_true", help="with a console, show what nodes log, too")
+    parser.add_argument("-v", "--verbose", action="store_true", help="with a console, also show the logs of nodes")
     parser.set_defaults(force=[], whole=False)
     options.project_arguments(parser)
     options.request_arguments(parser)
@@ -49,11 +51,11 @@ def run(args: argparse.Namespace) -> int:
         if told is None:
             return 130
         if told["usage"] and because == _FIRST:
-            return 2  # A name that does not exist is no recipe that somebody mends.
+            return 2  # An unknown name is not a recipe that an edit could repair.
         try:
             because = _wait(Seen.of(told))
         except KeyboardInterrupt:
-            print("watched no longer; everything is as the last line says", file=sys.stderr)
+            print("stopped watching; nothing changed since the last build", file=sys.stderr)
             return 0
 
 
@@ -119,7 +121,7 @@ def _round(words: Sequence[str], because: str) -> dict[str, Any] | None:
             code = child.wait()
         except KeyboardInterrupt:
             _interrupt(child)
-            print("interrupted; what was finished is kept", file=sys.stderr)
+            print("interrupted; finished results are kept", file=sys.stderr)
             return None
         if not report.exists():
             raise DxbError(

@@ -135,8 +135,8 @@ def logged(node: str, text: str) -> Line:
 
 def missed(event: BytesMissed) -> Line:
     """Why a node whose result is known is fetched or runs: `loud: its bytes are not here, and all reads them`."""
-    because = "they are asked for" if event.reader == event.node else f"{event.reader} reads them"
-    return [(f"       {event.node}: its result is known, its bytes are not in the store, and {because}", "dim")]
+    because = "its bytes are requested" if event.reader == event.node else f"{event.reader} reads its bytes"
+    return [(f"       {event.node}: its result is bare (bytes not in the store), and {because}", "dim")]
 
 
 def retried(event: NodeRetried) -> Line:

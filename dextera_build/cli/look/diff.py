@@ -26,10 +26,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "old",
         metavar="A",
         help="a run (0141), a node (twin/a:scene), a node of a run (0141:scene), or the beginning of the digest of a "
-        "key or an output; a recipe or a node alone stands for its last two runs",
+        "key or an output; a single recipe or node: its last two runs",
     )
-    parser.add_argument("new", metavar="B", nargs="?", help="what to compare with")
-    parser.add_argument("-o", "--out", metavar="DIR", help="where pictures of the difference go (<cache>/out/diff)")
+    parser.add_argument("new", metavar="B", nargs="?", help="the other operand")
+    parser.add_argument("-o", "--out", metavar="DIR", help="folder for pictures of the difference (<cache>/out/diff)")
     options.project_arguments(parser)
     options.json_argument(parser)
 

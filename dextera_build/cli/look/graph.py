@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser of `dxb show`."""
     group = parser.add_argument_group("with --graph")
-    group.add_argument("--dot", action="store_true", help="in Graphviz' language, not as SVG")
+    group.add_argument("--dot", action="store_true", help="print the graph in Graphviz' language instead of SVG")
     group.add_argument("--by", metavar="WHAT", default="node", help="a box for each node, group, rule or recipe (node)")
-    group.add_argument("--status", action="store_true", help="what a build would do with each node now")
+    group.add_argument("--status", action="store_true", help="mark what a build would do with each node")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("run", nargs="?", metavar="RUN|RECIPE", help="a run's id, or a recipe for its last run")
-    parser.add_argument("node", nargs="?", metavar="NODE", help="one node: all that it printed")
+    parser.add_argument("node", nargs="?", metavar="NODE", help="a node, for its complete output")
     options.project_arguments(parser)
     options.json_argument(parser)
 

@@ -21,13 +21,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser of `dxb ls`."""
     group = parser.add_argument_group("nodes of recipes, as the last runs saw them")
     way = group.add_mutually_exclusive_group()
-    way.add_argument("--deps", action="store_true", help="what they read, instead of themselves")
-    way.add_argument("--rdeps", action="store_true", help="what reads them, instead of themselves")
-    group.add_argument("--depth", metavar="N|all", help="how many steps --deps and --rdeps go (1)")
+    way.add_argument("--deps", action="store_true", help="list their inputs instead")
+    way.add_argument("--rdeps", action="store_true", help="list the nodes that read them instead")
+    group.add_argument("--depth", metavar="N|all", help="depth of --deps and --rdeps: a number, or all (1)")
     group.add_argument("--rule", metavar="GLOB", help="only nodes of these rules: 'factorize.*'")
     state = group.add_mutually_exclusive_group()
-    state.add_argument("--stale", action="store_true", help="only what a build would run, or may have to run")
-    state.add_argument("--cached", action="store_true", help="only what is up to date")
+    state.add_argument("--stale", action="store_true", help="only nodes that a build would run, or may have to run")
+    state.add_argument("--cached", action="store_true", help="only nodes that are up to date")
 
 
 def wants(args: argparse.Namespace) -> bool:
@@ -132,5 +132,5 @@ def _nothing(text: str, found: dict[str, Known]) -> UsageError:
         f"no node is called `{text}`",
         code="DXB-U173",
         facts={"nodes": listing(dict.fromkeys(one.call for one in found.values()), most=40)},
-        hint=did_you_mean(node, [*found, *(one.call for one in found.values())]) or "`*` stands for any characters",
+        hint=did_you_mean(node, [*found, *(one.call for one in found.values())]) or "`*` matches any characters",
     )

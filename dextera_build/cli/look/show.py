@@ -32,14 +32,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="a recipe, a node or target, a rule, a run's id for --trace, or a call by its digest",
     )
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--graph", action="store_true", help="the nodes of a recipe, or what a target needs, as SVG")
-    what.add_argument(
-        "--trace", action="store_true", help="when every node of a run worked, for Perfetto or speedscope"
-    )
+    what.add_argument("--graph", action="store_true", help="the graph of a recipe or of a target, as SVG")
+    what.add_argument("--trace", action="store_true", help="the timeline of a run, for Perfetto or speedscope")
     what.add_argument(
         "--lineage",
         action="store_true",
-        help="what the result came from: nodes with options, seeds, code and packages, down to project files",
+        help="the origins of a result: nodes with options, seeds, code and packages, down to project files",
     )
     what.add_argument("--config", action="store_true", help="every setting with its origin")
     parser.add_argument("-o", "--out", metavar="FILE", help="where to write a graph or trace (standard output)")

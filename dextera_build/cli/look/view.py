@@ -30,7 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="ORIGIN",
-        help="admit pages of this origin, too: a notebook's proxy or a tunnel, https://hub.example.org",
+        help="also admit pages of this origin: a notebook's proxy or a tunnel, https://hub.example.org",
     )
     parser.add_argument("--no-open", action="store_true", help="do not open the browser")
     options.project_arguments(parser)

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator
 
 from dextera_build.cli import options, table
+from dextera_build.errors import install_extra
 from dextera_build.project.project import Project
 
 _LIBRARIES = {"libusb-1.0-0": "usb-1.0", "libgomp1": "gomp", "libegl1": "EGL", "libgl1": "GL"}
@@ -67,7 +68,7 @@ def _backends(project: Project) -> Iterator[Finding]:
         for backend in found.backends.values():
             if profile in backend.facts.profiles and (missing := backend.missing()):
                 name = f"{found.path}, backend {backend.name}"
-                mend = f"`pip install 'dextera-build[{backend.facts.extra or 'all'}]'`"
+                mend = install_extra(backend.facts.extra or "all")
                 yield name, False, f"needs {', '.join(missing)}", mend
 
 

@@ -12,24 +12,24 @@ profile = "cpu"
 cache = "cache"
 """
 _IGNORE = "cache/\ndxb.local.toml\n__pycache__/\n"
-_RECIPE = """summary: The twin of what stands on my table.
+_RECIPE = """summary: The twin of my table.
 extends: twin/tabletop
-# Options of one object's nodes, by the name that the object was found under:
+# Options of one object's nodes, by the object's name in the build log:
 #   dxb build twin/my_table --input capture=PATH --set 'body[blue_mug].mesh.wall_m=0.004'
 """
 _README = """# A dxb project
 
     dxb build twin/my_table --input capture=PATH     # a folder with rgb.png, depth.png, capture.json
-    dxb report                                       # what was built, one HTML file
+    dxb report                                       # the report, one HTML file
     dxb view twin/my_table                           # the scene in the browser
 
-`recipes/` holds what is built, `rules/` (optional) how: see `dxb new --help`.
+`recipes/` holds recipes, `rules/` (optional) your own rules: see `dxb new --help`.
 """
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("folder", nargs="?", default=".", help="the project's folder (made where it is missing)")
+    parser.add_argument("folder", nargs="?", default=".", help="the project's folder (created if missing)")
 
 
 def run(args: argparse.Namespace) -> int:

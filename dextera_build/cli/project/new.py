@@ -55,7 +55,7 @@ BACKEND = Backend(summary="What it does, in one line", profiles=(), packages=())
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("kind", choices=("recipe", "rule", "backend"), help="what to make")
+    parser.add_argument("kind", choices=("recipe", "rule", "backend"), help="kind of file")
     parser.add_argument("name", help="twin/my_scene, factorize.my_rule, or factorize.my_rule=my_backend")
 
 
@@ -89,7 +89,7 @@ def _backend(project: Project, text: str) -> tuple[Path, str]:
     found = project.library.find(path)
     if not found.file.is_relative_to((project.root / "rules").resolve()):
         raise UsageError(
-            f"`{path}` is no rule of this project, and a backend lies beside its rule",
+            f"`{path}` is not a rule of this project; a backend is a file next to its rule",
             code="DXB-U193",
             facts={"rule": str(found.file), "rules of the project": str(project.root / "rules")},
             hint=f"`dxb new rule {path.partition('.')[0]}.my_rule` makes a rule of your own",

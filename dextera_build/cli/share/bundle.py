@@ -8,8 +8,8 @@ import importlib
 from dextera_build.cli import options
 
 _VERBS = {
-    "create": ("bundle_make", "write results, with all that explains them, to a file or folder"),
-    "inspect": ("bundle_inspect", "say what a bundle holds, where it comes from and who signed it"),
+    "create": ("bundle_make", "write results, with their provenance, to a file or folder"),
+    "inspect": ("bundle_inspect", "show the content, provenance and signatures of a bundle"),
     "import": ("bundle_import", "take the results of a bundle into the store"),
     "keygen": ("bundle_import", "make a pair of keys to sign bundles with"),
 }
@@ -22,23 +22,25 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         name: verbs.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
         for name, (_, text) in _VERBS.items()
     }
-    subs["create"].add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what was built")
+    subs["create"].add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="targets that were built")
     subs["create"].add_argument("-o", "--out", metavar="FILE", required=True, help="NAME.tar")
     subs["create"].add_argument(
         "--closure",
         choices=("targets", "full"),
         default="targets",
-        help="targets: their bytes, and the results of all other nodes without; full: the bytes of all nodes",
+        help="targets: bytes of the targets, all other results without bytes; full: bytes of all nodes",
     )
     subs["create"].add_argument("--sign", metavar="KEY", help="sign with this private ed25519 key (PEM or OpenSSH)")
     options.project_arguments(subs["create"])
     options.request_arguments(subs["create"])
     for name in ("inspect", "import"):
         subs[name].add_argument("bundle", metavar="BUNDLE", help="a bundle: FILE.tar")
-        subs[name].add_argument("--require-signed", action="store_true", help="refuse what no trusted key signed")
+        subs[name].add_argument(
+            "--require-signed", action="store_true", help="refuse bundles that no trusted key signed"
+        )
     subs["inspect"].add_argument("--recipe", metavar="NAME", help="print the YAML of this recipe of the bundle")
     subs["keygen"].add_argument("file", metavar="FILE", help="the private key; the public one goes to FILE.pub")
-    subs["keygen"].add_argument("--name", metavar="NAME", help="whose it is (user@host)")
+    subs["keygen"].add_argument("--name", metavar="NAME", help="name of the owner (user@host)")
     for name in ("inspect", "import"):
         options.project_arguments(subs[name])
         options.json_argument(subs[name])

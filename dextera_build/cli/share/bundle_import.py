@@ -147,11 +147,11 @@ def _say(bundle: Opened, voucher: trust.Voucher, taken: importer.Taken) -> None:
     print(f"{bundle.source.name}   {counts}   {voucher}", file=sys.stderr)
     if taken.other:
         print(
-            f"the store keeps its own results where the bundle has others under the same key: {listing(taken.other)}",
+            f"the store keeps its own results; the bundle has others under the same key: {listing(taken.other)}",
             file=sys.stderr,
         )
     if voucher.state != "trusted":
         print(
-            "warning: not signed by a trusted key; its results may be anything",
+            "warning: not signed by a trusted key",
             file=sys.stderr,
         )

@@ -8,11 +8,11 @@ import importlib
 from dextera_build.cli import options, table
 
 ACTIONS = {
-    "push": ("upload what was built to a remote", "push"),
-    "pull": ("bring targets from a remote, without running anything", "pull"),
+    "push": ("upload results to a remote", "push"),
+    "pull": ("download targets from a remote, without running anything", "pull"),
     "size": ("count blobs, results and unfinished calls, and their bytes", "cache"),
-    "gc": ("collect what nobody needs, down to a size or an age", "collecting"),
-    "verify": ("read everything and say what is damaged", "verifying"),
+    "gc": ("delete unneeded results, down to a size or an age (shows a plan unless --yes)", "collecting"),
+    "verify": ("read every file and report damage", "verifying"),
     "serve": ("serve the store to other machines, as a Bazel HTTP cache", "serving"),
 }
 """Action -> (summary, module that carries it out)."""

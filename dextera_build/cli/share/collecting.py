@@ -17,9 +17,11 @@ if TYPE_CHECKING:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("--max-size", metavar="SIZE", help="drop the longest unused results above it: 50GB")
-    parser.add_argument("--max-age", metavar="AGE", help="drop results that nobody used for so long: 30d")
-    parser.add_argument("--yes", action="store_true", help="do it; else it is only said")
+    parser.add_argument(
+        "--max-size", metavar="SIZE", help="delete the least recently used results above this size: 50GB"
+    )
+    parser.add_argument("--max-age", metavar="AGE", help="delete results that were not used for this long: 30d")
+    parser.add_argument("--yes", action="store_true", help="delete; without it, only show the plan")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -46,15 +48,15 @@ def run(args: argparse.Namespace) -> int:
 
 def _explain(said: Collection, limit: int | None, *, dry: bool) -> None:
     for workspace in said.vanished:
-        print(f"`{workspace}` is not there any more: what it built last is not held", file=sys.stderr)
+        print(f"`{workspace}` no longer exists: its results are not kept", file=sys.stderr)
     if said.running:
-        who = "a build runs now; all that it" if said.running == 1 else f"{said.running} builds run now; all that they"
-        print(f"{who} may need stays", file=sys.stderr)
+        who = "a running build" if said.running == 1 else f"{said.running} running builds"
+        print(f"results that {who} may need are kept", file=sys.stderr)
     before, after = wording.size(said.before), wording.size(said.after)
     if said.gone:
         print(f"the store {'would shrink' if dry else 'shrank'} from {before} to {after}", file=sys.stderr)
     else:
-        print(f"nothing {'would go' if dry else 'went'}: the store holds {after}", file=sys.stderr)
+        print(f"nothing {'would be' if dry else 'was'} deleted: the store has {after}", file=sys.stderr)
     if limit is not None and said.after > limit:
         print(f"that is above {wording.size(limit)}: the rest is held, see the lines `keep`", file=sys.stderr)
     if dry and said.gone:

@@ -20,9 +20,14 @@ if TYPE_CHECKING:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what to bring, with all it came from")
     parser.add_argument(
-        "--from", metavar="NAME|URL", dest="source", help="the remote; else those that the settings let be read"
+        "targets", nargs="+", metavar="RECIPE[:TARGET]", help="targets to download, with the nodes that they depend on"
+    )
+    parser.add_argument(
+        "--from",
+        metavar="NAME|URL",
+        dest="source",
+        help="the remote; default: all remotes of the settings that may be read",
     )
     options.request_arguments(parser)
 
@@ -48,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
             f"{count} neither in the store nor in a remote",
             code="DXB-S202",
             facts={"lacking": listing(lacking, most=40)},
-            hint=f"`{shlex.join(['dxb', 'build', *args.targets, *options.again(args)])}` makes what is lacking",
+            hint=f"`{shlex.join(['dxb', 'build', *args.targets, *options.again(args)])}` builds the missing results",
         )
     return 0
 

@@ -21,8 +21,12 @@ _SAY_S = 5.0
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="what to upload, with all it came from")
-    parser.add_argument("--to", metavar="NAME|URL", help="the remote; else those that the settings let be written")
+    parser.add_argument(
+        "targets", nargs="+", metavar="RECIPE[:TARGET]", help="targets to upload, with the nodes that they depend on"
+    )
+    parser.add_argument(
+        "--to", metavar="NAME|URL", help="the remote; default: all remotes of the settings that may be written"
+    )
     options.request_arguments(parser)
 
 

@@ -28,13 +28,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default="127.0.0.1",
         help=f"address to listen at (127.0.0.1: this machine alone); any other needs `{SECRET}` or --read-only",
     )
-    parser.add_argument("--port", type=int, default=8098, help="0 takes any that is free (8098)")
-    parser.add_argument("--read-only", action="store_true", help="give what is there, and take nothing")
-    parser.add_argument("--most", default="16GB", metavar="SIZE", help="largest blob that is taken (16GB)")
+    parser.add_argument("--port", type=int, default=8098, help="port to listen on; 0: any free one (8098)")
+    parser.add_argument("--read-only", action="store_true", help="refuse uploads")
+    parser.add_argument("--most", default="16GB", metavar="SIZE", help="largest blob that is accepted (16GB)")
     parser.add_argument(
         "--tls", metavar="FILE", help="serve HTTPS with this certificate and private key (one PEM file)"
     )
-    parser.add_argument("-v", "--verbose", action="store_true", help="one line for each request")
+    parser.add_argument("-v", "--verbose", action="store_true", help="log one line per request")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("--repair", action="store_true", help="set damaged blobs aside and drop results that lack one")
+    parser.add_argument("--repair", action="store_true", help="quarantine damaged blobs and drop results that lack one")
     parser.add_argument("--fast", action="store_true", help="compare sizes only, read no blob")
 
 
@@ -51,4 +51,4 @@ def _sum_up(verdict: Verdict, *, fast: bool) -> None:
         f"{looked} {verdict.blobs:,} blobs, {wording.size(verdict.bytes)}, {verdict.results:,} results", file=sys.stderr
     )
     if not verdict.is_whole:
-        print("`dxb cache verify --repair` sets aside what is damaged; builds make it again", file=sys.stderr)
+        print("`dxb cache verify --repair` quarantines damaged files; builds make them again", file=sys.stderr)

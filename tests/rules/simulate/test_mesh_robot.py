@@ -10,7 +10,7 @@ import pytest
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotJoint, RobotModel
-from dextera_build.errors import MachineError, RuleError
+from dextera_build.errors import MachineError, RuleError, install_extra
 from dextera_build.testing import RuleRunner
 
 LIKE = RobotModel(
@@ -52,7 +52,7 @@ def test_the_extra_is_named_where_the_distributions_are_missing(
         RuleRunner(tmp_path).run("simulate.mesh_robot", options=OPTIONS, like=LIKE)
     assert error.value.message == "backend `mujoco` of simulate.mesh_robot is not installed"
     assert "robosuite" in error.value.facts["needs"]
-    assert error.value.hint == "`pip install 'dextera-build[robots]'`"
+    assert error.value.hint == install_extra("robots")
 
 
 def test_a_distribution_without_the_file_is_one_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ def page() -> str:
     top = grammar.parser()
     verbs = _verbs(top)
     overview = table(
-        ["verb", "what it does"], [[f"[{code(name)}](#dxb-{name})", text] for name, (_, text) in verbs.items()]
+        ["verb", "description"], [[f"[{code(name)}](#dxb-{name})", text] for name, (_, text) in verbs.items()]
     )
     return join(overview, *(_verb(name, parser) for name, (parser, _) in verbs.items()))
 
@@ -22,7 +22,7 @@ def page() -> str:
 def variables_page() -> str:
     """One table of all variables of the environment."""
     known = variables.SETTINGS | variables.OTHERS
-    return table(["variable", "what it is"], [[code(name), text] for name, text in known.items()])
+    return table(["variable", "meaning"], [[code(name), text] for name, text in known.items()])
 
 
 def _verbs(top: argparse.ArgumentParser) -> dict[str, tuple[argparse.ArgumentParser, str]]:

@@ -15,7 +15,7 @@ def page() -> str:
     """One section per stage, one below it per rule."""
     found = sorted(Library().rules(), key=lambda rule: rule.path)
     overview = table(
-        ["rule", "what it does", "backends"],
+        ["rule", "description", "backends"],
         [[f"[{code(r.path)}](#{r.path.replace('.', '-')})", r.rule.summary, _names(r)] for r in found],
     )
     stages = groupby(found, key=lambda rule: rule.path.partition(".")[0])
@@ -40,7 +40,7 @@ def section(found: RuleFile) -> str:
         f"Returns {code(type_name(rule.returns))}. Version {rule.version}{needs}.",
         table(["input", "type", ""], slots),
         table(["option", "type", "default", "meaning"], [_row(option) for option in options(rule.options)]),
-        table(["backend", "what it does", "profiles", "extra"], backends),
+        table(["backend", "description", "profiles", "extra"], backends),
     )
 
 
