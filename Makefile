@@ -43,7 +43,7 @@ check: check-most examples ## Run every check
 
 check-most: setup lint type layers docs package ## Run what CI runs beside `make test`, which runs the examples
 
-format: setup ## Format the code and mend what ruff can mend
+format: setup ## Format the code and apply the fixes of ruff
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
@@ -57,7 +57,7 @@ type: setup ## Check types
 layers: setup ## Check which module may import which
 	$(BIN)/lint-imports --no-cache
 
-examples: setup ## Run the commands that stand in examples/ and in the docs pages
+examples: setup ## Run the commands of examples/ and of the docs pages
 	$(BIN)/python -m pytest tests/test_docs.py $(ARGS)
 
 package: setup ## Build wheel and sdist, install each alone and use it

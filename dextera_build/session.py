@@ -129,13 +129,7 @@ class Session:
         from dextera_build.recipe.plan import Request, plan
 
         if self.project.recipe(self.recipe) is None:
-            known = [address for address, _ in self.project.recipes()]
-            raise UsageError(
-                f"no recipe is called `{self.recipe}`",
-                code="DXB-U108",
-                facts={"recipes": listing(known, most=30)},
-                hint=did_you_mean(self.recipe, known) or "`dxb ls` shows all of them",
-            )
+            raise no_recipe(self.project, self.recipe)
         texts, added = map(settings.parse, self.added.settings), self.added
         request = Request(self.project.profile, added.inputs, tuple(texts), added.backends)
         made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
@@ -216,6 +210,17 @@ class Session:
 
         loaded: dict[str, Any] = json.loads(self.store.blobs.get(self.past(node).key_document))
         return loaded
+
+
+def no_recipe(project: Project, name: str) -> UsageError:
+    """The error about a recipe that does not exist."""
+    known = [address for address, _ in project.recipes()]
+    return UsageError(
+        f"no recipe is called `{name}`",
+        code="DXB-U108",
+        facts={"recipes": listing(known, most=30)},
+        hint=did_you_mean(name, known) or "`dxb ls` shows all of them",
+    )
 
 
 def addresses(graph: Graph, target: str) -> list[Address]:

@@ -3,9 +3,9 @@
 #
 #   DXB_CACHE       the store, a folder that the CI keeps from job to job or begins anew
 #   TWIN_REMOTE     a remote by name or address; none: the store alone
-#   TWIN_WRITE      `true`: give results to the remote, too; for the main branch
+#   TWIN_WRITE      `true`: also upload results to the remote; for the main branch
 #   TWIN_LOCKED     `true`: exit with 3 where a target is not what dxb.lock says; for pull requests
-#   TWIN_STORE_MAX  what the store shall hold at most when the job ends, 5GB
+#   TWIN_STORE_MAX  maximal size of the store after the job, 5GB
 set -euo pipefail
 
 stores=local:rw

@@ -55,13 +55,6 @@ class Locking:
         self._new: dict[Name, Pin | None] = {}
         """What this command found out; None drops a pin."""
 
-    def state(self, recipe: str) -> object:
-        """What of the lock file a build of `recipe` rests on, as plain data."""
-        if not (self.lock or self.locked or self._exists):
-            return None
-        mine = [[str(name), pin.key, pin.output] for name, pin in self._pins().items() if self._is_of(name, recipe)]
-        return [self.lock, self.locked, sorted(mine)]
-
     def refuse(self, session: Session, plan: Plan, wanted: Sequence[Address]) -> None:
         """With `--locked`, refuse what is known to differ: before anything runs, and again when all is known.
 

@@ -71,17 +71,12 @@ def render_node(node: NodeFinished, waiting: Sequence[str], run: str, *, colour:
     """
     error = node.error or DxbError("it ended without a result")
     verb = "failed its check" if error.code == "DXB-B201" else "failed"
-    message = paint(_clean(f"{node.node} {verb}: {error.message}"), _BOLD, colour)
     backend = f", backend {node.backend}" if node.backend else ""
-    rows = [("rule", f"{node.rule}{backend}")]
-    if error.where is not None:
-        rows.append(("at", str(error.where)))
-    rows += error.facts.items()
-    if waiting:
-        rows.append(("waits", some(waiting)))
-    rows.append(("log", f"dxb log {shlex.quote(run)} {shlex.quote(node.node)}"))
-    head = f"{paint(f'error[{error.code}]', _RED, colour)}: {message}"
-    return "\n".join([head, *_aligned(rows, colour), *_hint(error, colour)])
+    facts = {"rule": f"{node.rule}{backend}"} | ({"at": str(error.where)} if error.where else {}) | error.facts
+    facts |= {"waits": some(waiting)} if waiting else {}
+    facts["log"] = f"dxb log {shlex.quote(run)} {shlex.quote(node.node)}"
+    told = DxbError(f"{node.node} {verb}: {error.message}", code=error.code, facts=facts, hint=error.hint)
+    return render(told, colour=colour)
 
 
 def _aligned(rows: list[tuple[str, str]], colour: bool) -> list[str]:

@@ -11,7 +11,7 @@ from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
     from dextera_build.project.project import Project
-    from dextera_build.session import Added
+    from dextera_build.session import Added, Session
 
 
 def by_recipe(texts: Iterable[str]) -> dict[str, list[str]]:
@@ -85,6 +85,16 @@ def project(args: argparse.Namespace) -> Project:
     found = module.find(flags=flags)
     variables.warn(found)
     return found
+
+
+def session(
+    args: argparse.Namespace, target: str, of: Project | None = None, *, last: bool = False, makes: bool = False
+) -> tuple[Session, str]:
+    """The recipe of `RECIPE:NODE` with what the arguments add to it, and the node; see `Session`."""
+    from dextera_build.session import Session
+
+    named = parse_target(target)
+    return Session(of or project(args), named.recipe, added(args), last=last, makes=makes), named.node
 
 
 def added(args: argparse.Namespace) -> Added:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from dextera_build.code import syntax
 from dextera_build.code.modules import DXB, PACKAGE, Module, Modules, digest_of, read
-from dextera_build.errors import DxbError
 
 # What a rule writes against, and what can reach no artifact: the key's schema version stands for them.
 _FRAMEWORK = frozenset(PACKAGE / name for name in ("__init__.py", "rule.py", "errors.py", "digest.py"))
@@ -15,14 +14,6 @@ RULES = "rules"
 """What stands for the root of a rule in the names of sources."""
 _SOURCE = ".py"
 _PACKAGE = "__init__.py"
-
-
-def content(file: Path) -> str | None:
-    """Digest of what a source file says, without comments, docstrings and positions; None where it cannot be read."""
-    try:
-        return syntax.source(file.read_bytes(), str(file)).content
-    except (OSError, DxbError):
-        return None
 
 
 class CodeIndex:
@@ -76,9 +67,9 @@ class CodeIndex:
         """Files that were read, folders that were searched, and files that are not there and would come first."""
         return {*map(str, self._parsed), *self._modules.looked_at}
 
-    def contents(self) -> dict[Path, str]:
-        """Digest of what each file says that was read so far, as `content` gives it."""
-        return {file: source.content for file, source in self._parsed.items()}
+    def files(self) -> list[Path]:
+        """The source files that were read so far."""
+        return list(self._parsed)
 
     def find(self, name: str, definition: str) -> tuple[Path, int] | None:
         """Where a definition of a named source stands now, or None where it is gone."""

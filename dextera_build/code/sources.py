@@ -22,7 +22,7 @@ def files(project: Path) -> dict[str, Path]:
     found = {name: project / name for name in _SETTINGS if (project / name).is_file()}
     own = list(_below(rules))
     library.code.of(*(file for file in own if file.suffix == ".py"))
-    for file in (*own, *library.code.contents()):
+    for file in (*own, *library.code.files()):
         if file.is_relative_to(project) and not file.is_relative_to(PACKAGE):
             found[file.relative_to(project).as_posix()] = file
     return found

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Literal, overload
+from typing import Literal
 
 from dextera_build.engine.expand import Wiring
 from dextera_build.engine.graph import Address, Graph, RuleFacts, parse_address
@@ -44,57 +44,9 @@ class Planned:
         return self.spell()
 
 
-class Forecast(Sequence[Planned]):
-    """What a build would do with each node, made when asked for: there may be a hundred thousand.
-
-    Args:
-        scheduler: Of the dry run.
-        entries: Nodes, and calls whose copies are not known yet.
-        history: When nodes were last made.
-    """
-
-    def __init__(self, scheduler: Scheduler, entries: Sequence[Node | Path], history: History | None) -> None:
-        self._scheduler, self._entries, self._history = scheduler, entries, history
-
-    def __len__(self) -> int:
-        return len(self._entries)
-
-    @overload
-    def __getitem__(self, place: int) -> Planned: ...
-
-    @overload
-    def __getitem__(self, place: slice) -> list[Planned]: ...
-
-    def __getitem__(self, place: int | slice) -> Planned | list[Planned]:
-        if isinstance(place, slice):
-            return [self._made(entry) for entry in self._entries[place]]
-        return self._made(self._entries[place])
-
-    def _made(self, entry: Node | Path) -> Planned:
-        return self._planned(entry) if isinstance(entry, Node) else _open(entry, self._history)
-
-    def _planned(self, node: Node) -> Planned:
-        if node.state is State.DONE:
-            seconds = node.result.seconds if node.result else None
-            if node.bare and node.asked:
-                return self._told(node, "stale", seconds)
-            return replace(self._told(node, "cached", seconds), output=node.output)
-        last = self._history.get(node.address) if self._history else None
-        seconds = last.seconds if last else None
-        if node.state is State.STALE:
-            if node.rule.discovers:
-                self._scheduler.reading.suppose(node, last.key if last else "")
-            return self._told(node, "stale", seconds)
-        return Planned(node.address, "unknown", None, seconds, rule=node.rule)
-
-    def _told(self, node: Node, status: Literal["cached", "stale"], seconds: float | None) -> Planned:
-        spell = partial(self._scheduler.reading.document, node)
-        return Planned(node.address, status, node.key, seconds, bare=node.bare, rule=node.rule, spell=spell)
-
-
 def plan(
     graph: Graph, targets: Sequence[Address | tuple[str, ...]], store: Store, *, history: History | None = None
-) -> Forecast:
+) -> list[Planned]:
     """What a build of `targets` would do with each node that they need, in the order of the recipe.
 
     Raises:
@@ -115,7 +67,33 @@ def plan(
         for leaf in leaves(graph, wanted):
             scheduler.wiring.leaf(leaf)
     store.leaves.save()
-    return Forecast(scheduler, list(_entries(graph, wanted, scheduler.wiring)), history)
+    return [
+        _planned(entry, scheduler, history) if isinstance(entry, Node) else _open(entry, history)
+        for entry in _entries(graph, wanted, scheduler.wiring)
+    ]
+
+
+def _planned(node: Node, scheduler: Scheduler, history: History | None) -> Planned:
+    spell = partial(scheduler.reading.document, node)
+    if node.state is State.DONE:
+        stale = node.bare and node.asked
+        return Planned(
+            node.address,
+            "stale" if stale else "cached",
+            node.key,
+            node.result.seconds if node.result else None,
+            output=None if stale else node.output,
+            bare=node.bare,
+            rule=node.rule,
+            spell=spell,
+        )
+    last = history.get(node.address) if history else None
+    seconds = last.seconds if last else None
+    if node.state is not State.STALE:
+        return Planned(node.address, "unknown", None, seconds, rule=node.rule)
+    if node.rule.discovers:
+        scheduler.reading.suppose(node, last.key if last else "")
+    return Planned(node.address, "stale", node.key, seconds, bare=node.bare, rule=node.rule, spell=spell)
 
 
 def _entries(graph: Graph, wanted: Sequence[Address], wiring: Wiring) -> Iterator[Node | Path]:

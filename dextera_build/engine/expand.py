@@ -89,14 +89,6 @@ class Wiring:
             self.fresh.append(unit)
         return unit
 
-    def gatherings(self) -> Iterable[Gathering]:
-        """All collections of copies; what targets ask for is not among them."""
-        return self._gatherings.values()
-
-    def count(self) -> int:
-        """How many nodes there are, as far as is known."""
-        return len(self.nodes)
-
     def leaf(self, leaf: Leaf) -> str:
         """Digest of a file or folder; one look a run.
 

@@ -155,7 +155,7 @@ class Scheduler:
     def _measure(self) -> None:
         """Say how many nodes there are, where that changed; while they become more by the thousand, now and then."""
         openings = self.wiring.openings
-        known = (self.wiring.count(), len(openings))
+        known = (len(self.wiring.nodes), len(openings))
         if known != self._measured and not (self.wiring.fresh and known[0] < 2 * self._measured[0]):
             self._measured = known
             unopened = sum(unit.state is not State.DONE and unit.state not in LOST for unit in openings.values())

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,13 +23,13 @@ from typing import Any
 
 from dextera_build.errors import Place, RecipeError, StoreError, did_you_mean, listing
 from dextera_build.project.project import PROFILES
+from dextera_build.project.settings import parse_toml
 from dextera_build.store import failpoints, files
 from dextera_build.store.blobs import is_digest
 
 _VERSION = 1
 _HEAD = "# Which key and output each target has. `dxb build --lock` writes this file, `--locked` builds by it.\n"
 _CONFLICT = re.compile(r"^(<{7}|={7}|>{7}|\|{7})( |$)", re.MULTILINE)
-_PLACE = re.compile(r" \(at line (\d+), column (\d+)\)$")
 
 
 @dataclass(frozen=True)
@@ -130,16 +129,7 @@ def _parsed(text: str, where: Place) -> dict[str, Any]:
             where=Place(where.file, text.count("\n", 0, mark.start()) + 1),
             hint=f"take either side with `git checkout --ours {where.file}`, then `dxb build --lock` the targets in it",
         )
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        place = _PLACE.search(str(error))
-        at = Place(where.file, int(place[1]), int(place[2])) if place else where
-        raise _wrong(f"not valid TOML: {_PLACE.sub('', str(error))}", at) from None
-    except RecursionError:
-        raise _wrong("not valid TOML: values are nested too deep", where) from None
-    except ValueError as error:  # a number of thousands of digits
-        raise _wrong(f"not valid TOML: {error}", where) from None
+    return parse_toml(text, where, _wrong)
 
 
 def _pins(profile: str, block: object, where: Place) -> list[tuple[tuple[str, str], Pin]]:

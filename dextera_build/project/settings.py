@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 from dextera_build.errors import Place, RecipeError
 
 PYPROJECT = "pyproject.toml"
+_PLACE = re.compile(r" \(at line (\d+), column (\d+)\)$")
 
 
 def user_folder() -> Path:
@@ -32,17 +34,28 @@ def read(file: Path) -> dict[str, Any]:
     Raises:
         RecipeError: It cannot be read, is not TOML, or has something else in place of a table.
     """
+    where = Place(str(file))
     try:
-        values = tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise _wrong(f"the settings cannot be read: {error.strerror}", file) from None
-    except RecursionError:
-        raise _wrong("not valid TOML: values are nested too deep", file) from None
-    except ValueError as error:  # no TOML, no UTF-8, or a number of thousands of digits
-        raise _wrong(f"not valid TOML: {error}", file) from None
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise _wrong(f"the settings cannot be read: {reason}", where) from None
+    values = parse_toml(text, where, _wrong)
     if file.name != PYPROJECT:
         return values
     return _table(_table(values, "tool", file), "dxb", file)
+
+
+def parse_toml(text: str, where: Place, wrong: Callable[[str, Place], RecipeError]) -> dict[str, Any]:
+    """The tables of a TOML text; `wrong` makes the error from a message and the place in the file `where`."""
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise wrong("not valid TOML: values are nested too deep", where) from None
+    except ValueError as error:  # no TOML, or a number of thousands of digits
+        place = _PLACE.search(str(error))
+        at = Place(where.file, int(place[1]), int(place[2])) if place else where
+        raise wrong(f"not valid TOML: {_PLACE.sub('', str(error))}", at) from None
 
 
 def check(name: str, value: object, origin: str) -> None:
@@ -66,9 +79,9 @@ def check(name: str, value: object, origin: str) -> None:
 def _table(values: Mapping[str, Any], name: str, file: Path) -> dict[str, Any]:
     table = values.get(name, {})
     if not isinstance(table, dict):
-        raise _wrong(f"`{name}` is not a table", file)
+        raise _wrong(f"`{name}` is not a table", Place(str(file)))
     return table
 
 
-def _wrong(message: str, file: Path) -> RecipeError:
-    return RecipeError(message, code="DXB-R402", where=Place(str(file)))
+def _wrong(message: str, where: Place) -> RecipeError:
+    return RecipeError(message, code="DXB-R402", where=where)

@@ -168,7 +168,7 @@ class Exchange:
     def _send(self, remote: Guarded, key: str) -> None:
         octets, reason = -1, ""
         try:
-            octets = self._transfer.send(remote, key).octets
+            octets = self._transfer.send(remote, key)
         except RemoteFault as fault:
             reason = fault.reason
         except StoreError as error:

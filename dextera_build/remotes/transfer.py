@@ -31,16 +31,6 @@ class Fetched:
     result: ActionResult
     is_whole: bool
     """Whether its bytes are here; if not, its entry and the headers of its output are."""
-    octets: int
-    """How many bytes had to come."""
-
-
-@dataclass(frozen=True)
-class Sent:
-    """A result that a remote has now."""
-
-    blobs: int
-    octets: int
 
 
 class Transfer:
@@ -74,8 +64,7 @@ class Transfer:
         if entry is None:
             return None
         try:
-            octets = self._bring(remote, entry.files) if whole else self._headers(remote, entry)
-            if octets is None:
+            if not (self._bring(remote, entry.files) if whole else self._headers(remote, entry)):
                 return None
             failpoints.reach("fetch.blobs")
             is_whole = traces.publish(self._store, key, entry.result, entry.document, may_lack=not whole)
@@ -86,39 +75,33 @@ class Transfer:
             if error.code != headers.ESCAPES:
                 raise
             return None
-        return Fetched(entry.result, is_whole, octets)
+        return Fetched(entry.result, is_whole)
 
-    def _headers(self, remote: Remote, entry: Entry) -> int | None:
+    def _headers(self, remote: Remote, entry: Entry) -> bool:
         """Download the key document of an entry and the headers of its output, level by level."""
         known = {file.digest: file for file in entry.files}
         front = [entry.result.output]
         seen = set(front)
-        octets = self._bring(remote, [file for file in entry.files if file.role == entries.KEY])
-        while front and octets is not None:
-            came = self._bring(remote, [known[digest] for digest in front])
-            if came is None:
-                return None
-            octets += came
+        came = self._bring(remote, [file for file in entry.files if file.role == entries.KEY])
+        while front and came:
+            if not self._bring(remote, [known[digest] for digest in front]):
+                return False
             below = [ref for digest in front for ref in self._store.actions.references.directly(digest)[0]]
             front = [ref for ref in dict.fromkeys(below) if ref not in seen]
             seen.update(front)
-        return octets
+        return came
 
-    def _bring(self, remote: Remote, files: Iterable[File]) -> int | None:
-        """Download the blobs that are not here; returns their bytes, or None if the remote lacks one."""
-        blobs = dict.fromkeys(Digest(file.digest, file.size) for file in files)
-        wanted = [blob for blob in blobs if self._store.blobs.size(blob.hash) != blob.size]
-        if sum(blob.size for blob in wanted) > disk_full.free_bytes(str(self._store.root)):
-            return None  # an entry may claim any size; a download that cannot fit is not started
-        return sum(blob.size for blob in wanted) if self.blobs(remote, wanted) else None
-
-    def blobs(self, remote: Remote, wanted: Iterable[Digest]) -> bool:
-        """Download blobs; returns False if the remote lacks one.
+    def _bring(self, remote: Remote, files: Iterable[File]) -> bool:
+        """Download the blobs that are not here; returns False if the remote lacks one.
 
         Raises:
             RemoteFault: The remote did not answer rightly, or gave other bytes.
             StoreError: The local disk is full, or the store cannot be written.
         """
+        blobs = dict.fromkeys(Digest(file.digest, file.size) for file in files)
+        wanted = [blob for blob in blobs if self._store.blobs.size(blob.hash) != blob.size]
+        if sum(blob.size for blob in wanted) > disk_full.free_bytes(str(self._store.root)):
+            return False  # an entry may claim any size; a download that cannot fit is not started
         came: set[Digest] = set()
         wrong: list[Digest] = []
         troubles: list[StoreError] = []
@@ -130,9 +113,8 @@ class Transfer:
             except StoreError as error:
                 troubles.append(error)
 
-        asked = list(dict.fromkeys(wanted))
-        if asked:
-            remote.fetch(asked, take)
+        if wanted:
+            remote.fetch(wanted, take)
         if troubles:
             raise troubles[0]
         with self._guard:
@@ -140,10 +122,12 @@ class Transfer:
             self._damaged[remote.address].update(wrong)
         if wrong:
             raise DamagedBlob(remote.address, f"blob `{wrong[0].hash[:12]}` came with other bytes")
-        return came.issuperset(asked)
+        return came.issuperset(wanted)
 
-    def send(self, remote: Remote, key: str) -> Sent:
+    def send(self, remote: Remote, key: str) -> int:
         """Upload the result of `key`: blobs first, the entry last and only if all of them arrived.
+
+        Returns the bytes of the blobs that the remote lacked.
 
         Raises:
             RemoteFault: The remote did not take it.
@@ -154,11 +138,11 @@ class Transfer:
             raise MissingBlob(key, "the store has no whole result under this key")
         for call, _ in entry.result.calls:  # first, so that nodes with other keys find the answer, too
             self.send(remote, call)
-        sent = self._deliver(remote, entry)
+        octets = self._deliver(remote, entry)
         parts = traces.parts_of(entry.document or self._store.blobs.get(key))
         if parts is not None and parts[1] is not None:
             self._send_traces(remote, parts[0])
-        return sent
+        return octets
 
     def _send_traces(self, remote: Remote, static: Mapping[str, Any]) -> None:
         """Add the traces of a call that reads by itself to those that the remote has."""
@@ -174,9 +158,9 @@ class Transfer:
         entry = entry_at(remote, key)
         if entry is None or entry.files[0].size > MOST_ENTRY:
             return []
-        return traces.listed(self._store, entry.result) if self._bring(remote, entry.files[:1]) is not None else []
+        return traces.listed(self._store, entry.result) if self._bring(remote, entry.files[:1]) else []
 
-    def _deliver(self, remote: Remote, entry: Entry) -> Sent:
+    def _deliver(self, remote: Remote, entry: Entry) -> int:
         blobs = list(dict.fromkeys(Digest(file.digest, file.size) for file in entry.files))
         with self._guard:
             damaged = self._damaged[remote.address].intersection(blobs)
@@ -188,7 +172,7 @@ class Transfer:
             self._held[remote.address].update(blobs)
             self._damaged[remote.address].difference_update(wanted)
         remote.put_entry(entry.key, entry.spell())
-        return Sent(len(wanted), sum(blob.size for blob in wanted))
+        return sum(blob.size for blob in wanted)
 
     def _open(self, digest: Digest) -> BinaryIO:
         if not self._store.blobs.verify(digest.hash):

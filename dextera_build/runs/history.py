@@ -76,11 +76,6 @@ class History:
         peak = known.usage.get("memory_bytes") if known else None
         return peak / 2**30 if peak else None
 
-    def usage(self, address: str) -> Mapping[str, float]:
-        """What the last run of a node used."""
-        known = self.get(address)
-        return known.usage if known else {}
-
     def save(self) -> None:
         """Write down what was noted, beside what other builds wrote; a store that cannot be written keeps the old."""
         if self._noted:

@@ -58,9 +58,9 @@ def built(tmp_path: Path) -> tuple[Store, list[str]]:
 def test_blobs_go_first_and_the_entry_last(built: tuple[Store, list[str]], tmp_path: Path) -> None:
     store, (key, _) = built
     remote = Noted(tmp_path / "share")
-    sent = Transfer(store).send(remote, key)
+    assert Transfer(store).send(remote, key) > 64
     assert [what for what, _ in remote.log] == ["missing", "send", "put"]
-    assert sent.blobs == 2  # header, its blob
+    assert ("send", 2) in remote.log  # header, its blob
 
 
 @pytest.mark.parametrize("fails", ["missing", "send", "put"])
@@ -77,8 +77,8 @@ def test_what_is_there_is_not_sent_again(built: tuple[Store, list[str]], tmp_pat
     store, (key, _) = built
     remote, transfer = Noted(tmp_path / "share"), Transfer(store)
     transfer.send(remote, key)
-    assert transfer.send(remote, key).blobs == 0
-    assert Transfer(store).send(remote, key).blobs == 0
+    assert transfer.send(remote, key) == 0
+    assert Transfer(store).send(remote, key) == 0
     assert remote.log.count(("send", 2)) == 1
 
 
@@ -124,7 +124,7 @@ def test_what_came_damaged_is_sent_again(built: tuple[Store, list[str]], tmp_pat
     with pytest.raises(DamagedBlob):
         transfer.fetch(share, key)
     run(graph(call("a", "blob")), other)
-    assert transfer.send(share, key).blobs == 1
+    assert transfer.send(share, key) == 64
     assert victim.read_bytes() == whole
 
 

@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options, table
 from dextera_build.errors import DxbError, RuleError, StaleError, UsageError, listing
-from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
-    from dextera_build.project.project import Project
     from dextera_build.session import Session
 
 
@@ -36,10 +34,9 @@ def run(args: argparse.Namespace) -> int:
     project = options.project(args)
     code, rows = 0, []
     for target in args.targets or [address for address, _ in project.recipes()]:
-        named = parse_target(target)
         try:
-            recipe, node = named.recipe, named.node
-            found = _repeat(args, project, recipe, node) if node else _resolve(args, project, recipe)
+            session, node = options.session(args, target, project, last=True)
+            found = _repeat(session, node) if node else _resolve(session)
             rows.append({"target": target, "found": found})
         except DxbError as error:
             if args.targets and len(args.targets) == 1:
@@ -53,11 +50,9 @@ def run(args: argparse.Namespace) -> int:
     return code
 
 
-def _resolve(args: argparse.Namespace, project: Project, recipe: str) -> str:
-    from dextera_build.session import Session
-
+def _resolve(session: Session) -> str:
     try:
-        graph = Session(project, recipe, options.added(args)).plan().graph
+        graph = session.plan().graph
     except UsageError as error:
         if error.code != "DXB-U105":
             raise
@@ -65,12 +60,11 @@ def _resolve(args: argparse.Namespace, project: Project, recipe: str) -> str:
     return f"sound, {len(list(graph.calls()))} calls"
 
 
-def _repeat(args: argparse.Namespace, project: Project, recipe: str, node: str) -> str:
+def _repeat(session: Session, node: str) -> str:
     """Run one node on the inputs of its last build, beside the cache, and compare by the tolerance of its rule."""
     from dextera_build.build.runner import run_task
-    from dextera_build.session import Session
 
-    session = Session(project, recipe, options.added(args), last=True)
+    project, recipe = session.project, session.recipe
     before, document, key = session.output(node), session.document(node), session.past(node).key
     task = {
         "rule": document["rule"],

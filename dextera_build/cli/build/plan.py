@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from dextera_build.build import fetch
 from dextera_build.cli import options, table
-from dextera_build.recipe.addresses import parse_target
 from dextera_build.report.wording import count, duration
 
 if TYPE_CHECKING:
@@ -49,19 +48,18 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.engine.dry import plan
     from dextera_build.engine.graph import parse_address
     from dextera_build.engine.lookup import copy_of
-    from dextera_build.session import Session, addresses
+    from dextera_build.session import addresses
 
-    project = options.project(args)
-    wanted = parse_target(args.target)
-    session = Session(project, wanted.recipe, options.added(args))
+    session, target = options.session(args, args.target)
     graph = session.plan().graph
+    wanted = addresses(graph, target)
     if args.check:
         from dextera_build.cli.build import stale
 
-        return stale.check(session, graph, addresses(graph, wanted.node), as_json=args.json)
-    capacity = project.capacity(gpus=True) if args.resources is not None else None
+        return stale.check(session, graph, wanted, as_json=args.json)
+    capacity = session.project.capacity(gpus=True) if args.resources is not None else None
     rows: list[dict[str, str]] = []
-    nodes = plan(graph, addresses(graph, wanted.node), session.store, history=session.past_builds)
+    nodes = plan(graph, wanted, session.store, history=session.past_builds)
     elsewhere = fetch.held(session, nodes)
     for node in nodes:
         rule = node.rule or copy_of(graph, parse_address(node.address).call, ()).rule

@@ -45,7 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print one line a round on stderr; end with 0 when Ctrl-C comes while it waits, with 130 when it stops a build."""
-    words, because = _words(args), _FIRST
+    words, because = args.words[1:], _FIRST
     while True:
         told = _round(words, because)
         if told is None:
@@ -97,16 +97,6 @@ class Seen:
             folder = Path(name)
             found.add(str(next(place for place in (folder, *folder.parents) if place.is_dir())))
         return sorted(found)
-
-
-def _words(args: argparse.Namespace) -> list[str]:
-    """The command line again, for a round."""
-    lists = {"input": args.input, "set": args.settings, "backend": args.backends}
-    singles = {name: getattr(args, name) for name in ("jobs", "console", "cache", "profile")}
-    given = [(name, value) for name, value in singles.items() if value is not None]
-    given += [(name, value) for name, values in lists.items() for value in values]
-    switches = [f"--{name.replace('_', '-')}" for name in ("keep_going", "verbose") if getattr(args, name)]
-    return [*switches, *(f"--{name}={value}" for name, value in given), *args.targets]
 
 
 def _round(words: Sequence[str], because: str) -> dict[str, Any] | None:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from dextera_build.cli import options
 from dextera_build.errors import UsageError
-from dextera_build.recipe.addresses import parse_target
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,16 +22,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths, the main one first."""
     from dextera_build.build.export import stem_of
-    from dextera_build.session import Session
 
-    wanted = parse_target(args.node)
-    if not wanted.node:
-        raise UsageError(
-            "name a node", code="DXB-U111", hint=f"`dxb get {wanted.recipe}:NODE`; `dxb ls {wanted.recipe}`"
-        )
-    session = Session(options.project(args), wanted.recipe, options.added(args), last=True)
+    session, node = options.session(args, args.node, last=True)
+    if not node:
+        hint = f"`dxb get {session.recipe}:NODE`; `dxb ls {session.recipe}`"
+        raise UsageError("name a node", code="DXB-U111", hint=hint)
     try:
-        written = session.artifact(wanted.node).export(Path(args.out), stem_of(wanted.node))
+        written = session.artifact(node).export(Path(args.out), stem_of(node))
     except OSError as error:
         place = error.filename or args.out
         facts = {"system says": error.strerror}

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from dextera_build.cli import options
 from dextera_build.cli.look.output import give
 from dextera_build.errors import UsageError, listing
-from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
     from dextera_build.engine.graph import Graph
@@ -35,17 +34,14 @@ def run(args: argparse.Namespace) -> int:
     `to` reads what `from` returns).
     """
     from dextera_build.report.collapse import WAYS
-    from dextera_build.session import Session
 
     if args.by not in WAYS:
         raise UsageError(
             f"`--by {args.by}` is not a way to draw a graph", code="DXB-U176", facts={"ways": listing(WAYS)}
         )
-    project = options.project(args)
-    wanted = parse_target(args.target)
-    session = Session(project, wanted.recipe, options.added(args))
-    nodes = _nodes(session, wanted.node, args)
-    return give(project, _written(args, wanted.recipe, wanted.node, nodes), args.out)
+    session, target = options.session(args, args.target)
+    nodes = _nodes(session, target, args)
+    return give(session.project, _written(args, session.recipe, target, nodes), args.out)
 
 
 def _nodes(session: Session, target: str, args: argparse.Namespace) -> list[Node]:

@@ -43,19 +43,13 @@ def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:
     """
     from dextera_build.cli import options
     from dextera_build.explain import nodes as known
-    from dextera_build.session import Session
+    from dextera_build.session import Session, no_recipe
 
     depth = _depth(args)
     recipe, _, node = args.what.partition(":")
-    addresses = [address for address, _ in project.recipes()]
-    chosen = [address for address in addresses if known.pattern(recipe).fullmatch(address)]
+    chosen = [address for address, _ in project.recipes() if known.pattern(recipe).fullmatch(address)]
     if not chosen:
-        raise UsageError(
-            f"no recipe is called `{recipe}`",
-            code="DXB-U108",
-            facts={"recipes": listing(addresses, most=30)},
-            hint=did_you_mean(recipe, addresses) or "`dxb ls` shows all of them",
-        )
+        raise no_recipe(project, recipe)
     matched = False
     seen: dict[str, Known] = {}
     for address in chosen:

@@ -8,11 +8,11 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options, table
-from dextera_build.cli.look import graph, trace
+from dextera_build.cli.look import graph
+from dextera_build.cli.look.output import give
 from dextera_build.errors import UsageError
 from dextera_build.explain.calls import is_call, show
 from dextera_build.explain.reads import Reads
-from dextera_build.recipe.addresses import parse_target
 from dextera_build.report.wording import used
 
 if TYPE_CHECKING:
@@ -49,11 +49,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print rows of name and value; with `--lineage` an indented line for everything, each once."""
-    from dextera_build.session import Session
-
-    if args.trace:
-        return trace.run(args)
     project = options.project(args)
+    if args.trace:
+        return give(project, _trace(project, args.target), args.out)
     if args.config:
         rows: dict[str, Any] = {name: _setting(found, as_json=args.json) for name, found in project.config.items()}
     elif args.target is None:
@@ -67,14 +65,23 @@ def run(args: argparse.Namespace) -> int:
             from dextera_build.explain import rule_card
 
             return table.give(rule_card.rows(project.library.find(args.target)), as_json=args.json)
-        wanted = parse_target(args.target)
-        session = Session(project, wanted.recipe, options.added(args), last=True)
+        session, node = options.session(args, args.target, project, last=True)
         if args.lineage:
-            return _lineage(session, wanted.node, as_json=args.json)
-        rows = _node(session, wanted.node) if wanted.node else _recipe(session, as_json=args.json)
+            return _lineage(session, node, as_json=args.json)
+        rows = _node(session, node) if node else _recipe(session, as_json=args.json)
     cells = [[name, *str(value).split("\t")] for name, value in rows.items()]
     named = [dict(zip(_COLUMNS[len(row)], row, strict=True)) for row in cells] if not args.json else []
     return table.give(rows, as_json=args.json, cells=named)
+
+
+def _trace(project: Project, run: str | None) -> str:
+    """When every node of a run worked, for Perfetto, Chrome's about:tracing or speedscope."""
+    from dextera_build.explain import runs
+    from dextera_build.report import run as past
+    from dextera_build.report.trace import trace
+    from dextera_build.session import reading
+
+    return json.dumps(trace(past.read(runs.find(project, run)[1], reading(project))))
 
 
 def _is_rule(project: Project, text: str) -> bool:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.cli import options
 from dextera_build.engine.graph import parse_address
 from dextera_build.errors import DxbError, UsageError
-from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
     from dextera_build.session import Session
@@ -40,12 +39,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until interrupted; the address goes to stdout."""
-    from dextera_build.session import Session
     from dextera_build.view import server
 
-    wanted = parse_target(args.target)
-    session = Session(options.project(args), wanted.recipe, options.added(args), last=True)
-    fill = _one(session, wanted.node) if wanted.node else _scene(session)
+    session, node = options.session(args, args.target, last=True)
+    fill = _one(session, node) if node else _scene(session)
     viewer, url = server.start(args.port, args.host, args.allow_origin)
     fill(viewer)
     print(json.dumps({"url": url}) if args.json else url, flush=True)

@@ -7,7 +7,6 @@ import sys
 from typing import TYPE_CHECKING
 
 from dextera_build.cli import options, table
-from dextera_build.recipe.addresses import parse_target
 from dextera_build.report.wording import count
 
 if TYPE_CHECKING:
@@ -24,16 +23,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print a sentence, then one cause a line: kind, name, old -> new, place; what stands behind it stands indented."""
-    from dextera_build.session import Session
-
-    project = options.project(args)
-    wanted = parse_target(args.node)
-    session = Session(project, wanted.recipe, options.added(args))
-    if not wanted.node:
+    session, node = options.session(args, args.node)
+    if not node:
         return _recipe(session, as_json=args.json)
     from dextera_build.explain.why import explain
 
-    sentence, causes = explain(session, wanted.node)
+    sentence, causes = explain(session, node)
     from dextera_build.explain.origins import margin
 
     rows = [cause.to_json() for cause in causes]

@@ -5,14 +5,12 @@ No rule is imported and nothing is planned: recipes are listed, one is read, and
 
 from __future__ import annotations
 
+import argparse
 import os
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    import argparse
-
-    from dextera_build.project.project import Project
+from dextera_build.project.project import Project, find
 
 _RUNS = 3
 """So many runs of a recipe are read for the names of its nodes."""
@@ -33,8 +31,6 @@ def answer() -> None:
 
 def _equip(parser: argparse.ArgumentParser) -> None:
     """Give every argument its completer, by what the help calls its value."""
-    import argparse
-
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for sub in set(action.choices.values()):
@@ -46,8 +42,6 @@ def _equip(parser: argparse.ArgumentParser) -> None:
 
 
 def _targets(prefix: str, **_: Any) -> list[str]:
-    from dextera_build.project.project import find
-
     project = find()
     recipe, colon, _rest = prefix.partition(":")
     if not colon:
@@ -69,15 +63,12 @@ def _nodes(project: Project, address: str) -> list[str]:
 
 
 def _forced(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
-    from dextera_build.project.project import find
-
     project = find()
     return [node for text in parsed_args.targets for node in _nodes(project, text.partition(":")[0])]
 
 
 def _runs(**_: Any) -> dict[str, str]:
     from dextera_build.explain.runs import runs
-    from dextera_build.project.project import find
 
     project = find()
     found = {row["run"]: f"{row['recipe']}, {row['when']}" for row in runs(project)}
@@ -85,12 +76,10 @@ def _runs(**_: Any) -> dict[str, str]:
 
 
 def _in_run(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
-    from dextera_build.explain import nodes
-    from dextera_build.explain.runs import find as run_of
-    from dextera_build.project.project import find
+    from dextera_build.explain import nodes, runs
 
     # argcomplete asks for both words of `dxb log` while the first is typed.
-    return list(nodes.of_events(run_of(find(), parsed_args.run)[1])) if parsed_args.run else []
+    return list(nodes.of_events(runs.find(find(), parsed_args.run)[1])) if parsed_args.run else []
 
 
 def _listed(prefix: str, **_: Any) -> list[str]:
@@ -99,8 +88,6 @@ def _listed(prefix: str, **_: Any) -> list[str]:
 
 
 def _rules(**_: Any) -> Iterator[str]:
-    from dextera_build.project.project import find
-
     return (found.path for found in find().library.rules())
 
 
@@ -115,8 +102,6 @@ def _helped(**_: Any) -> list[str]:
 
 
 def _backends(prefix: str, **_: Any) -> list[str]:
-    from dextera_build.project.project import find
-
     rule, equals, _name = prefix.partition("=")
     found = {file.path: file for file in find().library.rules()}
     if not equals:

@@ -9,9 +9,9 @@ from dextera_build.cli import options
 
 _VERBS = {
     "create": ("bundle_make", "write results, with their provenance, to a file or folder"),
-    "inspect": ("bundle_inspect", "show the content, provenance and signatures of a bundle"),
-    "import": ("bundle_import", "take the results of a bundle into the store"),
-    "keygen": ("bundle_import", "make a pair of keys to sign bundles with"),
+    "inspect": ("bundle_read", "show the content, provenance and signatures of a bundle"),
+    "import": ("bundle_read", "take the results of a bundle into the store"),
+    "keygen": ("bundle_read", "make a pair of keys to sign bundles with"),
 }
 
 
@@ -31,7 +31,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="targets: bytes of the targets, all other results without bytes; full: bytes of all nodes",
     )
     subs["create"].add_argument("--sign", metavar="KEY", help="sign with this private ed25519 key (PEM or OpenSSH)")
-    options.project_arguments(subs["create"])
     options.request_arguments(subs["create"])
     for name in ("inspect", "import"):
         subs[name].add_argument("bundle", metavar="BUNDLE", help="a bundle: FILE.tar")
@@ -41,9 +40,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     subs["inspect"].add_argument("--recipe", metavar="NAME", help="print the YAML of this recipe of the bundle")
     subs["keygen"].add_argument("file", metavar="FILE", help="the private key; the public one goes to FILE.pub")
     subs["keygen"].add_argument("--name", metavar="NAME", help="name of the owner (user@host)")
-    for name in ("inspect", "import"):
-        options.project_arguments(subs[name])
-        options.json_argument(subs[name])
+    for name, sub in subs.items():
+        if name != "keygen":
+            options.project_arguments(sub)
+        options.json_argument(sub)
 
 
 def run(args: argparse.Namespace) -> int:

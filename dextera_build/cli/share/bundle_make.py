@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING
 from dextera_build import __version__
 from dextera_build.bundle.config import Build, Contents
 from dextera_build.bundle.export import Export
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 from dextera_build.errors import UsageError, listing
-from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
     from dextera_build.bundle.closure_of_targets import Survey
@@ -29,8 +28,7 @@ def create(args: argparse.Namespace) -> int:
     """Write a bundle; print its path, digest and size."""
     made = _make(args, args.targets)
     made.write(Path(args.out))
-    print(f"{args.out}\tsha256:{made.digest}")
-    return 0
+    return table.give([{"file": args.out, "digest": f"sha256:{made.digest}"}], as_json=args.json)
 
 
 def _make(args: argparse.Namespace, targets: Sequence[str]) -> Export:
@@ -38,14 +36,10 @@ def _make(args: argparse.Namespace, targets: Sequence[str]) -> Export:
     from dextera_build.session import reading
 
     project = options.project(args)
-    wanted: dict[str, list[str]] = {}
-    for text in targets:
-        named = parse_target(text)
-        wanted.setdefault(named.recipe, []).append(named.node)
     builds: list[Build] = []
     recipes: dict[str, str] = {}
     times: list[float] = []
-    for recipe, names in sorted(wanted.items()):
+    for recipe, names in sorted(options.by_recipe(targets).items()):
         build, plan, past = _survey(args, project, recipe, names)
         builds.append(build)
         recipes |= _recipes(project, plan)

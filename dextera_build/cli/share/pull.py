@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from dextera_build.build import fetch
 from dextera_build.cli import options, table
 from dextera_build.errors import StoreError, listing
-from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
     from dextera_build.build.build import Built
@@ -35,16 +34,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Place results as `build` does; one line each: address, main file."""
     from dextera_build.cli.build.shown import shown
-    from dextera_build.session import Session
 
     project = options.project(args)
     lacking: list[str] = []
     rows: list[dict[str, str]] = []
     for text in args.targets:
-        wanted = parse_target(text)
-        session = Session(project, wanted.recipe, options.added(args), makes=True)
-        built = _bring(session, wanted.node, args)
-        lacking += [f"{wanted.recipe}:{place}" for place in built.run_result.errors]
+        session, target = options.session(args, text, project, makes=True)
+        built = _bring(session, target, args)
+        lacking += [f"{session.recipe}:{place}" for place in built.run_result.errors]
         rows += [{"node": node, "file": shown(path)} for node, path in built.placed.paths.items()]
     table.give(rows, as_json=args.json)
     if lacking:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, TextIO
 from dextera_build.build import fetch
 from dextera_build.cli import options, table
 from dextera_build.errors import StoreError, listing
-from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
     from dextera_build.remotes.exchange import Exchange
@@ -33,20 +32,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print one node a line: address, remote, key."""
     from dextera_build.engine.dry import plan
-    from dextera_build.session import Session, addresses
+    from dextera_build.session import addresses
 
-    project = options.project(args)
-    exchange = None
+    project, exchange = options.project(args), None
     sent: list[tuple[str, str]] = []
     stale: list[str] = []
     bare: list[str] = []
     for text in args.targets:
-        wanted = parse_target(text)
-        session = Session(project, wanted.recipe, options.added(args))
+        session, target = options.session(args, text, project)
         graph = session.plan().graph
         exchange = exchange or fetch.exchange(session, "w", args.to)
-        for node in plan(graph, addresses(graph, wanted.node), session.store):
-            address = f"{wanted.recipe}:{node.address}"
+        for node in plan(graph, addresses(graph, target), session.store):
+            address = f"{session.recipe}:{node.address}"
             if node.status == "cached" and node.bare:
                 bare.append(address)
             elif node.status == "cached" and node.key is not None:

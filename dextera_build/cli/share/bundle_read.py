@@ -1,4 +1,4 @@
-"""`dxb bundle import` and `keygen`: from a bundle to a store that can be worked with."""
+"""`dxb bundle inspect`, `import` and `keygen`: what a bundle says of itself, and its results in a store."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from dextera_build.bundle import importer, layout, sign, trust
-from dextera_build.cli import options
-from dextera_build.errors import UsageError, listing
+from dextera_build import digest
+from dextera_build.bundle import importer, layout, oci, sign, trust
+from dextera_build.cli import options, table
+from dextera_build.errors import UsageError, did_you_mean, listing
 from dextera_build.report.wording import count
 
 if TYPE_CHECKING:
@@ -73,20 +74,16 @@ def take(args: argparse.Namespace) -> int:
     _say(bundle, voucher, taken)
     outputs = {address: node.output for address, node in bundle.contents.nodes()}
     targets = {name: outputs[name] for name in bundle.contents.targets()}
-    if args.json:
-        told = {"digest": bundle.digest, "signature": voucher.state, "targets": targets, **vars(taken)}
-        print(json.dumps(told, indent=1))
-    else:
-        print("".join(f"{name}\t{output}\n" for name, output in targets.items()), end="")
-    return 0
+    told = {"digest": bundle.digest, "signature": voucher.state, "targets": targets, **vars(taken)}
+    cells = [{"target": name, "output": output} for name, output in targets.items()]
+    return table.give(told, as_json=args.json, cells=cells)
 
 
 def keygen(args: argparse.Namespace) -> int:
     """Make keys; print the path of the public one and the key's id."""
     path = Path(args.file)
     key = sign.generate(path, args.name or f"{getpass.getuser()}@{platform.node()}")
-    print(f"{path}.pub\t{key.id}")
-    return 0
+    return table.give([{"file": f"{path}.pub", "key": key.id}], as_json=args.json)
 
 
 def _remember(project: Project, store: Store, build: Build, bundle: Opened) -> None:
@@ -155,3 +152,60 @@ def _say(bundle: Opened, voucher: trust.Voucher, taken: importer.Taken) -> None:
             "warning: not signed by a trusted key",
             file=sys.stderr,
         )
+
+
+def inspect(args: argparse.Namespace) -> int:
+    """Print rows of name and value, or all as JSON, or one recipe."""
+    project = options.project(args)
+    bundle = importer.open_bundle(source_of(args.bundle))
+    voucher = judged(args, project, bundle)
+    if args.recipe:
+        print(_recipe(bundle, args.recipe), end="")
+        return 0
+    cells = [{"name": name, "value": str(value)} for name, value in _rows(bundle, voucher)]
+    return table.give(_everything(bundle, voucher), as_json=args.json, cells=cells)
+
+
+def _rows(bundle: Opened, voucher: trust.Voucher) -> list[tuple[str, object]]:
+    nodes = [node for _, node in bundle.contents.nodes()]
+    layers = bundle.manifest.layers
+    return [
+        ("digest", f"sha256:{bundle.digest}"),
+        ("created", bundle.manifest.annotations.get(oci.CREATED, "-")),
+        *(("target", name) for name in bundle.contents.targets()),
+        ("closure", bundle.contents.closure),
+        ("nodes", len(nodes)),
+        ("results", len({node.key for node in nodes if node.result})),
+        ("with bytes", len({node.key for node in nodes if node.is_whole})),
+        ("layers", len(layers)),
+        ("bytes", bundle.size),
+        *(
+            ("recipe", f"{name}\tsha256:{digest.of_bytes(text.encode())}")
+            for name, text in bundle.contents.recipes.items()
+        ),
+        ("made by", f"dxb {bundle.contents.dxb}"),
+        ("inputs", len({path for node in nodes for path in node.files.values()})),
+        ("signature", str(voucher)),
+    ]
+
+
+def _everything(bundle: Opened, voucher: trust.Voucher) -> dict[str, Any]:
+    return {
+        "digest": f"sha256:{bundle.digest}",
+        "bytes": bundle.size,
+        "manifest": json.loads(bundle.manifest.spell()),
+        "config": json.loads(bundle.contents.spell()),
+        "signature": {"state": voucher.state, "signer": voucher.signer},
+    }
+
+
+def _recipe(bundle: Opened, name: str) -> str:
+    known = bundle.contents.recipes
+    if name not in known:
+        raise UsageError(
+            f"there is no recipe `{name}` in the bundle",
+            code="DXB-U148",
+            facts={"recipes": listing(known)},
+            hint=did_you_mean(name, known),
+        )
+    return known[name]
