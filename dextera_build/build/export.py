@@ -17,7 +17,7 @@ from dextera_build import digest as digests
 from dextera_build.build.snapshots import Placed, Signatures
 from dextera_build.errors import DxbError
 from dextera_build.session import Session
-from dextera_build.store import durable, failpoints, files, headers, permissions, signature
+from dextera_build.store import failpoints, files, headers, permissions, signature
 from dextera_build.store.signature import Signature
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ class Out:
                 self._replace(table, {node: outputs[node] for node in outputs if node in stale}, gone, result)
                 self._placed.removed = gone
             elif self._session.project.durable and any(node.status == "ran" for node in result.nodes.values()):
-                durable.settle(self._session.store.root)
+                files.settle(str(self._session.store.root))
         except OSError as error:
             raise files.store_error(error, error.filename or self.base) from None
         for node in outputs:
@@ -116,7 +116,7 @@ class Out:
             failpoints.reach("export.written")
             # The table says that files are whole, so it comes when they are on the disk.
             if self._session.project.durable:
-                durable.settle(self._session.store.root)
+                files.settle(str(self._session.store.root))
             old = {node: table.pop(node) for node in (*stale, *gone) if node in table}
             if old:
                 self._save(table)

@@ -21,6 +21,7 @@ from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.rule import Context
 from dextera_build.store import disk_full, headers
 from dextera_build.store.entry import ActionResult
+from dextera_build.store.questions import Look, Recording
 from dextera_build.store.store import Store, opened
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     for name, slot in rule.slots.items():
         if name in task["inputs"]:
             with headers.reading(f"the input `{name}`"):
-                inputs[name] = slot.annotation.decode(task["inputs"][name], store.recent)
+                inputs[name] = slot.annotation.decode(task["inputs"][name], store.reader)
     # JSON mode takes a list for a tuple, and the engine speaks JSON.
     options = rule.options.model_validate_json(json.dumps(task["options"]))
     calls, reads = _Calls(task, store, emit), ProjectReads(Path(task["project"]), store) if rule.discovers else None
@@ -103,8 +104,8 @@ def _failure_told(reads: ProjectReads, emit: Emit) -> Iterator[None]:
         raise
 
 
-class ProjectReads:
-    """What one call reads by itself; few rules do, so what it takes is loaded with the first.
+class ProjectReads(Recording):
+    """What one call reads by itself.
 
     Args:
         root: The project's folder.
@@ -115,9 +116,6 @@ class ProjectReads:
     """
 
     def __init__(self, root: Path, store: Store) -> None:
-        from dextera_build.store.traces.look import Look
-        from dextera_build.store.traces.recording import Recording
-
         if not root.is_dir():
             raise MachineError(
                 "a rule reads files of the project, whose folder is not on this machine",
@@ -125,42 +123,24 @@ class ProjectReads:
                 facts={"folder": str(root)},
                 hint="run it in the project's folder",
             )
+        super().__init__(Look(root, store.leaves, store.root))
         self._store = store
-        self._recording = Recording(Look(root, store.leaves, store.root))
-
-    @property
-    def steps(self) -> list[list[str]]:
-        """What was asked and told so far."""
-        return [list(step) for step in self._recording.steps]
 
     def file(self, path: str) -> File:
         """See `Context.file`."""
-        from dextera_build.artifacts.base import File
+        from dextera_build.artifacts.base import File  # few rules read by themselves
 
-        return File.decode(self._recording.file(path), self._store.reader)
-
-    def glob(self, pattern: str) -> list[str]:
-        """See `Context.glob`."""
-        return self._recording.names(pattern)
-
-    def exists(self, path: str) -> bool:
-        """See `Context.exists`."""
-        return self._recording.exists(path)
-
-    def close(self) -> str:
-        """Take no further questions; returns what stands for those so far."""
-        self._recording.closed = True
-        return self._recording.digest
+        return File.decode(self.digest_of(path), self._store.reader)
 
     def finish(self) -> list[list[str]]:
-        """All that was asked and told.
+        """Store what was listed; returns all questions and answers.
 
         Raises:
             DxbError: Something could not be read, whatever the rule made of that.
         """
-        if self._recording.error is not None:
-            raise self._recording.error
-        for names in self._recording.listings.values():
+        if self.error is not None:
+            raise self.error
+        for names in self.listings.values():
             self._store.blobs.put(digests.canonical(names))
         return self.steps
 

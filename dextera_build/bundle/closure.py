@@ -14,10 +14,9 @@ from dextera_build.bundle import documents
 from dextera_build.bundle.config import Contents, Node
 from dextera_build.bundle.documents import BODY, DIGEST, TEXT, Form, Read, maybe
 from dextera_build.bundle.errors import ill_formed, wrong_result
-from dextera_build.store import headers
+from dextera_build.store import headers, traces
 from dextera_build.store.blobs import is_digest
 from dextera_build.store.entry import ActionResult
-from dextera_build.store.traces import steps as traces
 
 _INTEGER = Form("a whole number", lambda it: type(it) is int)
 _INPUT = Form(

@@ -19,7 +19,7 @@ from dextera_build.bundle.oci import Descriptor, Manifest
 from dextera_build.store import disk_full, failpoints, files
 from dextera_build.store.blobs import is_digest
 from dextera_build.store.store import Store
-from dextera_build.store.traces.lists import publish
+from dextera_build.store.traces import publish
 
 MOST_DOCUMENT = 64 << 20
 """Bytes of a key document, a header or a `result.json`."""

@@ -11,14 +11,13 @@ from dextera_build import digest as digests
 from dextera_build.engine.key import Writer
 from dextera_build.engine.units import Node
 from dextera_build.errors import RuleError
+from dextera_build.store import traces
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.entry import ActionResult
+from dextera_build.store.questions import Look
 from dextera_build.store.results import Found
 from dextera_build.store.store import Store
-from dextera_build.store.traces import lists
-from dextera_build.store.traces import steps as traces
-from dextera_build.store.traces.look import Look
-from dextera_build.store.traces.steps import Step, Steps
+from dextera_build.store.traces import Step, Steps
 
 Question: TypeAlias = tuple[str, str, str]
 """Folder of the project, kind, name."""
@@ -41,9 +40,10 @@ class Reading:
         """Look a node up in the store; with discovered inputs its key depends on what it would read."""
         if not node.rule.discovers:
             return self._store.actions.find(node.key or "")
-        found = lists.find(self._store, self._static(node), self._answers(node))
-        self._take(node, found.steps, found.document)
-        return found.held
+        static = self._static(node)
+        steps, held = traces.find(self._store, static, self._answers(node))
+        self._take(node, steps, traces.spelled(static, steps))
+        return held
 
     def is_missing(self, node: Node) -> bool:
         """Whether the store has nothing of a node; the quick answer for most that are about to run."""
@@ -67,7 +67,7 @@ class Reading:
     def follow(self, node: Node) -> bool:
         """Give a node the key of the trace that fits, whether the store has its result or not; False: none fits."""
         static = self._static(node)
-        steps = lists.fitting(self._store, static, self._answers(node))
+        steps = traces.fitting(self._store, static, self._answers(node))
         if steps is not None:
             self._take(node, steps, traces.spelled(static, steps))
         return steps is not None
@@ -122,7 +122,7 @@ class Reading:
             return True
         return self._look(node).answer_or_unknown(kind, name) != answer
 
-    def _answers(self, node: Node) -> lists.Answer:
+    def _answers(self, node: Node) -> traces.Answer:
         look = self._look(node)
 
         def answer(kind: str, name: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeAlias
 
 from dextera_build import digest as digests
 from dextera_build.engine.graph import Call, RuleFacts
-from dextera_build.store.traces import steps as traces
+from dextera_build.store import traces
 
 SCHEMA = 2
 """Raised when the form or the meaning of the document changes; every key changes with it."""

@@ -16,9 +16,9 @@ from typing import Any
 from dextera_build.engine.discovered import Reading
 from dextera_build.engine.units import Node
 from dextera_build.errors import DxbError, RuleError, StoreError
+from dextera_build.store import traces
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
-from dextera_build.store.traces import lists
 from dextera_build.workers.protocol import Ended
 
 
@@ -46,7 +46,7 @@ def publish(store: Store, node: Node, report: Ended, reading: Reading) -> Action
     document = node.document or reading.document(node)
     result, first = _result(store, report, node.key or ""), _first(store, node, report.reply)
     if node.rule.discovers:
-        lists.publish(store, result.key_document, first or result, document)
+        traces.publish(store, result.key_document, first or result, document)
     elif first is None:
         sizes: dict[str, int] = dict(report.reply.get("sizes") or {})
         if result.log:

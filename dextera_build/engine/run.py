@@ -83,8 +83,6 @@ def build(  # noqa: PLR0913 - the whole interface of the engine
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
     info = info or RunInfo()
     policy = Policy(keep_going, force, only, recall, whole, project=info.project, profile=info.profile)
-    if info.project:
-        store.workspaces.note(info.project)
     with store.running.announced():
         return _Run(graph, store, executor, policy, Uplink(exchange, listen, pause), info).run(wanted)
 

@@ -11,7 +11,7 @@ from dextera_build.engine.graph import Call, Group, Leaf, RuleFacts
 from dextera_build.engine.states import State, States
 from dextera_build.errors import DxbError
 from dextera_build.store.entry import ActionResult
-from dextera_build.store.traces.steps import Steps
+from dextera_build.store.traces import Steps
 from dextera_build.workers.protocol import Ended
 
 Path = tuple[str, ...]

@@ -11,7 +11,7 @@ from typing import Any
 from dextera_build.errors import UsageError
 from dextera_build.project.project import Project
 from dextera_build.session import reading
-from dextera_build.store.blobs import entries
+from dextera_build.store.blobs import listing
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 
@@ -57,7 +57,7 @@ def show(project: Project, text: str) -> dict[str, Any]:
     from dextera_build.calls import recorder
 
     store = reading(project)
-    keys = [key for key, _ in entries(store.actions.root) if key.startswith(text)]
+    keys = [key for key, _, _ in listing(store.actions.root) if key.startswith(text)]
     found = [(key, known) for key in keys if (known := recorder.of(store, key))]
     if len(found) != 1:
         many = f"{len(found)} recorded calls begin with" if found else "no recorded call begins with"
@@ -87,7 +87,7 @@ def of_result(store: Store, result: ActionResult) -> list[dict[str, Any]]:
 def _all(store: Store) -> Iterator[tuple[str, tuple[Any, ActionResult]]]:
     from dextera_build.calls import recorder
 
-    for key, _ in entries(store.actions.root):
+    for key, _, _ in listing(store.actions.root):
         result = store.actions.known(key)
         # Other entries are not looked into further: a store holds many more nodes than calls.
         if result is not None and result.line.startswith("call ") and (known := recorder.of(store, key)):

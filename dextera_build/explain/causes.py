@@ -18,7 +18,7 @@ from dextera_build.explain.origins import Origins
 from dextera_build.explain.reads import Reads
 from dextera_build.explain.upstream import Upstream
 from dextera_build.report.wording import count, some
-from dextera_build.store.traces.steps import READ
+from dextera_build.store.traces import READ
 
 if TYPE_CHECKING:
     from dextera_build.engine.dry import Planned

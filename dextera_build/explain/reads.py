@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.errors import DxbError
 from dextera_build.report.wording import count
 from dextera_build.store.blobs import MissingBlob
-from dextera_build.store.traces.look import UNKNOWN, Look
-from dextera_build.store.traces.steps import NONE, READ, label
+from dextera_build.store.questions import UNKNOWN, Look
+from dextera_build.store.traces import NONE, READ, label
 
 if TYPE_CHECKING:
     from dextera_build.session import Session

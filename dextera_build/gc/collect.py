@@ -9,18 +9,26 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 import time
 from collections.abc import Callable, Mapping, Set
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from dextera_build.errors import StoreError
 from dextera_build.gc import inventory
+from dextera_build.gc import roots as held_by
 from dextera_build.gc.choose import Choice, Horizon, Limits, choose
 from dextera_build.gc.inventory import Inventory
+from dextera_build.runs import log
 from dextera_build.store import failpoints, files, last_use
 from dextera_build.store.store import Store
 
+_RUN_S = 90 * 86400.0
+"""Age from which the log of a run that made nothing that is still held goes [s]."""
+_LAST_RUNS = 20
+"""So many logs stay whatever their age."""
 _LOCKLESS_S = 86400.0
 """Where a file system has no locks, all that was used in this time stays [s]."""
 _WHY = {
@@ -55,6 +63,8 @@ class Collection:
     after: int = 0
     running: int = 0
     """How many builds ran meanwhile."""
+    vanished: list[str] = field(default_factory=list)
+    """Projects whose folder is not there: what they built last is not held."""
 
     def add(self, kind: str, sizes: list[int], why: str) -> None:
         """Note what goes."""
@@ -78,9 +88,49 @@ def collect(store: Store, roots: Callable[[], Roots], limits: Limits | None = No
         return _Collector(
             store, roots(), limits or Limits(), alone=store.locks.reliable() and not store.running.starts()
         ).plan()
-    _refuse_unwritable(store)
+    if (folder := inventory.unwritable(store)) is not None:
+        raise StoreError(
+            "the store cannot be collected, it may only be read",
+            code="DXB-S401",
+            facts={"folder": str(folder)},
+            hint="ask its owner, or set `DXB_CACHE` to a store of your own",
+        )
     with store.running.collecting() as alone:
         return _Collector(store, roots(), limits or Limits(), alone=alone).sweep()
+
+
+def collect_all(store: Store, *, size: int | None = None, age_s: float | None = None, dry: bool = True) -> Collection:
+    """Take what may go: results that no project built last and nobody used of late, blobs that none needs, old logs.
+
+    Args:
+        store: The store.
+        size: Bytes that it shall hold at most.
+        age_s: Results that were not used for so long [s] go.
+        dry: Change nothing, say what would go.
+
+    Raises:
+        StoreError: The store cannot be written.
+    """
+    if not store.root.is_dir():
+        return Collection()
+    since = time.time() - age_s if age_s is not None else None
+    held = held_by.Roots()
+
+    def look() -> Roots:
+        nonlocal held
+        held = held_by.find(store)
+        return held.keys
+
+    said = collect(store, look, Limits(size, since), dry=dry)
+    said.vanished = held.vanished
+    logs = _old_logs(store, held.runs, _RUN_S if age_s is None else age_s)
+    said.add("runs", [_bytes(path) for path in logs], "logs of old runs that made nothing that is held")
+    if not dry:
+        for path in logs:
+            with suppress(OSError):
+                failpoints.reach("collect.log")
+                shutil.rmtree(path)
+    return said
 
 
 class _Collector:
@@ -193,15 +243,19 @@ def _now(store: Store) -> float:
     return stamp
 
 
-def _refuse_unwritable(store: Store) -> None:
-    with suppress(OSError):
-        store.local.mkdir(exist_ok=True)
-    places = [place for place in (store.blobs.root, store.actions.root, store.local) if place.is_dir()]
-    for place in places:
-        if not os.access(place, os.W_OK):
-            raise StoreError(
-                "the store cannot be collected, it may only be read",
-                code="DXB-S401",
-                facts={"folder": str(place)},
-                hint="ask its owner, or set `DXB_CACHE` to a store of your own",
-            )
+def _old_logs(store: Store, held: set[str], age_s: float) -> list[Path]:
+    folder = store.root / "runs"
+    found = []
+    for run in log.runs(store)[:-_LAST_RUNS]:
+        with suppress(OSError):
+            if run not in held and _changed(folder / run) < time.time() - age_s:
+                found.append(folder / run)
+    return found
+
+
+def _changed(folder: Path) -> float:
+    return max(os.stat(path).st_mtime for path in (folder, *folder.iterdir()))
+
+
+def _bytes(path: Path) -> int:
+    return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())

@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 from dextera_build.store import entry as entries
 from dextera_build.store import files
-from dextera_build.store.blobs import is_digest
+from dextera_build.store.blobs import listing
 from dextera_build.store.store import Store
 
 Sizes: TypeAlias = "dict[str, int] | None"
@@ -61,9 +61,7 @@ def read(store: Store) -> Inventory:
         there = (found.blobs.get(name, (-1, 0))[0] == size for name, size in (sizes or {}).items())
         whole = sizes is not None and all(there)
         (found.results if whole else found.broken)[key] = entry
-    for key, size in store.keep.all():
-        with suppress(OSError):
-            found.keep[key] = (size, _last_change(store.keep.path(key)))
+    found.keep = {key: (size, used) for key, size, used in store.keep.all()}
     return found
 
 
@@ -83,17 +81,6 @@ def results(store: Store, known: frozenset[str] = frozenset()) -> Iterator[tuple
 def path_of(store: Store, key: str) -> str:
     """The file of a result."""
     return f"{store.actions.root}/{key[:2]}/{key[2:]}"
-
-
-def listing(root: Path) -> Iterator[tuple[str, int, float]]:
-    """Every file `ab/cdef...` below `root` whose name is a digest: (digest, bytes, last use)."""
-    for shard in _scan(str(root)):
-        if len(shard.name) == 2 and shard.is_dir(follow_symlinks=False):
-            for entry in _scan(shard.path):
-                if is_digest(shard.name + entry.name):
-                    with suppress(FileNotFoundError):
-                        state = entry.stat(follow_symlinks=False)
-                        yield shard.name + entry.name, state.st_size, state.st_mtime
 
 
 def leftovers(store: Store) -> Iterator[tuple[str, int, float]]:
@@ -130,17 +117,7 @@ def remove(path: str) -> None:
         os.unlink(path)
 
 
-def _last_change(folder: Path) -> float:
-    found = os.stat(folder).st_mtime
-    for place, _, names in os.walk(folder):
-        for name in names:
-            with suppress(OSError):
-                found = max(found, os.lstat(os.path.join(place, name)).st_mtime)
-    return found
-
-
-def _scan(folder: str) -> list[os.DirEntry[str]]:
-    try:
-        return sorted(os.scandir(folder), key=lambda entry: entry.name)
-    except (FileNotFoundError, NotADirectoryError):
-        return []
+def unwritable(store: Store) -> Path | None:
+    """A folder of the store that may only be read, or None."""
+    places = (store.blobs.root, store.actions.root, store.local, store.root)
+    return next((place for place in places if place.is_dir() and not os.access(place, os.W_OK)), None)

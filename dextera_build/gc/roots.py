@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import time
 from contextlib import suppress
@@ -33,21 +34,21 @@ class Roots:
 
 def find(store: Store) -> Roots:
     """Read what remembers results: history and lock files of workspaces."""
-    workspaces = store.workspaces.all()
-    found = Roots(
-        keys={workspace: set() for workspace, is_there in workspaces.items() if is_there},
-        vanished=[workspace for workspace, is_there in workspaces.items() if not is_there],
-    )
+    found = Roots()
+    vanished: set[str] = set()
     for workspace, variant, entries in history.projects(store.state):
-        if workspace not in found.vanished:
+        if workspace and not os.path.isdir(workspace):
+            vanished.add(workspace)
+        else:
+            keys = found.keys.setdefault(workspace or NOBODY, set())
             for entry in entries:
                 if variant and entry.time < time.time() - _VARIANT_S:
                     continue
-                found.keys.setdefault(workspace or NOBODY, set()).add(entry.key)
+                keys.add(entry.key)
                 found.runs.add(entry.run)
+    found.vanished = sorted(vanished)
     for workspace, held in found.keys.items():
-        # A damaged history may name a folder that no system could have: `ValueError`.
-        with suppress(OSError, ValueError):
+        with suppress(OSError):
             # Whatever form the file has: its digests are written out.
             held.update(match.decode() for match in _KEY.findall(files.read(f"{workspace}/{LOCKFILE}")))
     return found

@@ -17,7 +17,7 @@ from dextera_build.errors import StoreError
 from dextera_build.gc import inventory
 from dextera_build.store import entry as entries
 from dextera_build.store import failpoints, files, last_use, permissions
-from dextera_build.store.blobs import is_digest
+from dextera_build.store.blobs import is_digest, listing
 from dextera_build.store.store import Store
 
 DAMAGE = ("damaged", "truncated", "misnamed", "unreadable", "lacking", "misfiled")
@@ -72,8 +72,13 @@ def verify(
     Raises:
         StoreError: It shall be repaired and cannot be written.
     """
-    if repair:
-        _refuse_unwritable(store)
+    if repair and (folder := inventory.unwritable(store)) is not None:
+        raise StoreError(
+            "the store cannot be repaired, it may only be read",
+            code="DXB-S402",
+            facts={"folder": str(folder)},
+            hint="ask its owner; `dxb cache verify` without `--repair` only reads",
+        )
     verifier = _Verifier(store, fast, repair, progress or (lambda count, size: None))
     verifier.blobs(jobs or len(os.sched_getaffinity(0)))
     verifier.results()
@@ -132,7 +137,7 @@ class _Verifier:
 
     def results(self) -> None:
         """Read every result."""
-        for key, _, _ in inventory.listing(self._store.actions.root):
+        for key, _, _ in listing(self._store.actions.root):
             path = f"{self._store.actions.root}/{key[:2]}/{key[2:]}"
             with suppress(FileNotFoundError):
                 self.verdict.results += 1
@@ -190,14 +195,3 @@ def _is_named_right(name: str, path: str) -> bool:
         raise
     except OSError:
         return False
-
-
-def _refuse_unwritable(store: Store) -> None:
-    for place in (store.blobs.root, store.actions.root, store.root):
-        if place.is_dir() and not os.access(place, os.W_OK):
-            raise StoreError(
-                "the store cannot be repaired, it may only be read",
-                code="DXB-S402",
-                facts={"folder": str(place)},
-                hint="ask its owner; `dxb cache verify` without `--repair` only reads",
-            )

@@ -20,9 +20,9 @@ from typing import TextIO
 from dextera_build.errors import StoreError
 from dextera_build.remotes.remote import MOST_ENTRY
 from dextera_build.store import entry as entries
+from dextera_build.store import traces
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.store import Store
-from dextera_build.store.traces import lists
 
 _PATH = re.compile(r"/(ac|cas)/([0-9a-f]{64})")
 _CHUNK = 1 << 18
@@ -234,8 +234,8 @@ def _publish(store: Store, key: str, message: bytes) -> str:
     if lacking is not None:
         return f"blob {lacking.digest} is not here; blobs come first"
     try:
-        if store.actions.get(key) is None or lists.listed(store, entry.result):
-            lists.publish(store, key, entry.result, entry.document)
+        if store.actions.get(key) is None or traces.listed(store, entry.result):
+            traces.publish(store, key, entry.result, entry.document)
     except MissingBlob as error:
         return f"blob {error.digest} is not here; blobs come first"
     except StoreError:

@@ -16,14 +16,12 @@ from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.remotes.breaker import Guarded
 from dextera_build.remotes.remote import MOST_ENTRY, DamagedBlob, Digest, Remote
-from dextera_build.store import disk_full, failpoints, headers
+from dextera_build.store import disk_full, failpoints, headers, traces
 from dextera_build.store import entry as entries
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.entry import ActionResult, Entry, File
 from dextera_build.store.references import UNREADABLE
 from dextera_build.store.store import Store
-from dextera_build.store.traces import lists
-from dextera_build.store.traces import steps as traces
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ class Transfer:
             if not (self._bring(remote, entry.files) if whole else self._headers(remote, entry)):
                 return None
             failpoints.reach("fetch.blobs")
-            is_whole = lists.publish(self._store, key, entry.result, entry.document, may_lack=not whole)
+            is_whole = traces.publish(self._store, key, entry.result, entry.document, may_lack=not whole)
         except UNREADABLE:
             # A header is malformed, or names a blob that the entry does not name.
             return None
@@ -149,18 +147,18 @@ class Transfer:
     def _send_traces(self, remote: Remote, static: Mapping[str, Any]) -> None:
         """Add the traces of a call that reads by itself to those that the remote has."""
         key = digests.of_bytes(traces.spelled(static, None))
-        here = lists.known(self._store, key)
+        here = traces.known(self._store, key)
         asked = remote.aside if isinstance(remote, Guarded) else lambda work: work(remote)
         there = asked(lambda other: self._traces(other, key)) or []
-        found = lists.merged(here, there)
+        found = traces.merged(here, there)
         if found != there:
-            self._deliver(remote, self._store.actions.made(lists.made(self._store, static, found)))
+            self._deliver(remote, self._store.actions.made(traces.made(self._store, static, found)))
 
     def _traces(self, remote: Remote, key: str) -> list[traces.Steps]:
         entry = entry_at(remote, key)
         if entry is None or entry.files[0].size > MOST_ENTRY:
             return []
-        return lists.listed(self._store, entry.result) if self._bring(remote, entry.files[:1]) else []
+        return traces.listed(self._store, entry.result) if self._bring(remote, entry.files[:1]) else []
 
     def _deliver(self, remote: Remote, entry: Entry) -> int:
         blobs = list(dict.fromkeys(Digest(file.digest, file.size) for file in entry.files))

@@ -18,6 +18,7 @@ from dextera_build.store.last_use import Use
 from dextera_build.store.locks import Locks
 
 _DIGEST = re.compile(r"[0-9a-f]{64}", re.ASCII)
+_DAMAGED = "damaged bytes, moved to quarantine"
 _SMALL = 1 << 20
 """Files up to this size [bytes] are read once, as a whole; others twice, in pieces."""
 
@@ -166,8 +167,28 @@ class Blobs:
             return self._inside(digest, error)
         if hashlib.sha256(data).hexdigest() != digest:
             self.quarantine(digest)
-            raise MissingBlob(digest, "damaged bytes, moved to quarantine")
+            raise MissingBlob(digest, _DAMAGED)
         return data
+
+    def place(self, digest: str, target: Path) -> None:
+        """Write the blob to `target`, a writable copy that shares its blocks where the file system can.
+
+        Raises:
+            MissingBlob: The blob is not there, or is damaged.
+            StoreError: The target's disk is full, or cannot be written.
+        """
+        try:
+            source = os.open(self._file(digest), os.O_RDONLY | os.O_CLOEXEC)
+        except OSError as error:
+            raise MissingBlob(digest, str(error.strerror).lower()) from None
+        try:
+            with files.new_file(str(target), 0o644) as descriptor:
+                if self._copy(source, descriptor) != digest:
+                    self.quarantine(digest)
+                    raise MissingBlob(digest, _DAMAGED)
+                failpoints.reach("place.copied")
+        finally:
+            os.close(source)
 
     def open(self, digest: str) -> BinaryIO:
         """The bytes of a blob as a file, not checked.
@@ -208,7 +229,7 @@ class Blobs:
 
     def all(self) -> Iterator[tuple[str, int]]:
         """Every blob with its size [bytes]."""
-        yield from entries(self.root)
+        yield from ((digest, size) for digest, size, _ in listing(self.root))
 
     def _file(self, digest: str) -> str:
         if not is_digest(digest):
@@ -267,13 +288,19 @@ class _ChangedError(StoreError):
         super().__init__("a file changed while it was read", code="DXB-S105", facts={"digest": digest})
 
 
-def entries(root: Path) -> Iterator[tuple[str, int]]:
-    """Every finished file under the two levels `ab/cdef...` of `root` as (digest, size)."""
-    if not root.is_dir():
-        return
-    for shard in sorted(os.scandir(root), key=lambda entry: entry.name):
-        if len(shard.name) != 2 or not shard.is_dir():
-            continue
-        for entry in sorted(os.scandir(shard.path), key=lambda entry: entry.name):
-            with suppress(FileNotFoundError):
-                yield shard.name + entry.name, entry.stat().st_size
+def listing(root: Path) -> Iterator[tuple[str, int, float]]:
+    """Every file `ab/cdef...` below `root` whose name is a digest: (digest, bytes, last use)."""
+    for shard in _scan(str(root)):
+        if len(shard.name) == 2 and shard.is_dir(follow_symlinks=False):
+            for entry in _scan(shard.path):
+                if is_digest(shard.name + entry.name):
+                    with suppress(FileNotFoundError):
+                        state = entry.stat(follow_symlinks=False)
+                        yield shard.name + entry.name, state.st_size, state.st_mtime
+
+
+def _scan(folder: str) -> list[os.DirEntry[str]]:
+    try:
+        return sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except (FileNotFoundError, NotADirectoryError):
+        return []

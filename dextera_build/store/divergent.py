@@ -1,20 +1,18 @@
-"""Keys that gave another output when they were run again: the first one stays, and what came later is written down."""
+"""Keys that gave another output when they were run again: the first one stays, and the others are remembered."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import suppress
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 
 from dextera_build import digest as digests
-from dextera_build.errors import StoreError
-from dextera_build.store import failpoints, files
-from dextera_build.store.blobs import is_digest
+from dextera_build.store import failpoints
+from dextera_build.store.state import State
 
+_KIND = "divergent"
 _MOST = 16
-"""Outputs of one key that are kept in mind."""
+"""Outputs of one key that are remembered."""
 
 
 @dataclass(frozen=True)
@@ -33,14 +31,14 @@ class Divergence:
 
 
 class Divergent:
-    """What this machine knows of such keys, one small file each.
+    """What this machine knows of such keys.
 
     Args:
-        root: The folder; made when the first one is found.
+        state: Remembers it.
     """
 
-    def __init__(self, root: Path) -> None:
-        self.root = root
+    def __init__(self, state: State) -> None:
+        self._state = state
 
     def note(self, key: str, node: str, first: str, again: str, time: float) -> None:
         """Remember that `key` gave `again` where the store has `first`; a store that cannot be written does not."""
@@ -48,26 +46,25 @@ class Divergent:
         others = known.again if known and known.first == first else ()
         if again not in others and len(others) < _MOST:
             others = (*others, again)
-        found = Divergence(key, node, first, others, time)
-        with suppress(StoreError):
-            files.write(str(self.root / key), json.dumps(asdict(found)).encode(), 0o644)
+        self._state.put(_KIND, {key: json.dumps([node, first, others, time]).encode()})
         failpoints.reach("result.diverged")
 
     def get(self, key: str) -> Divergence | None:
         """What is known of a key, or None."""
-        try:
-            raw = digests.plain(files.read(str(self.root / key)))
-        except (OSError, ValueError):
-            return None
-        match raw:
-            case {"key": str(), "node": str(), "first": str(), "again": [*again], "time": int() | float()} if len(
-                raw
-            ) == 5 and all(isinstance(output, str) for output in again):
-                return Divergence(**{**raw, "again": tuple(again)})
-        return None
+        row = self._state.get(_KIND, key)
+        return _parsed(key, row) if row is not None else None
 
     def all(self) -> Iterator[Divergence]:
         """Every one, the newest first."""
-        names = [entry.name for entry in self.root.iterdir()] if self.root.is_dir() else []
-        found = [known for name in names if is_digest(name) and (known := self.get(name)) is not None]
+        found = [known for key, row in self._state.all(_KIND).items() if (known := _parsed(key, row)) is not None]
         yield from sorted(found, key=lambda known: -known.time)
+
+
+def _parsed(key: str, row: bytes) -> Divergence | None:
+    try:
+        match digests.plain(row):
+            case [str(node), str(first), [*again], int() | float() as time] if all(type(one) is str for one in again):
+                return Divergence(key, node, first, tuple(again), time)
+    except ValueError:
+        pass
+    return None

@@ -15,7 +15,7 @@ A *bare* entry has bytes that are absent by design: it names only blobs that are
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -191,29 +191,28 @@ def _files(raw: Any) -> tuple[File, ...]:
 
 
 def _is_typed(raw: Mapping[str, Any]) -> bool:
-    previews, metrics = raw["previews"], raw["metrics"]
+    metrics = raw["metrics"]
     return (
         _is_blob(raw["output"])
         and _is_blob(raw["key_document"])
         and (raw["log"] is None or _is_blob(raw["log"]))
-        and isinstance(raw["line"], str)
+        and _is_text(raw["line"])
         and _is_number(raw["seconds"])
-        and isinstance(previews, list)
-        and all(_is_pair(pair) and isinstance(pair[0], str) and _is_blob(pair[1]) for pair in previews)
-        and ("calls" not in raw or _are_calls(raw["calls"]))
+        and _are_pairs(raw["previews"], _is_text, _is_blob)
+        and ("calls" not in raw or (raw["calls"] != [] and _are_pairs(raw["calls"], _is_blob, _is_blob)))
         and isinstance(metrics, dict)
-        and all(_is_pair(pair) and _is_number(pair[0]) and isinstance(pair[1], str) for pair in metrics.values())
+        and _are_pairs([*metrics.values()], _is_number, _is_text)
     )
 
 
-def _are_calls(value: object) -> bool:
-    return (
-        isinstance(value, list) and bool(value) and all(_is_pair(pair) and all(map(_is_blob, pair)) for pair in value)
+def _are_pairs(value: object, first: Callable[[object], bool], second: Callable[[object], bool]) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(pair, list) and len(pair) == 2 and first(pair[0]) and second(pair[1]) for pair in value
     )
 
 
-def _is_pair(value: object) -> bool:
-    return isinstance(value, list) and len(value) == 2
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
 
 
 def _is_blob(value: object) -> bool:

@@ -45,7 +45,6 @@ POINTS = {
     "leaves.save": Point("the table of signatures is to be written"),
     "snapshot.saved": Point("a snapshot is whole"),
     "history.saved": Point("the history was written; what was noted beside the old one is still there"),
-    "workspace.note": Point("a project is to be registered with the store"),
     "keep.aside": Point("a folder that a call kept has no name any more, and is still there", fails=True),
     "log.made": Point("the folder of a run was made, its log was not", fails=True),
     "log.event": Point("an event of a run is to be written", fails=True),

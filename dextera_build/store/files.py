@@ -1,7 +1,7 @@
 """Writing files so that a reader sees all of them or none, and saying well what went wrong.
 
-Nothing is flushed to the disk on purpose: after a power cut a file may be short or empty, which its digest shows, and
-what it held is built again.
+No file is flushed by itself: after a power cut one may be short or empty, which its digest shows, and what it held is
+built again. `settle` flushes everything that a build wrote with one call.
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ import re
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
+from typing import Any
 
 from dextera_build.errors import StoreError
 from dextera_build.store import disk_full, failpoints, permissions
 
 _FICLONE = 0x40049409
 _CHUNK = 1 << 20
-_PIECE = 1 << 14
 _NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
 _COUNTER = itertools.count()
 # Bytes at random, since two machines may write to one folder with equal process ids.
@@ -99,22 +100,8 @@ def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None
     Raises:
         StoreError: The disk is full, or the folder cannot be written.
     """
-    # Not through `new_file`: a generator for each small file shows in a build of many.
-    folder = workshop or os.path.dirname(path)
-    temporary = f"{folder}/{TEMPORARY}-{unique()}"
-    descriptor = -1
-    try:
-        descriptor = _create(folder, temporary, mode)
-        failpoints.reach("file.made")
+    with new_file(path, mode, workshop) as descriptor:
         write_all(descriptor, data)
-        failpoints.reach("file.written")
-        os.close(descriptor)
-        descriptor = -1
-        _move(temporary, path, is_ours=workshop is not None)
-        failpoints.reach("file.moved")
-    except BaseException as error:
-        _give_up(error, path, temporary, descriptor)
-        raise
 
 
 def clear(folder: str, age_s: float = 60.0) -> None:
@@ -133,17 +120,8 @@ def write_all(descriptor: int, data: bytes | bytearray | memoryview) -> None:
 
 
 def read(path: str) -> bytes:
-    """All bytes of a file, with few system calls."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        # Most files are small, and to come to their end takes less than to ask for their size.
-        data = os.read(descriptor, _PIECE)
-        if len(data) < _PIECE and not os.read(descriptor, 1):
-            return data
-        os.lseek(descriptor, 0, os.SEEK_SET)
-        return _all(descriptor, os.fstat(descriptor).st_size)
-    finally:
-        os.close(descriptor)
+    """All bytes of a file."""
+    return read_stamped(path)[0]
 
 
 def read_stamped(path: str) -> tuple[bytes, float]:
@@ -151,7 +129,10 @@ def read_stamped(path: str) -> tuple[bytes, float]:
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         state = os.fstat(descriptor)
-        return _all(descriptor, state.st_size), state.st_mtime
+        data = os.read(descriptor, state.st_size + 1)
+        if len(data) != state.st_size:  # it changes now, or the system reads in pieces
+            data += b"".join(chunks(descriptor))
+        return data, state.st_mtime
     finally:
         os.close(descriptor)
 
@@ -171,17 +152,6 @@ def chunks(descriptor: int) -> Iterator[bytes]:
     piece = min(_CHUNK, os.fstat(descriptor).st_size + 1)
     while chunk := os.read(descriptor, piece):
         yield chunk
-
-
-def _all(descriptor: int, size: int) -> bytes:
-    """The bytes of an open file from its beginning, which are `size` unless it changes meanwhile."""
-    data = os.read(descriptor, size + 1)
-    if len(data) == size:
-        return data
-    parts = [data]
-    while part := os.read(descriptor, _CHUNK):
-        parts.append(part)
-    return b"".join(parts)
 
 
 def _create(folder: str, temporary: str, mode: int) -> int:
@@ -218,3 +188,29 @@ def _move(temporary: str, path: str, *, is_ours: bool) -> None:
         # Damage: it is set aside, and a collection takes it as it takes unfinished files.
         os.rename(path, f"{os.path.dirname(path)}/{TEMPORARY}-{unique()}")
         os.replace(temporary, path)
+
+
+def settle(folder: str) -> bool:
+    """Wait until all that was written to the file system of `folder` is on its disk; whether the system says it is."""
+    call = _syncfs()
+    if call is None:
+        os.sync()
+        return True
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            return bool(call(descriptor) == 0)
+        finally:
+            os.close(descriptor)
+    return False
+
+
+@cache
+def _syncfs() -> Any:
+    """`syncfs` of the C library, None where there is none; unlike `sync` it leaves other disks alone."""
+    import ctypes  # slow to import
+
+    try:
+        return ctypes.CDLL(None, use_errno=True).syncfs
+    except (OSError, AttributeError):
+        return None

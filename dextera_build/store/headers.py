@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from types import TracebackType
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from dextera_build import digest as digests
@@ -27,7 +27,8 @@ ESCAPES = "DXB-S219"
 """Code of the error for a label that leads out of its folder."""
 
 
-class reading:  # noqa: N801 - stands behind `with`; a generator takes longer than a small artifact
+@contextmanager
+def reading(what: str) -> Iterator[None]:
     """For the block that decodes an artifact: a bundle or another machine may have brought any header.
 
     Args:
@@ -36,22 +37,11 @@ class reading:  # noqa: N801 - stands behind `with`; a generator takes longer th
     Raises:
         ArtifactError: What is stored is not what its type says.
     """
-
-    def __init__(self, what: str) -> None:
-        self._what = what
-
-    def __enter__(self) -> None:
-        """Nothing to do."""
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Say of what is wrong with a header that it is the artifact's."""
-        if isinstance(error, ValueError | LookupError | TypeError | AttributeError | ArithmeticError | RecursionError):
-            why = f"{type(error).__name__}: {error}"
-            raise ArtifactError(
-                f"the stored header of {self._what} is malformed", code="DXB-A111", facts={"why": why}
-            ) from None
+    try:
+        yield
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        why = f"{type(error).__name__}: {error}"
+        raise ArtifactError(f"the stored header of {what} is malformed", code="DXB-A111", facts={"why": why}) from None
 
 
 def closure(header: bytes) -> tuple[list[str], list[str]]:

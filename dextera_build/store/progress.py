@@ -13,7 +13,6 @@ from contextlib import suppress
 from pathlib import Path
 
 from dextera_build.store import failpoints, files
-from dextera_build.store.locks import Locks
 
 
 class Keep:
@@ -42,27 +41,11 @@ class Keep:
             failpoints.reach("keep.aside")
             _remove(aside)
 
-    def all(self) -> Iterator[tuple[str, int]]:
-        """Every folder as (key, bytes)."""
-        if self.root.is_dir():
-            for folder in sorted(self.root.iterdir()):
-                if not folder.name.startswith(files.TEMPORARY):
-                    yield folder.name, _bytes_below(folder)
-
-    def sweep(self, locks: Locks) -> tuple[int, int]:
-        """Remove the folder of every key that nobody builds now, and what kills left behind: (folders, bytes)."""
-        count = freed = 0
-        for key, size in list(self.all()):
-            if locks.take(key):
-                try:
-                    self.drop(key)
-                finally:
-                    locks.release(key)
-                count, freed = count + 1, freed + size
-        for left in self.root.glob(f"{files.TEMPORARY}-*"):
-            freed += _bytes_below(left)
-            _remove(left)
-        return count, freed
+    def all(self) -> Iterator[tuple[str, int, float]]:
+        """Every folder as (key, bytes, last change)."""
+        for folder in sorted(self.root.iterdir()) if self.root.is_dir() else ():
+            if not folder.name.startswith(files.TEMPORARY):
+                yield folder.name, *_looked_at(folder)
 
 
 def _remove(folder: Path) -> None:
@@ -71,10 +54,13 @@ def _remove(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def _bytes_below(folder: Path) -> int:
-    total = 0
+def _looked_at(folder: Path) -> tuple[int, float]:
+    """Bytes and last change of everything below a folder."""
+    size, changed = 0, 0.0
     for place, _, names in os.walk(folder):
-        for name in names:
+        for name in (".", *names):
             with suppress(OSError):
-                total += os.lstat(os.path.join(place, name)).st_size
-    return total
+                state = os.lstat(os.path.join(place, name))
+                size += state.st_size if name != "." else 0
+                changed = max(changed, state.st_mtime)
+    return size, changed

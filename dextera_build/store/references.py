@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dextera_build.store import headers as header
 from dextera_build.store.blobs import Blobs, MissingBlob
-from dextera_build.store.streams import Recent
 
 _MOST_KNOWN = 4096
 _MOST_HEADER = 1 << 30
@@ -18,12 +17,10 @@ class References:
 
     Args:
         blobs: Hold the headers.
-        recent: May hold headers in memory.
     """
 
-    def __init__(self, blobs: Blobs, recent: Recent) -> None:
+    def __init__(self, blobs: Blobs) -> None:
         self._blobs = blobs
-        self._recent = recent
         self._known: dict[str, tuple[list[str], list[str]]] = {}
 
     def below(self, output: str) -> dict[str, bool]:
@@ -71,7 +68,7 @@ class References:
         if digest not in self._known:
             if len(self._known) >= _MOST_KNOWN:
                 self._known.clear()
-            self._known[digest] = header.closure(self._recent.known(digest) or self._read(digest))
+            self._known[digest] = header.closure(self._read(digest))
         return self._known[digest]
 
     def _read(self, digest: str) -> bytes:

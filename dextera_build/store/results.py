@@ -19,7 +19,6 @@ from dextera_build.store import failpoints, files
 from dextera_build.store.blobs import Blobs, MissingBlob
 from dextera_build.store.entry import ActionResult, Entry, File
 from dextera_build.store.references import UNREADABLE, References
-from dextera_build.store.streams import Recent
 
 _NONE: Mapping[str, int] = {}
 
@@ -39,15 +38,14 @@ class Actions:
     Args:
         root: The folder; made when the first result comes.
         blobs: The blobs that results refer to.
-        recent: Blobs of late, in memory.
     """
 
-    def __init__(self, root: Path, blobs: Blobs, recent: Recent) -> None:
+    def __init__(self, root: Path, blobs: Blobs) -> None:
         self.root = root
         self._base = f"{root}/"
         self._workshop = f"{root}/{files.TEMPORARY}"
         self._blobs = blobs
-        self.references = References(blobs, recent)
+        self.references = References(blobs)
 
     def get(self, key: str) -> ActionResult | None:
         """The result of `key`; None if there is none, or a blob that it needs is gone or has another size."""
@@ -150,7 +148,7 @@ class Actions:
 
     def keys(self) -> Iterator[str]:
         """Every key that has an entry."""
-        yield from (key for key, _ in cas.entries(self.root))
+        yield from (key for key, _, _ in cas.listing(self.root))
 
     def entry(self, key: str) -> Entry | None:
         """What lies under `key`, or None; no use is noted."""

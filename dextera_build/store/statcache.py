@@ -80,17 +80,14 @@ class StatCache:
         found = {path: self._recall(path, state) for path, state in inside}
         unread = [(path, state) for path, state in inside if found[path] is None]
         if len(unread) < _FEW:
-            return {
-                path: known or self._read(path, state)
-                for (path, state), known in zip(inside, found.values(), strict=True)
-            }
-        from concurrent.futures import ThreadPoolExecutor  # slow to import
+            read = [self._read(path, state) for path, state in unread]
+        else:
+            from concurrent.futures import ThreadPoolExecutor  # slow to import
 
-        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-            read = pool.map(lambda one: self._read(*one), unread)
-            return {path: known for path, known in found.items() if known is not None} | dict(
-                zip((path for path, _ in unread), read, strict=True)
-            )
+            with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+                read = list(pool.map(lambda one: self._read(*one), unread))
+        known = {path: row for path, row in found.items() if row is not None}
+        return known | {path: row for (path, _), row in zip(unread, read, strict=True)}
 
     def _file(self, path: str, state: os.stat_result) -> tuple[str, int]:
         return self._recall(path, state) or self._read(path, state)
@@ -143,12 +140,12 @@ class StatCache:
                 raise _loop(folder)
             if self.watch is not None:
                 self.watch.folder(folder)
-            for inner in _inside(folder):
-                inner_state = _stat(inner)
+            for inner in listed(folder):
+                inner_state = _stat(inner.path)
                 if stat.S_ISDIR(inner_state.st_mode):
-                    stack.append((inner, above | {identity}))
+                    stack.append((inner.path, above | {identity}))
                 else:
-                    yield inner, inner_state
+                    yield inner.path, inner_state
 
     def _note(self, path: str, seen: signature.Signature) -> None:
         if self.watch is not None:
@@ -168,21 +165,34 @@ class StatCache:
 def _stat(path: str) -> os.stat_result:
     try:
         state = os.stat(path)
-        path.encode()
     except OSError as error:
         raise _unreadable(path, error) from None
-    except UnicodeEncodeError:
-        shown = path.encode(errors="surrogateescape").decode(errors="replace")
-        raise RecipeError(f"the name of `{shown}` is not UTF-8", code="DXB-R305", hint="rename it") from None
+    _check_name(path)
     return state
 
 
-def _inside(folder: str) -> list[str]:
+def listed(folder: str) -> list[os.DirEntry[str]]:
+    """What a folder holds, sorted by name, without names that are no content.
+
+    Raises:
+        RecipeError: The folder cannot be read, or a name is not UTF-8.
+    """
     try:
-        found = sorted(entry for entry in os.listdir(folder) if entry not in signature.IGNORED)
+        with os.scandir(folder) as entries:
+            found = [entry for entry in entries if entry.name not in signature.IGNORED]
     except OSError as error:
         raise _unreadable(folder, error) from None
-    return [os.path.join(folder, entry) for entry in found]
+    for entry in found:
+        _check_name(entry.path)
+    return sorted(found, key=lambda entry: entry.name)
+
+
+def _check_name(path: str) -> None:
+    try:
+        path.encode()
+    except UnicodeEncodeError:
+        shown = path.encode(errors="surrogateescape").decode(errors="replace")
+        raise RecipeError(f"the name of `{shown}` is not UTF-8", code="DXB-R305", hint="rename it") from None
 
 
 def _unreadable(path: str, error: OSError) -> RecipeError:

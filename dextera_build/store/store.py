@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dextera_build.errors import StoreError
 from dextera_build.store import files
-from dextera_build.store.blobs import Blobs, entries
+from dextera_build.store.blobs import Blobs, listing
 from dextera_build.store.divergent import Divergent
 from dextera_build.store.locks import Locks
 from dextera_build.store.progress import Keep
@@ -18,8 +18,7 @@ from dextera_build.store.results import Actions
 from dextera_build.store.running import Running
 from dextera_build.store.statcache import StatCache
 from dextera_build.store.state import State
-from dextera_build.store.streams import Reader, Recent, Writer
-from dextera_build.store.workspaces import Workspaces
+from dextera_build.store.streams import Reader, Writer
 
 _TAG = b"""Signature: 8a477f597d28d172789f06886806bc55
 # This file marks a cache: backup programs leave it out.
@@ -33,9 +32,9 @@ class Store:
         cas/ab/cdef...   blobs, read-only, by SHA-256
         ac/ab/cdef...    results by key, JSON
         runs/0001/       event logs
-        local/           what belongs to this machine: signatures of project files, history and snapshots
-                         (`state.db`), locks, builds that run now, projects that ever built here, damaged blobs that
-                         were set aside, what calls that did not end keep for their next try
+        local/           what belongs to this machine: signatures of project files, history, snapshots and keys that
+                         gave more than one output (`state.db`), locks, builds that run now, damaged blobs that were
+                         set aside, what calls that did not end keep for their next try
 
     Args:
         root: The folder; made when it is not there.
@@ -53,27 +52,25 @@ class Store:
             self._prepare()
         takes = make or self._may_be_written()
         self.blobs = Blobs(self.root / "cas") if takes else Aside(self.root / "cas")
-        self.recent = Recent(self.blobs)
-        self.actions = Actions(self.root / "ac", self.blobs, self.recent)
+        self.actions = Actions(self.root / "ac", self.blobs)
         self.blobs.inside = self.actions.document
         self.state = State(str(self.local / "state.db"), takes=takes)
         self.leaves = StatCache(self.blobs, self.state)
         self.locks = Locks(self.local / "locks")
         self.keep = Keep(self.local / "keep")
-        self.divergent = Divergent(self.local / "divergent")
+        self.divergent = Divergent(self.state)
         self.reader = Reader(self.blobs)
         self.running = Running(self.local / "running", self.locks)
-        self.workspaces = Workspaces(self.local / "workspaces")
 
     @property
     def writer(self) -> Writer:
         """Stores what one call makes, and notes it."""
-        return Writer(self.blobs, self.recent)
+        return Writer(self.blobs)
 
     def size(self) -> dict[str, tuple[int, int]]:
         """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of calls that did not end."""
-        found = {"blobs": entries(self.blobs.root), "actions": entries(self.actions.root), "keep": self.keep.all()}
-        sizes = {name: [size for _, size in each] for name, each in found.items()}
+        found = {"blobs": listing(self.blobs.root), "actions": listing(self.actions.root), "keep": self.keep.all()}
+        sizes = {name: [size for _, size, _ in each] for name, each in found.items()}
         return {name: (len(each), sum(each)) for name, each in sizes.items()}
 
     def _may_be_written(self) -> bool:

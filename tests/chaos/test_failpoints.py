@@ -30,7 +30,6 @@ WHERE = {
     "leaves.save": "first",
     "snapshot.saved": "first",
     "history.saved": "went on",
-    "workspace.note": "first",
     "keep.aside": "first",
     "log.made": "first",
     "log.event": "first",

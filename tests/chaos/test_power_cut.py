@@ -15,7 +15,7 @@ from dextera_build.gc.verify import verify
 from dextera_build.runs import log as eventlog
 from dextera_build.runs.events import fan_out
 from dextera_build.runs.log import EventLog
-from dextera_build.store import durable
+from dextera_build.store import files as disk
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.headers import closure
 from dextera_build.store.store import Store
@@ -148,6 +148,6 @@ def replace(path: Path, data: bytes) -> None:
 @pytest.mark.parametrize("with_syncfs", [True, False])
 def test_settling_says_whether_it_did(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, with_syncfs: bool) -> None:
     if not with_syncfs:
-        monkeypatch.setattr(durable, "_syncfs", lambda: None)
-    assert durable.settle(tmp_path)
-    assert durable.settle(tmp_path / "missing") is not with_syncfs
+        monkeypatch.setattr(disk, "_syncfs", lambda: None)
+    assert disk.settle(str(tmp_path))
+    assert disk.settle(str(tmp_path / "missing")) is not with_syncfs

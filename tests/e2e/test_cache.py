@@ -100,9 +100,6 @@ def test_a_workspace_that_vanished_holds_nothing_and_that_is_said(built: Space, 
     said = other.dxb("cache", "gc", "--max-size", "1B")
     assert "is not there any more" not in said.err
     moved = tmp_path / "moved"
-    (tmp_path / "registered").mkdir()
-    for name in (store / "local" / "workspaces").iterdir():
-        name.write_text(str(moved))
     state = State(str(store / "local" / "state.db"))
     for kind in state.kinds():
         rows = state.all(kind)

@@ -10,19 +10,19 @@ PROBE = """
 import sys
 from pathlib import Path
 from dextera_build.cli.main import main
-from dextera_build.store import durable
+from dextera_build.store import files
 
-settle = durable.settle
+settle = files.settle
 
 
 def probed(folder):
     patterns = ("out/**/*", "out/**/.placed")
-    counts = [len([path for path in folder.glob(pattern) if path.is_file()]) for pattern in patterns]
+    counts = [len([path for path in Path(folder).glob(pattern) if path.is_file()]) for pattern in patterns]
     print("settled: {} files, {} stamps".format(counts[0] - counts[1], counts[1]), file=sys.stderr)
     return settle(folder)
 
 
-durable.settle = probed
+files.settle = probed
 sys.exit(main(sys.argv[1:]))
 """
 

@@ -39,7 +39,6 @@ READING = [
     "cache gc --yes",
     "cache verify",
     "cache verify --repair",
-    "cache sweep",
 ]
 
 

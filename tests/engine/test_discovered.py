@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from dextera_build.bundle.closure import Closure
-from dextera_build.bundle.closure_of_targets import as_build, survey
-from dextera_build.bundle.config import Contents
+from dextera_build.bundle.closure_of_targets import survey
+from dextera_build.bundle.config import Build, Contents
 from dextera_build.bundle.export import Export
 from dextera_build.engine.dry import plan as dry
 from dextera_build.engine.graph import Address, Graph
@@ -25,7 +25,7 @@ from dextera_build.remotes.folder import Directory
 from dextera_build.runs.events import NodeStarted
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
-from dextera_build.store.traces.lists import publish
+from dextera_build.store.traces import publish
 from dextera_build.workers.inline import InlineExecutor
 from tests.engine.tiny import Record, call, facts, graph, out, run, run_task
 from tests.store.stores import age, entry
@@ -179,9 +179,10 @@ def test_a_remote_that_lies_is_a_miss(project: Path, store: Store, tmp_path: Pat
 
 def test_a_bundle_brings_what_leads_to_its_results(project: Path, store: Store, tmp_path: Path) -> None:
     built(project, store)
-    found = survey(of(project), [Address(("reader",))], store)
-    contents = Contents("full", "1.0", (as_build(found, "tiny/graph", "cpu", "full", str),), {})
-    bundle = Export(store, contents, {})
+    found = survey(of(project), [Address(("reader",))], store, "full", str)
+    build = Build("tiny/graph", found.targets, "cpu", found.nodes)
+    contents = Contents("full", "1.0", (build,), {})
+    bundle = Export(store, contents)
     closure = Closure(bundle.get)
     for address, node in contents.nodes():
         closure.add(address, node)

@@ -20,9 +20,8 @@ from dextera_build.engine.graph import Address, Call, Fixed, Gather, Graph, Grou
 from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import Place, RuleError
 from dextera_build.runs.events import Event, NodeFinished
+from dextera_build.store.questions import Look, Recording
 from dextera_build.store.store import Store
-from dextera_build.store.traces.look import Look
-from dextera_build.store.traces.recording import Recording
 from dextera_build.workers.inline import Emit, InlineExecutor
 
 RUNNER = "tests.engine.tiny:run_task"
@@ -43,9 +42,11 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     reply = {"line": f"{options['do']} done", "previews": [], "metrics": {"size": (1.0, "")}}
     if options["do"] == "read":
         asked = Recording(Look(Path(options["value"]["folder"]), store.leaves, store.root))
-        seen = follow(options["value"]["start"], asked.exists, lambda name: _text(store, asked.file(name)), asked.names)
+        seen = follow(
+            options["value"]["start"], asked.exists, lambda name: _text(store, asked.digest_of(name)), asked.glob
+        )
         output = store.blobs.put(text_header(seen))
-        return {**reply, "output": output, "reads": [list(step) for step in asked.steps]}
+        return {**reply, "output": output, "reads": asked.steps}
     return {**reply, "output": store.blobs.put(_output(options, task["inputs"], store))}
 
 

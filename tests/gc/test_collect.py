@@ -210,7 +210,7 @@ def test_saved_progress_goes_by_age_unless_the_call_runs(store: Store) -> None:
     assert store.locks.take(key_of("running"))
     try:
         collect(store, nobody, Limits(since=time.time() - DAY), dry=False)
-        assert [key for key, _ in store.keep.all()] == [key_of("running")]
+        assert [key for key, _, _ in store.keep.all()] == [key_of("running")]
     finally:
         store.locks.release(key_of("running"))
 

@@ -9,7 +9,6 @@ import pytest
 
 from dextera_build import digest
 from dextera_build.store.store import Store
-from tests.store.test_store import hold
 
 KEY, OTHER = digest.of_bytes(b"key"), digest.of_bytes(b"other")
 
@@ -54,20 +53,6 @@ def test_a_kill_in_the_middle_of_drop_leaves_no_half_folder(store: Store, monkey
     monkeypatch.undo()
     assert not folder.exists()
     assert list(store.keep.all()) == []
-    assert store.keep.sweep(store.locks) == (0, 5)
-    assert list(store.keep.root.iterdir()) == []
-
-
-def test_sweep_spares_what_another_process_builds(store: Store) -> None:
-    fill(store, KEY)
-    fill(store, OTHER, 7)
-    child = hold(store, OTHER)
-    try:
-        assert store.keep.sweep(store.locks) == (1, 5)
-        assert [key for key, _ in store.keep.all()] == [OTHER]
-    finally:
-        child.communicate("go\n")
-    assert store.keep.sweep(store.locks) == (1, 7)
 
 
 def test_drop_in_a_store_that_cannot_be_written_keeps_it(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,6 @@ import pytest
 
 from dextera_build import digest
 from dextera_build.store.blobs import MissingBlob
-from dextera_build.store.materialize import place
 from dextera_build.store.store import Store
 
 KEY, OTHER = digest.of_bytes(b"key"), digest.of_bytes(b"other")
@@ -109,10 +108,10 @@ def test_locks_leave_no_files(store: Store) -> None:
 def test_a_placed_blob_is_a_writable_copy(store: Store, tmp_path: Path) -> None:
     key = store.blobs.put(b"mesh")
     target = tmp_path / "out" / "mesh.obj"
-    place(store.blobs, key, target)
+    store.blobs.place(key, target)
     target.write_bytes(b"edited")
     assert store.blobs.get(key) == b"mesh"
-    place(store.blobs, key, target)  # replaces what stood there
+    store.blobs.place(key, target)  # replaces what stood there
     assert target.read_bytes() == b"mesh"
 
 
@@ -121,10 +120,10 @@ def test_a_damaged_blob_is_not_placed(store: Store, tmp_path: Path) -> None:
     store.blobs.path(key).chmod(0o644)
     store.blobs.path(key).write_bytes(b"hsem")
     with pytest.raises(MissingBlob, match="damaged"):
-        place(store.blobs, key, tmp_path / "mesh.obj")
+        store.blobs.place(key, tmp_path / "mesh.obj")
     assert not (tmp_path / "mesh.obj").exists()
     with pytest.raises(MissingBlob, match="no such file"):
-        place(store.blobs, key, tmp_path / "mesh.obj")
+        store.blobs.place(key, tmp_path / "mesh.obj")
 
 
 def test_a_program_may_use_any_number_of_stores(store: Store, tmp_path: Path) -> None:

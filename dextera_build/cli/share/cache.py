@@ -14,7 +14,6 @@ ACTIONS = {
     "gc": ("delete unneeded results, down to a size or an age (shows a plan unless --yes)", "collecting"),
     "verify": ("read every file and report damage", "verifying"),
     "serve": ("serve the store to other machines, as a Bazel HTTP cache", "serving"),
-    "sweep": ("delete saved progress of unfinished calls that no build is running", "cache"),
 }
 """Action -> (summary, module that carries it out)."""
 
@@ -40,11 +39,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _count(args: argparse.Namespace) -> int:
-    """Print one kind a line: name, count, bytes; for `sweep` what was dropped."""
+    """Print one kind a line: name, count, bytes."""
     from dextera_build.session import reading
 
-    store = reading(options.project(args))
-    counted = store.size() if args.what == "size" else {"keep": store.keep.sweep(store.locks)}
+    counted = reading(options.project(args)).size()
     rows = {kind: {"count": count, "bytes": total} for kind, (count, total) in counted.items()}
     cells = [{"kind": kind, "count": str(count), "bytes": str(total)} for kind, (count, total) in counted.items()]
     return table.give(rows, as_json=args.json, cells=cells)

@@ -12,7 +12,7 @@ from dextera_build.cli.share import amounts
 from dextera_build.report import wording
 
 if TYPE_CHECKING:
-    from dextera_build.gc.collection import Answer
+    from dextera_build.gc.collect import Collection
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,27 +30,24 @@ def run(args: argparse.Namespace) -> int:
     age_s = amounts.seconds(args.max_age) if args.max_age is not None else None
 
     from dextera_build.cli.consoles.lines import printable
-    from dextera_build.gc.collection import collect
+    from dextera_build.gc.collect import collect_all
     from dextera_build.session import reading
 
-    answer = collect(reading(options.project(args)), size=limit, age_s=age_s, dry=not args.yes)
-    said = answer.said
+    said = collect_all(reading(options.project(args)), size=limit, age_s=age_s, dry=not args.yes)
     cells = [
         # A reason names folders, by files that somebody may have changed.
         {"do": do, "kind": row.kind, "count": str(row.count), "bytes": str(row.bytes), "why": printable(row.why)}
         for do, rows in (("drop", said.gone), ("keep", said.stays))
         for row in rows
     ]
-    told = {**asdict(said), "vanished": answer.vanished, "dry": not args.yes}
-    table.give(told, as_json=args.json, cells=cells)
+    table.give({**asdict(said), "dry": not args.yes}, as_json=args.json, cells=cells)
     if not args.json:
-        _explain(answer, limit, dry=not args.yes)
+        _explain(said, limit, dry=not args.yes)
     return 0
 
 
-def _explain(answer: Answer, limit: int | None, *, dry: bool) -> None:
-    said = answer.said
-    for workspace in answer.vanished:
+def _explain(said: Collection, limit: int | None, *, dry: bool) -> None:
+    for workspace in said.vanished:
         print(f"`{workspace}` no longer exists: its results are not kept", file=sys.stderr)
     if said.running:
         who = "a running build" if said.running == 1 else f"{said.running} running builds"

@@ -14,11 +14,11 @@ from dextera_build import digest
 from dextera_build.errors import RuleError
 from dextera_build.gc.choose import Limits
 from dextera_build.gc.collect import collect
+from dextera_build.store import traces
 from dextera_build.store.entry import ActionResult
+from dextera_build.store.results import Found
 from dextera_build.store.store import Store
-from dextera_build.store.traces import lists
-from dextera_build.store.traces import steps as traces
-from dextera_build.store.traces.steps import Steps
+from dextera_build.store.traces import Steps
 from tests.store.stores import DAY, age_all, entry, held
 
 _STATIC = {"rule": "tiny.rule", "inputs": [], "read": None}
@@ -46,12 +46,12 @@ def _run(program: int, world: World) -> Steps:
 def _publish(store: Store, steps: Steps) -> str:
     document = store.blobs.put(traces.spelled(_STATIC, steps))
     output = store.blobs.put(digest.canonical({"artifact": "Text", "fields": {"text": repr(steps)}}))
-    lists.publish(store, document, ActionResult(output, "", (), {}, 1.0, None, document))
+    traces.publish(store, document, ActionResult(output, "", (), {}, 1.0, None, document))
     return output
 
 
-def _find(store: Store, world: World) -> lists.Found:
-    return lists.find(store, _STATIC, lambda kind, name: world[name])
+def _find(store: Store, world: World) -> Found | None:
+    return traces.find(store, _STATIC, lambda kind, name: world[name])[1]
 
 
 _WORLDS = st.fixed_dictionaries(
@@ -68,11 +68,10 @@ def test_a_hit_iff_a_recorded_run_would_read_the_same(program: int, worlds: list
         for world in worlds:
             steps = _run(program, world)
             found = _find(store, world)
-            assert (found.held.result.output if found.held else None) == recorded.get(steps)
-            if found.held is None:
-                assert found.steps is None
+            assert (found.result.output if found else None) == recorded.get(steps)
+            if found is None:
                 recorded[steps] = _publish(store, steps)
-            assert _find(store, world).held is not None
+            assert _find(store, world) is not None
 
 
 @settings(max_examples=30, deadline=None)
@@ -83,10 +82,10 @@ def test_what_is_lost_or_damaged_is_a_miss_and_comes_back(program: int, rounds: 
         for world, dice in rounds:
             steps = _run(program, world)
             found = _find(store, world)
-            if found.held is not None:
-                assert found.steps == steps
+            if found is not None:
+                assert traces.find(store, _STATIC, lambda kind, name, world=world: world[name])[0] == steps
             output = _publish(store, steps)
-            assert _find(store, world).held.result.output == output  # type: ignore[union-attr]
+            assert _find(store, world).result.output == output  # type: ignore[union-attr]
             keys = sorted(store.actions.keys())
             victim = entry(store, keys[dice % len(keys)])
             victim.unlink()
@@ -105,7 +104,7 @@ def test_two_stores_that_give_all_to_one_another_find_the_same(
         for world in there:
             _publish(stores[0], _run(program, world))
         for world in [*here, *there]:
-            assert _find(stores[0], world).held is not None
+            assert _find(stores[0], world) is not None
 
 
 def test_of_two_traces_that_fit_the_newest_counts(tmp_path: Path) -> None:
@@ -116,23 +115,23 @@ def test_of_two_traces_that_fit_the_newest_counts(tmp_path: Path) -> None:
     for steps in (first, other, shorter, first):
         output = _publish(store, steps)
         found = _find(store, world)
-        assert found.held is not None
-        assert found.held.result.output == output
+        assert found is not None
+        assert found.result.output == output
 
 
 def test_the_oldest_traces_are_forgotten(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    worlds = [{"a": _content("a", number)} for number in range(lists.MOST + 3)]
+    worlds = [{"a": _content("a", number)} for number in range(traces._MOST + 3)]
     for world in worlds:
         _publish(store, (("file", "a", world["a"]),))
-    assert [_find(store, world).held is not None for world in worlds] == [False] * 3 + [True] * lists.MOST
+    assert [_find(store, world) is not None for world in worlds] == [False] * 3 + [True] * traces._MOST
 
 
 def test_long_traces_take_no_more_room_than_one_may(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(traces, "MOST", 5)
+    monkeypatch.setattr(traces, "_MOST_STEPS", 5)
     one, two = (tuple(("there", f"{name}{number}", traces.NO) for number in range(3)) for name in "ab")
-    assert lists.merged([one], [two]) == [one]
-    assert lists.merged([one], [two[:2]]) == [one, two[:2]]
+    assert traces.merged([one], [two]) == [one]
+    assert traces.merged([one], [two[:2]]) == [one, two[:2]]
 
 
 def test_a_trace_that_two_builders_wrote_over_is_a_miss(tmp_path: Path) -> None:
@@ -143,11 +142,11 @@ def test_a_trace_that_two_builders_wrote_over_is_a_miss(tmp_path: Path) -> None:
     path = entry(store, digest.of_bytes(traces.spelled(_STATIC, None)))
     before = path.read_bytes()
     output = _publish(store, (("file", "a", other["a"]),))
-    assert _find(store, other).held.result.output == output  # type: ignore[union-attr]
+    assert _find(store, other).result.output == output  # type: ignore[union-attr]
     path.unlink()
     path.write_bytes(before)
-    assert _find(store, other).held is None
-    assert _find(store, world).held is not None
+    assert _find(store, other) is None
+    assert _find(store, world) is not None
 
 
 def test_a_question_that_cannot_be_asked_fits_nothing(tmp_path: Path) -> None:
@@ -156,14 +155,14 @@ def test_a_question_that_cannot_be_asked_fits_nothing(tmp_path: Path) -> None:
 
     store = Store(tmp_path)
     _publish(store, (("file", "a", _content("a", 0)),))
-    assert lists.find(store, _STATIC, answer).held is None
+    assert traces.find(store, _STATIC, answer)[1] is None
 
 
 def test_a_call_that_read_nothing_is_found(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    assert _find(store, {}).held is None
+    assert _find(store, {}) is None
     output = _publish(store, ())
-    assert _find(store, {}).held.result.output == output  # type: ignore[union-attr]
+    assert _find(store, {}).result.output == output  # type: ignore[union-attr]
 
 
 def test_steps_that_no_call_can_have_made_are_a_miss(tmp_path: Path) -> None:
@@ -189,10 +188,10 @@ def test_steps_that_no_call_can_have_made_are_a_miss(tmp_path: Path) -> None:
         document = store.blobs.put(traces.spelled(_STATIC, None))
         header = store.blobs.put(digest.canonical({"artifact": "Reads", "fields": {"traces": [steps]}}))
         store.actions.put(document, ActionResult(header, "", (), {}, 0.0, None, document))
-        assert lists.find(store, _STATIC, answer).held is None
+        assert traces.find(store, _STATIC, answer)[1] is None
         # What runs then is found again.
         _publish(store, (("there", "a", traces.YES),))
-        assert lists.find(store, _STATIC, answer).held is not None
+        assert traces.find(store, _STATIC, answer)[1] is not None
     assert set(asked) <= {"a"}
 
 
@@ -203,4 +202,4 @@ def test_a_result_holds_on_to_the_list_that_leads_to_it(tmp_path: Path) -> None:
     _publish(store, steps)
     age_all(store, time.time() - 9 * DAY)
     collect(store, held(digest.of_bytes(traces.spelled(_STATIC, steps))), Limits(size=0), dry=False)
-    assert _find(store, world).held is not None
+    assert _find(store, world) is not None

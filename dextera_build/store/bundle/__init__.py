@@ -1,1 +1,0 @@
-"""Bundles: results with all that they need, as an OCI image layout."""

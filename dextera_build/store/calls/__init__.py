@@ -1,1 +1,0 @@
-"""Recorded calls: what a service answered to a request, kept under the digest of the request."""
