@@ -120,7 +120,7 @@ class Project(settings_of.Project):
 
         Args:
             recipe: `twin/laptop_scene`, or with a target: `twin/laptop_scene:scene`.
-            targets: Names of targets or addresses of nodes; none stands for the default ones.
+            targets: Names of targets or addresses of nodes; without any, the default targets.
             inputs: Input of the recipe -> path (from the current folder) or target of another recipe.
             settings: `body[mug].mesh.wall_m` -> value, over the recipe's own.
             backends: Rule -> backend.
@@ -164,7 +164,7 @@ class Project(settings_of.Project):
         session, names = here._open(recipe, targets, _added(inputs, settings, backends))
         graph = session.plan().graph
         wanted = [address for name in names for address in addresses(graph, name)]
-        return list(dry(graph, wanted, session.store, history=session.past_builds))
+        return dry(graph, wanted, session.store, history=session.past_builds)
 
     def why(
         self,

@@ -29,7 +29,7 @@ class Order:
     """What one build is asked for, and how it goes about it; see `engine.execute.build`."""
 
     targets: Sequence[str] = ("",)
-    """Names of targets or addresses of nodes; "" stands for the default ones."""
+    """Names of targets or addresses of nodes; "" means the default targets."""
     keep_going: bool = False
     force: Sequence[str] = ()
     """Addresses of nodes that run although they are cached."""

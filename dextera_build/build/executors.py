@@ -49,7 +49,7 @@ def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False
 def _environment(project: Project) -> dict[str, str]:
     # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    # No rule needs plug-ins of pydantic, and a look for some goes through all that is installed.
+    # No rule uses pydantic plug-ins, and the search for them reads the metadata of every installed package.
     environment["PYDANTIC_DISABLE_PLUGINS"] = os.environ.get("PYDANTIC_DISABLE_PLUGINS", "__all__")
     environment["DXB_CALLS"] = project.calls
     if listed := project.remotes.listed:

@@ -190,7 +190,7 @@ class Out:
                         shutil.rmtree(entry.path) if entry.is_dir() else os.unlink(entry.path)
 
     def _table(self) -> dict[str, _Copy]:
-        """What dxb wrote; nothing where that is not known, so that all is written anew."""
+        """The files that dxb wrote; empty if unknown, so that every target is written again."""
         with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
             said = json.loads(files.read(f"{self.base}/{TABLE}"))
             if said["form"] == _FORM and said["check"] == digests.of_value(said["nodes"]):

@@ -119,13 +119,13 @@ def _targets(session: Any, target: str) -> list[str]:
     built = [(node, parse_address(node)) for node in session.last_nodes]
     found = [node for node, at in built for want in wanted if at.call == want.call and want.matches(at.labels or ())]
     if not found:
-        session.past(target or str(wanted[0]))  # says that it was never built, and what was
+        session.past(target or str(wanted[0]))  # raises the error that lists the nodes that were built
     return found
 
 
 def _recipe(session: Any, *, as_json: bool) -> dict[str, Any]:
     if session.project.recipe(session.recipe) is None:
-        session.plan()  # says that there is none, and what there is
+        session.plan()  # raises the error that lists the recipes
     rows: dict[str, Any] = {}
     for node, entry in session.history.items():
         line = _line(session, entry.key)

@@ -22,7 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print a sentence, then one cause a line: kind, name, old -> new, place; what stands behind it stands indented."""
+    """Print a sentence, then one cause a line: kind, name, old -> new, place; causes further upstream are indented."""
     session, node = options.session(args, args.node)
     if not node:
         return _recipe(session, as_json=args.json)

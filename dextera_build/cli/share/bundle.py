@@ -1,4 +1,4 @@
-"""`dxb bundle`: results with all that they need, as one file or one folder."""
+"""`dxb bundle`: results with everything they refer to, as one file."""
 
 from __future__ import annotations
 

@@ -82,10 +82,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _refuse_open_doors(args: argparse.Namespace, project: Project, secret: str) -> None:
-    """Whoever may write to a store decides what all builds that use it get.
+    """Refuse a server that strangers could write to: its clients build with the results that they find.
 
     Raises:
-        UsageError: Anybody could write, or what nobody signed could enter a store that wants signatures.
+        UsageError: Anyone could write, or unsigned results could enter a store that requires signatures.
     """
     from dextera_build.remotes.spec import is_loopback
 
