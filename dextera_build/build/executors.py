@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 from dextera_build.errors import UsageError, listing
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dextera_build.engine.graph import RuleFacts
     from dextera_build.project.project import Project
     from dextera_build.session import Session
     from dextera_build.workers.protocol import Executor
-    from dextera_build.workers.ray_worker import Setup
 
 RUNNER = "dextera_build.build.worker_entry:run_task"
 
@@ -61,10 +62,10 @@ def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Exe
     from pathlib import Path
     from tempfile import TemporaryDirectory
 
-    from dextera_build.code import sources
     from dextera_build.code.modules import read
     from dextera_build.workers.ray import RayExecutor
     from dextera_build.workers.ray_cluster import RayCluster
+    from dextera_build.workers.ray_worker import Setup
 
     project = session.project
     if project.asks_again:
@@ -74,31 +75,6 @@ def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Exe
             facts={"executor": project.executor},
             hint=f"`--executor local --calls {project.calls}`",
         )
-    said = dict(project.config["resources"].value)
-    if project.config["jobs"].origin != "default":
-        said["cpu"] = float(project.jobs)
-    models: dict[tuple[str, str | None], str] = {
-        (rule.path, rule.backend): f"{rule.path} {rule.backend} {' '.join(rule.weights)}"
-        for rule in rules
-        if rule.backend and rule.weights
-    }
-    setup = _setup(project, rules)
-    with TemporaryDirectory(prefix="dxb-code-") as code:
-        for name, file in sources.files(project.root).items():
-            target = Path(code, name)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            # Of code the bytes that were digested, for it may have been edited since.
-            target.write_bytes(read(file) if file.suffix == ".py" else file.read_bytes())
-        cluster = RayCluster(address, Path(code))
-        discovering = {rule.path for rule in rules if rule.discovers}
-        with RayExecutor(cluster, session.store, setup, said=said, models=models, discovering=discovering) as workers:
-            yield workers
-
-
-def _setup(project: Project, rules: list[RuleFacts]) -> Setup:
-    from dextera_build.code import sources
-    from dextera_build.workers.ray_worker import Setup
-
     shared = next((spec for spec in project.used_remotes if spec.mode == "rw"), None)
     if shared is None:
         raise UsageError(
@@ -107,10 +83,32 @@ def _setup(project: Project, rules: list[RuleFacts]) -> Setup:
             facts={"remotes": listing(f"{spec.name} ({spec.mode})" for spec in project.used_remotes)},
             hint='in `dxb.toml`: [remotes] shared = {address = "/mnt/shared/dxb", mode = "rw"}',
         )
-    return Setup(
-        runner=RUNNER,
-        shared=shared,
-        environment=_environment(project),
-        versions=sources.versions({name: version for rule in rules for name, version in rule.packages.items()}),
-        compare="dextera_build.code.sources:differences",
-    )
+    said = dict(project.config["resources"].value)
+    if project.config["jobs"].origin != "default":
+        said["cpu"] = float(project.jobs)
+    setup = Setup(RUNNER, shared, _environment(project))
+    discovering = {rule.path for rule in rules if rule.discovers}
+    with TemporaryDirectory(prefix="dxb-code-") as code:
+        for file in _code(project):
+            target = Path(code, file.relative_to(project.root))
+            target.parent.mkdir(parents=True, exist_ok=True)
+            # Of code the bytes that were digested, for it may have been edited since.
+            target.write_bytes(read(file) if file.suffix == ".py" else file.read_bytes())
+        cluster = RayCluster(address, Path(code))
+        with RayExecutor(cluster, session.store, setup, said=said, discovering=discovering) as workers:
+            yield workers
+
+
+def _code(project: Project) -> set[Path]:
+    """What workers need of the project: its settings, all below `rules/`, and its own modules that rules import."""
+    from dextera_build.code.modules import PACKAGE
+
+    root, code = project.root, project.library.code
+    own = {file for file in (root / "rules").rglob("*") if file.is_file() and not _is_hidden(file.relative_to(root))}
+    code.of(*(file for file in own if file.suffix == ".py"))
+    imported = {file for file in code.files() if file.is_relative_to(root) and not file.is_relative_to(PACKAGE)}
+    return own | imported | {file for name in ("dxb.toml", "pyproject.toml") if (file := root / name).is_file()}
+
+
+def _is_hidden(path: Path) -> bool:
+    return any(part.startswith(".") or part == "__pycache__" for part in path.parts)
