@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from dextera_build.build import fetch
 from dextera_build.cli import options, table
-from dextera_build.cli.look.nodes import planned, row
+from dextera_build.cli.nodes import planned, row
 from dextera_build.report.wording import count, duration
 from dextera_build.session import addresses
 

@@ -6,8 +6,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import options
-from dextera_build.cli.look import nodes
+from dextera_build.cli import nodes, options
 from dextera_build.cli.look.output import give
 from dextera_build.errors import UsageError, listing
 from dextera_build.session import addresses

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-from dextera_build.cli import options, table
-from dextera_build.cli.look import nodes
+from dextera_build.cli import nodes, options, table
 from dextera_build.project.project import Project
 
 Row = dict[str, str]
