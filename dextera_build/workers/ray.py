@@ -1,7 +1,7 @@
 """Nodes on a Ray cluster: the scheduler decides what may start, Ray decides where.
 
-A call is a Ray task that reserves what its rule asks for. A call whose worker is lost fails with DXB-E354, and
-the scheduler tries it again.
+A call is a Ray task that reserves what its rule asks for. A call whose worker is lost fails, and the scheduler
+tries it again (`workers/retries.py`).
 """
 
 from __future__ import annotations
