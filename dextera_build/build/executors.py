@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, TypeAlias
 
 from dextera_build.errors import UsageError, listing
 
@@ -20,31 +20,40 @@ if TYPE_CHECKING:
 RUNNER = "dextera_build.build.worker_entry:run_task"
 
 
+Ready: TypeAlias = "Callable[[Sequence[RuleFacts]], Executor]"
+"""Gives what runs the nodes of one build, once it is known which rules may run."""
+
+
 @contextmanager
-def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False) -> Iterator[Executor]:
-    """What runs the nodes of one build, as the settings say.
+def executor(session: Session, *, idle: bool = False) -> Iterator[Ready]:
+    """What runs the nodes of one build, as the settings say; a first worker loads while the recipe is planned.
 
     Args:
         session: The recipe that is built.
-        rules: Those that may run.
-        idle: Nothing will run, so that no cluster and no device is looked for.
+        idle: Nothing will run, so that no worker is started, and no cluster and no device is looked for.
     """
-    kind, _, address = session.project.executor.partition(":")
-    if kind == "ray" and not idle:
-        yield from _ray(session, address, list(rules))
-    else:
+    project = session.project
+    kind, _, address = project.executor.partition(":")
+    with ExitStack() as stack:
+        if kind == "ray" and not idle:
+            yield lambda rules: stack.enter_context(_ray(session, address, rules))
+            return
         from dextera_build.code.modules import shared
         from dextera_build.workers.pool import LocalExecutor
 
-        project = session.project
-        wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
-        capacity = project.capacity(gpus=wants_gpu)
-        with shared() as more:
-            environment = {**_environment(project), **more}
-            with LocalExecutor(RUNNER, environment=environment, capacity=capacity) as workers:
-                if not idle:
-                    workers.warm()  # a build whose snapshot is not fresh mostly runs something
-                yield workers
+        more, share = stack.enter_context(shared())
+        environment, capacity = {**_environment(project), **more}, project.capacity(gpus=False)
+        workers = stack.enter_context(LocalExecutor(RUNNER, environment=environment, capacity=capacity))
+        if not idle:
+            workers.warm()  # a build whose snapshot is not fresh mostly runs something
+
+        def ready(rules: Sequence[RuleFacts]) -> Executor:
+            share()
+            if not idle and any(rule.gpus or rule.gpu_gb for rule in rules):
+                workers.capacity = project.capacity(gpus=True)
+            return workers
+
+        yield ready
 
 
 def _environment(project: Project) -> dict[str, str]:
@@ -58,7 +67,8 @@ def _environment(project: Project) -> dict[str, str]:
     return environment
 
 
-def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Executor]:
+@contextmanager
+def _ray(session: Session, address: str, rules: Sequence[RuleFacts]) -> Iterator[Executor]:
     from pathlib import Path
     from tempfile import TemporaryDirectory
 
