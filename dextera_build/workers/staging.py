@@ -13,7 +13,6 @@ from dextera_build.remotes.threads import Crew
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
-from dextera_build.workers.retries import UNREACHABLE
 
 _AT_ONCE = 16
 
@@ -116,7 +115,7 @@ def _faults_told() -> Iterator[None]:
     except RemoteFault as fault:
         raise MachineError(
             f"the remote that the cluster shares does not work: {fault.reason}",
-            code=UNREACHABLE,
+            code="DXB-E355",
             facts={"remote": fault.address},
             hint="every machine of the cluster must be able to read and write it under this address",
         ) from None
