@@ -12,6 +12,7 @@ import glob
 import importlib
 import importlib.machinery
 import importlib.util
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -45,21 +46,23 @@ def bundled(kind: str) -> Path:
     return inside if inside.is_dir() else PACKAGE.parent / kind
 
 
-@dataclass(frozen=True)
 class Root:
-    """One folder of stages, mounted as the package `name`."""
+    """One folder of stages, mounted as a package once per process.
 
-    name: str
-    path: Path
+    The package is named after the folder, so that libraries of several projects can stand in one process.
 
-    def mount(self) -> None:
-        """Make `import <name>.<stage>.<module>` work, once per process."""
+    Args:
+        path: The folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.name = f"dxb_rules_{digest.of_bytes(str(path).encode())[:12]}"
         install().roots.add(self.name)
-        if self.name in sys.modules:
-            return
-        spec = importlib.machinery.ModuleSpec(self.name, None, is_package=True)
-        spec.submodule_search_locations = [str(self.path)]
-        sys.modules[self.name] = importlib.util.module_from_spec(spec)
+        if self.name not in sys.modules:
+            spec = importlib.machinery.ModuleSpec(self.name, None, is_package=True)
+            spec.submodule_search_locations = [str(path)]
+            sys.modules[self.name] = importlib.util.module_from_spec(spec)
 
     def module(self, file: Path) -> str:
         """The name under which a file below `path` is imported."""
@@ -70,7 +73,7 @@ class Root:
         if not all(part == "*" or part.isidentifier() for part in (stage, name)):
             return []  # a path, or a pattern of somebody else's
         found = [*self.path.glob(f"{stage}/{name}.py"), *self.path.glob(f"{stage}/*/{name}.py")]
-        return [file for file in sorted(found) if _holds_rule(file)]
+        return [file for file in sorted(found) if _line(file)]
 
 
 @dataclass(frozen=True)
@@ -100,11 +103,7 @@ class RuleFile:
     @property
     def place(self) -> Place:
         """The line of the rule's function, for messages."""
-        name = self.path.rpartition(".")[2]
-        for node in tree(read(self.file), str(self.file)).body:
-            if isinstance(node, ast.FunctionDef) and node.name == name:
-                return Place(str(self.file), node.lineno)
-        return Place(str(self.file))
+        return Place(str(self.file), _line(self.file))
 
     @cached_property
     def backends(self) -> dict[str, BackendFile]:
@@ -167,7 +166,7 @@ class Library:
         ]
         folders += [] if (own := bundled(RULES).resolve()) in folders else [own]
         known = {root.path for root in self._first}
-        return [*self._first, *(_mounted(folder) for folder in folders if folder not in known)]
+        return [*self._first, *(Root(folder) for folder in folders if folder not in known)]
 
     @cached_property
     def _points(self) -> Sequence[EntryPoint]:
@@ -180,7 +179,7 @@ class Library:
     def _first(self) -> list[Root]:
         """The project's own root, if it has one."""
         folder = self._project / RULES if self._project else None
-        return [_mounted(folder.resolve())] if folder and folder.is_dir() else []
+        return [Root(folder.resolve())] if folder and folder.is_dir() else []
 
     def find(self, path: str, where: Place | None = None) -> RuleFile:
         """The rule called `path`.
@@ -189,7 +188,11 @@ class Library:
             RecipeError: No root has it.
         """
         if path not in self._found:
-            self._found[path] = self._search(path, where)
+            # What the project has itself is found without a look at what is installed.
+            found = _among(self._first, path) or _among(self.roots, path)
+            if found is None:
+                raise self._unknown(path, where)
+            self._found[path] = found
         return self._found[path]
 
     def rules(self) -> Iterator[RuleFile]:
@@ -243,15 +246,11 @@ class Library:
         own = frozenset(point.value.partition(".")[0] for point in self._points)
         return CodeIndex({root.name: root.path for root in self.roots}, own)
 
-    def _search(self, path: str, where: Place | None) -> RuleFile:
-        # What the project has itself is found without a look at what is installed.
-        found = _among(self._first, path) or _among(self.roots, path)
-        if found is not None:
-            return found
+    def _unknown(self, path: str, where: Place | None) -> RecipeError:
         stage = path.partition(".")[0]
         known = [found.path for found in self.rules()]
         same = [rule for rule in known if rule.startswith(f"{stage}.")]
-        raise RecipeError(
+        return RecipeError(
             f"no rule is called `{path}`",
             code="DXB-R201",
             where=where,
@@ -276,13 +275,6 @@ def _among(roots: Sequence[Root], path: str) -> RuleFile | None:
     return None
 
 
-def _mounted(folder: Path) -> Root:
-    # Named after the folder, so that libraries of several projects can stand in one process.
-    root = Root(f"dxb_rules_{digest.of_bytes(str(folder).encode())[:12]}", folder)
-    root.mount()
-    return root
-
-
 def choose_backend(found: RuleFile, wanted: str | None, profile: str, where: Place | None = None) -> BackendFile | None:
     """The backend that carries out a rule: the wanted one, or the profile's; None for a rule without backends.
 
@@ -302,11 +294,12 @@ def choose_backend(found: RuleFile, wanted: str | None, profile: str, where: Pla
         return None
     chosen = found.backends[wanted] if wanted else _of_profile(found, profile, where)
     if missing := chosen.missing():
+        others = (f"{name} ({other.facts.summary})" for name, other in found.backends.items() if other is not chosen)
         raise MachineError(
             f"backend `{chosen.name}` of {found.path} is not installed",
             code="DXB-E301",
             where=where,
-            facts={"needs": ", ".join(missing), "others": _others(found, chosen.name)},
+            facts={"needs": ", ".join(missing), "others": listing(others)},
             hint=install_extra(chosen.facts.extra) if chosen.facts.extra else f"`pip install {' '.join(missing)}`",
         )
     return chosen
@@ -349,12 +342,7 @@ def _of_profile(found: RuleFile, profile: str, where: Place | None) -> BackendFi
     )
 
 
-def _others(found: RuleFile, but: str) -> str:
-    return listing(f"{name} ({b.facts.summary})" for name, b in found.backends.items() if name != but)
-
-
 def _import(root: Root, path: str, file: Path) -> ModuleType:
-    root.mount()
     try:
         with import_errors.watched(path, file):
             return importlib.import_module(root.module(file))
@@ -362,15 +350,11 @@ def _import(root: Root, path: str, file: Path) -> ModuleType:
         raise import_errors.refused(path, file, error) from error
 
 
-def _holds_rule(file: Path) -> bool:
-    data = read(file)
-    if b"@rule(" not in data:
-        return False
-    try:
-        body = tree(data, str(file)).body
-    except RecipeError:
-        return True  # importing it says where the error is
-    return any(isinstance(node, ast.FunctionDef) and node.name == file.stem and node.decorator_list for node in body)
+def _line(file: Path) -> int:
+    """The line of the function with `@rule` that bears a file's name; 0 where it has none."""
+    text = read(file).decode(errors="replace")
+    found = re.search(rf"^@rule\(.*?^def {file.stem}\b", text, re.MULTILINE | re.DOTALL)
+    return text.count("\n", 0, found.end()) + 1 if found else 0
 
 
 def _backend_facts(file: Path) -> Backend | None:

@@ -135,7 +135,7 @@ class Modules:
         known[DXB] = Module(DXB, PACKAGE / "__init__.py", (str(PACKAGE),))
         self._found: dict[str, Module | None] = dict(known)
         self._own = own
-        self._foreign: dict[str, bool] = {}
+        self._foreign: set[str] = set()
         self.looked_at: set[str] = set()
         """Folders that were searched, and files that would have been found first."""
 
@@ -149,7 +149,7 @@ class Modules:
     def is_foreign(self, top: str) -> bool:
         """Whether a top-level module is there, and not first-party."""
         self.find(top)
-        return self._foreign.get(top, False)
+        return top in self._foreign
 
     def _inner(self, name: str, tail: str, parent: str) -> Module | None:
         above = self.find(parent)
@@ -164,7 +164,7 @@ class Modules:
 
     def _top(self, name: str) -> Module | None:
         if name in sys.builtin_module_names:
-            self._foreign[name] = True
+            self._foreign.add(name)
             return None
         spec = find_top(name)
         if spec is None:
@@ -173,7 +173,7 @@ class Modules:
         places = [str(found.file)] if found.file else [os.path.join(folder, "_") for folder in found.search or ()]
         if name in self._own or all(is_first_party(place) for place in places):
             return found
-        self._foreign[name] = True
+        self._foreign.add(name)
         return None
 
 
