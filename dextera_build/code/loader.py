@@ -25,8 +25,8 @@ from dextera_build import digest
 from dextera_build.code import import_errors
 from dextera_build.code.code_digest import RULES, Code, CodeIndex
 from dextera_build.code.importer import IMPORTER, install
+from dextera_build.code.modules import KNOWN, read
 from dextera_build.code.modules import PACKAGE as PACKAGE
-from dextera_build.code.modules import read
 from dextera_build.code.syntax import tree
 from dextera_build.errors import MachineError, Place, RecipeError, did_you_mean, install_extra, listing
 
@@ -34,10 +34,6 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
     from dextera_build.rule import Backend, Rule
-
-
-_WITH_DXB = {"PIL", "annotated_types", "numpy", "pydantic", "pydantic_core", "typing_extensions", "yaml"}
-"""Modules of every installation of dxb."""
 
 
 def bundled(kind: str) -> Path:
@@ -58,7 +54,7 @@ class Root:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.name = f"dxb_rules_{digest.of_bytes(str(path).encode())[:12]}"
-        install().roots.add(self.name)
+        install().roots[self.name] = path
         if self.name not in sys.modules:
             spec = importlib.machinery.ModuleSpec(self.name, None, is_package=True)
             spec.submodule_search_locations = [str(path)]
@@ -152,6 +148,9 @@ class Library:
     def __init__(self, project: Path | None = None) -> None:
         self.project = project or Path.cwd()
         self._project = project
+        folder = project / RULES if project else None
+        self._first = [Root(folder.resolve())] if folder and folder.is_dir() else []
+        """The project's own root, if it has one."""
         self._found: dict[str, RuleFile] = {}
         self.warnings: dict[str, str] = {}
         """What to say of modules that rules import and do not declare, by module."""
@@ -174,12 +173,6 @@ class Library:
         import importlib.metadata  # slow to import, and not every command asks for rules
 
         return list(importlib.metadata.entry_points(group="dxb.rules"))
-
-    @cached_property
-    def _first(self) -> list[Root]:
-        """The project's own root, if it has one."""
-        folder = self._project / RULES if self._project else None
-        return [Root(folder.resolve())] if folder and folder.is_dir() else []
 
     def find(self, path: str, where: Place | None = None) -> RuleFile:
         """The rule called `path`.
@@ -215,7 +208,7 @@ class Library:
         """
         if found.root.path == bundled(RULES).resolve():
             return
-        known = sys.stdlib_module_names | _WITH_DXB | {package.replace("-", "_").lower() for package in packages}
+        known = KNOWN | {package.replace("-", "_").lower() for package in packages}
         unknown = code.foreign.keys() - known
         provided = {top for package in packages for top in _modules_of(package)} if unknown else set()
         for top in sorted(unknown - provided):
@@ -233,7 +226,8 @@ class Library:
         for path, rule in self._found.items():
             stage, _, name = path.partition(".")
             found.update(map(str, rule.candidates))
-            for root in self.roots[: self.roots.index(rule.root) + 1]:
+            roots = self._first if rule.root in self._first else self.roots
+            for root in roots[: roots.index(rule.root) + 1]:
                 folder = root.path / stage
                 # A new file in one of these can be the rule, or a backend of it.
                 inner = (place for place in folder.glob("*") if place.name != "__pycache__" and place.is_dir())
@@ -243,8 +237,7 @@ class Library:
     @cached_property
     def code(self) -> CodeIndex:
         """Code digests of the files in the roots, of dxb and of the project's own packages."""
-        own = frozenset(point.value.partition(".")[0] for point in self._points)
-        return CodeIndex({root.name: root.path for root in self.roots}, own)
+        return CodeIndex(IMPORTER.roots, lambda: {point.value.partition(".")[0] for point in self._points})
 
     def _unknown(self, path: str, where: Place | None) -> RecipeError:
         stage = path.partition(".")[0]

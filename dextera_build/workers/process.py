@@ -21,7 +21,7 @@ from dextera_build.workers import worker
 from dextera_build.workers.protocol import Task, printed
 
 _TAIL_LINES = 12
-_ROOT = Path(__file__).resolve().parents[3]
+_ROOT = Path(__file__).resolve().parents[2]
 """Where this package lies."""
 _LOOK_S = 0.001
 
