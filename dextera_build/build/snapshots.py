@@ -43,6 +43,7 @@ def note(project: Project, watch: Watch, plan: Plan) -> None:
             watch.folder(path)
         else:
             watch.file(path)
+        watch.doubt(path)
     note_packages(watch)
 
 
@@ -50,3 +51,4 @@ def note_packages(watch: Watch) -> None:
     """Note what can be imported, and which packages are installed."""
     for entry in sys.path:
         watch.modules(entry or os.getcwd())
+        watch.doubt(entry or os.getcwd())

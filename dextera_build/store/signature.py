@@ -23,6 +23,8 @@ _FINE_NS = 20_000_000
 """Two kernel ticks at 100 Hz, the coarsest step of a file system with nanosecond stamps."""
 _COARSE_NS = 2_000_000_000
 """Step of FAT; HFS+ and ext3 step by one second."""
+_NEVER: Signature = (0, 0, 0, 0)
+"""No file has this signature."""
 
 
 def of(state: os.stat_result) -> Signature:
@@ -99,6 +101,20 @@ class Watch:
         """Note a folder of the module search path."""
         if path not in self.paths:
             self.paths[path] = modules(path)
+
+    def doubt(self, path: str) -> None:
+        """Check a path that was read before it was noted: if its names or absence may be new, nothing is settled."""
+        there, state = path, look(path)
+        while state is None and os.path.dirname(there) != there:
+            there = os.path.dirname(there)
+            state = look(there)
+        if state is None or not is_racy(state, self.started_ns):
+            return
+        if path in self.files and self.files[path] is None:
+            self.files[path] = _NEVER
+        for known in (self.folders, self.paths):
+            if path in known:
+                known[path] = [os.sep]  # no folder holds such a name
 
     def settled(self) -> bool:
         """Whether every file is what it was at the first look, and none may change without a trace."""
