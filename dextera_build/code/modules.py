@@ -10,8 +10,8 @@ import json
 import os
 import pkgutil
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import ModuleSpec
@@ -66,33 +66,30 @@ def _now(name: str) -> bytes | None:
 
 
 @contextmanager
-def shared() -> Iterator[dict[str, str]]:
-    """Variables by which workers on this machine find what this process read, as long as the block lasts."""
-    if not hasattr(os, "memfd_create"):
-        yield {}  # a worker that finds a file edited refuses it
-        return
+def shared() -> Iterator[tuple[dict[str, str], Callable[[], None]]]:
+    """Share what this process reads with workers on this machine, as long as the block lasts.
+
+    Yields:
+        Variables by which they find it, and what shares all that was read so far; call it once.
+    """
     with os.fdopen(os.memfd_create("sources"), "w") as opened:
-        json.dump({digest_of(data): data.decode("latin-1") for data in _READ.values()}, opened)  # any bytes
-        opened.flush()
-        yield {_SHARED: f"/proc/{os.getpid()}/fd/{opened.fileno()}"}
+
+        def share() -> None:
+            json.dump({digest_of(data): data.decode("latin-1") for data in _READ.values()}, opened)  # any bytes
+            opened.flush()
+
+        yield {_SHARED: f"/proc/{os.getpid()}/fd/{opened.fileno()}"}, share
 
 
 def earlier(wanted: str) -> bytes | None:
     """The source with this digest as the build read it that this process works for; None where that is not known."""
-    data = _earlier(os.environ.get(_SHARED, "")).get(wanted, "").encode("latin-1")
-    return data if digest_of(data) == wanted else None
-
-
-@cache
-def _earlier(place: str) -> dict[str, str]:
+    place = os.environ.get(_SHARED, "")
     if not os.path.isfile(place):  # the build is gone, and its descriptor may be a pipe's
-        return {}
-    try:
-        with open(place) as opened:
-            found: dict[str, str] = json.load(opened)
-    except (OSError, ValueError):
-        return {}
-    return found
+        return None
+    with suppress(OSError, ValueError), open(place) as opened:
+        data: bytes = json.load(opened).get(wanted, "").encode("latin-1")
+        return data if digest_of(data) == wanted else None
+    return None
 
 
 def digest_of(data: bytes) -> str:

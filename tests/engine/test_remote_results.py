@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
@@ -128,17 +128,17 @@ class Broken(Directory):
         self._note("get")
         return super().get_entry(key)
 
-    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
+    def fetch(self, digest: Digest, take: Callable[[Iterator[bytes]], bool]) -> bool | None:
         self._note("fetch")
-        super().fetch(digests, take)
+        return super().fetch(digest, take)
 
-    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
-        self._note("missing")
-        return super().missing(digests)
+    def has(self, digest: Digest) -> bool:
+        self._note("has")
+        return super().has(digest)
 
-    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
+    def send(self, digest: Digest, file: BinaryIO) -> None:
         self._note("send")
-        super().send(digests, give)
+        super().send(digest, file)
 
     def put_entry(self, key: Digest, message: bytes) -> None:
         self._note("put")
@@ -184,7 +184,7 @@ def test_a_remote_that_takes_nothing_still_gives(store: Store, other: Store, sha
     build(wide(), store, guarded(Directory(share)))
 
     def fail(what: str) -> None:
-        if what in ("missing", "send", "put"):
+        if what in ("has", "send", "put"):
             raise RemoteFault("lab", "PUT was answered 403", refused=True)
 
     names = [f"n{place}" for place in range(30)]

@@ -187,7 +187,6 @@ def test_an_honest_server_is_believed(tmp_path, share):
 def test_a_server_that_drips_is_left_alone(tmp_path, share, monkeypatch, drips):
     """A byte now and then keeps every wait short; what is promised must not make it long: the entry says terabytes."""
     monkeypatch.setattr(disk_full, "free_bytes", lambda path: 1 << 60)
-    monkeypatch.setattr("dextera_build.remotes.breaker._UNDER_WAY", 1 << 14)
 
     def says(path: str, data: bytes | None) -> Answer:
         if data is None:
