@@ -102,19 +102,19 @@ class Watch:
         if path not in self.paths:
             self.paths[path] = modules(path)
 
-    def doubt(self, path: str) -> None:
-        """Check a path that was read before it was noted: if its names or absence may be new, nothing is settled."""
-        there, state = path, look(path)
-        while state is None and os.path.dirname(there) != there:
-            there = os.path.dirname(there)
-            state = look(there)
-        if state is None or not is_racy(state, self.started_ns):
-            return
-        if path in self.files and self.files[path] is None:
+    def doubt(self, path: str, *, was_read: bool) -> None:
+        """Check a path that was looked at before it was noted: if it may have changed in between, nothing is settled.
+
+        A file that is there needs no check, for `settled` finds that it is new.
+
+        Args:
+            path: A file or folder that was noted.
+            was_read: Whether it was there.
+        """
+        if path in self.folders and ((state := look(path)) is None or is_racy(state, self.started_ns)):
+            self.folders[path] = [os.sep]  # no folder holds such a name
+        if was_read and path in self.files and self.files[path] is None:
             self.files[path] = _NEVER
-        for known in (self.folders, self.paths):
-            if path in known:
-                known[path] = [os.sep]  # no folder holds such a name
 
     def settled(self) -> bool:
         """Whether every file is what it was at the first look, and none may change without a trace."""
