@@ -20,7 +20,7 @@ class Shown:
     """A console that is opened with the first event: most builds have none.
 
     Args:
-        kind: One of `project.CONSOLES`, or `auto`.
+        kind: A value of the setting `console`, or `auto`.
         verbose: Show the lines that nodes log, too.
     """
 
