@@ -14,7 +14,7 @@ from dextera_build.bundle import documents
 from dextera_build.bundle.config import Contents, Node
 from dextera_build.bundle.documents import BODY, DIGEST, TEXT, Form, Read, maybe
 from dextera_build.bundle.errors import ill_formed, wrong_result
-from dextera_build.store import headers, traces
+from dextera_build.store import headers, references, traces
 from dextera_build.store.blobs import is_digest
 from dextera_build.store.entry import ActionResult
 
@@ -115,17 +115,8 @@ class Closure:
 
     def _refs(self, roots: Iterable[str], *, whole: bool) -> None:
         """Add all headers reachable from `roots`; with `whole` also the blobs that they name."""
-        stack = list(roots)
-        seen = set(stack)
-        while stack:
-            digest = stack.pop()
-            refs, blobs = self._directly(digest)
-            self.blobs.add(digest)
-            if whole:
-                self.blobs.update(blobs)
-            fresh = [ref for ref in refs if ref not in seen]
-            seen.update(fresh)
-            stack += fresh
+        found = references.below(roots, self._directly)
+        self.blobs.update(digest for digest, is_header in found.items() if whole or is_header)
 
     def _directly(self, digest: str) -> tuple[list[str], list[str]]:
         if digest not in self._direct:

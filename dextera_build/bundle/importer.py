@@ -6,7 +6,6 @@ that a build uses, after all of them were checked. What is refused leaves at mos
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from dextera_build.bundle.config import Contents
 from dextera_build.bundle.errors import BundleRefused, archive, ill_formed, lacking, too_large
 from dextera_build.bundle.layout import Layout
 from dextera_build.bundle.oci import Descriptor, Manifest
-from dextera_build.store import disk_full, failpoints, files
+from dextera_build.store import disk_full, failpoints
 from dextera_build.store.blobs import is_digest
 from dextera_build.store.store import Store
 from dextera_build.store.traces import publish
@@ -129,7 +128,6 @@ class _Inbox:
         self.sizes: dict[str, int] = {}
         self._source = bundle.source
         self._blobs = store.blobs
-        self._workshop = f"{store.blobs.root}/{files.TEMPORARY}"
 
     def layer(self, layer: Descriptor) -> None:
         """Import the blobs of one layer."""
@@ -155,26 +153,13 @@ class _Inbox:
         if digest in self.sizes:
             raise archive(digest, "stands twice")
         self.sizes[digest] = size
-        if self._blobs.size(digest) == size:
-            _hash(digest, chunks, None)
-            return
-        with files.new_file(str(self._blobs.path(digest)), workshop=self._workshop) as descriptor:
-            _hash(digest, chunks, descriptor)
-
-
-def _hash(digest: str, chunks: Iterator[bytes], descriptor: int | None) -> None:
-    state = hashlib.sha256()
-    for chunk in chunks:
-        state.update(chunk)
-        if descriptor is not None:
-            files.write_all(descriptor, chunk)
-    if state.hexdigest() != digest:
-        raise BundleRefused(
-            "the bundle is damaged: a blob has other bytes than its name says",
-            code="DXB-S302",
-            facts={"digest": digest},
-            hint="download or copy the bundle again",
-        )
+        if not self._blobs.receive(digest, size, chunks):
+            raise BundleRefused(
+                "the bundle is damaged: a blob has other bytes than its name says",
+                code="DXB-S302",
+                facts={"digest": digest},
+                hint="download or copy the bundle again",
+            )
 
 
 def _refuse_without_room(bundle: Opened, store: Store) -> None:

@@ -99,17 +99,15 @@ def _spread(slot: str, origin: Origin) -> Iterator[tuple[str, Origin]]:
 
 
 def _node(session: Session, key: str, node: str, document: Row | None) -> Row:
-    known = session.store.actions.outline(key)
-    row: Row = {"id": key, "kind": "node", "node": node, "key": key, "output": known[0] if known else None}
+    known = session.store.actions.known(key)
+    row: Row = {"id": key, "kind": "node", "node": node, "key": key, "output": known.output if known else None}
     again = f"`dxb build '{session.recipe}{':' + node if node else ''}'` makes it again"
     if document is None:
         return row | {"missing": f"its key document is not in the store; {again}"}
     if known is None:
         row["missing"] = f"its result is not in the store; {again}"
     else:
-        result = session.store.actions.known(key)
-        row["line"] = result.line if result else ""
-        row["calls"] = calls.of_result(session.store, result) if result else []
+        row |= {"line": known.line, "calls": calls.of_result(session.store, known)}
     options = _flat(document["options"])
     return row | {
         "rule": document["rule"],

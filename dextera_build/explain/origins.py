@@ -160,7 +160,8 @@ class Origins:
 
     def _outline(self, key: str) -> tuple[str, frozenset[str]] | None:
         if key not in self._outlines:
-            self._outlines[key] = self._store.actions.outline(key)
+            entry = self._store.actions.entry(key)
+            self._outlines[key] = (entry.result.output, entry.refers) if entry else None
         return self._outlines[key]
 
     def _leaf(self, digest: str) -> Origin | None:

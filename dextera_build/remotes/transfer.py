@@ -9,7 +9,6 @@ from __future__ import annotations
 import threading
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 from dextera_build import digest as digests
@@ -19,18 +18,10 @@ from dextera_build.remotes.remote import MOST_ENTRY, DamagedBlob, Digest, Remote
 from dextera_build.store import disk_full, failpoints, headers, traces
 from dextera_build.store import entry as entries
 from dextera_build.store.blobs import MissingBlob
-from dextera_build.store.entry import ActionResult, Entry, File
+from dextera_build.store.entry import Entry, File
 from dextera_build.store.references import UNREADABLE
+from dextera_build.store.results import Found
 from dextera_build.store.store import Store
-
-
-@dataclass(frozen=True)
-class Fetched:
-    """A result that a remote had."""
-
-    result: ActionResult
-    is_whole: bool
-    """Whether its bytes are here; if not, its entry and the headers of its output are."""
 
 
 class Transfer:
@@ -48,13 +39,13 @@ class Transfer:
         self._damaged: defaultdict[str, set[Digest]] = defaultdict(set)
         """Remote -> blobs that came from it with other bytes; uploaded again although it claims to have them."""
 
-    def fetch(self, remote: Remote, key: str, *, whole: bool = True) -> Fetched | None:
+    def fetch(self, remote: Remote, key: str, *, whole: bool = True) -> Found | None:
         """Download the result of `key`; None if the remote lacks it or a part of it.
 
         Args:
             remote: Where from.
             key: Digest of the key document.
-            whole: With every blob that it names; otherwise without its bytes.
+            whole: With every blob that it names; otherwise the key document and the headers of its output.
 
         Raises:
             RemoteFault: The remote did not answer rightly.
@@ -64,10 +55,10 @@ class Transfer:
         if entry is None:
             return None
         try:
-            if not (self._bring(remote, entry.files) if whole else self._headers(remote, entry)):
+            if not self._bring(remote, [file for file in entry.files if whole or file.role in entries.HEADERS]):
                 return None
             failpoints.reach("fetch.blobs")
-            is_whole = traces.publish(self._store, key, entry.result, entry.document, may_lack=not whole)
+            is_whole = traces.publish(self._store, key, entry.result, may_lack=not whole)
         except UNREADABLE:
             # A header is malformed, or names a blob that the entry does not name.
             return None
@@ -75,21 +66,7 @@ class Transfer:
             if error.code != headers.ESCAPES:
                 raise
             return None
-        return Fetched(entry.result, is_whole)
-
-    def _headers(self, remote: Remote, entry: Entry) -> bool:
-        """Download the key document of an entry and the headers of its output, level by level."""
-        known = {file.digest: file for file in entry.files}
-        front = [entry.result.output]
-        seen = set(front)
-        came = self._bring(remote, [file for file in entry.files if file.role == entries.KEY])
-        while front and came:
-            if not self._bring(remote, [known[digest] for digest in front]):
-                return False
-            below = [ref for digest in front for ref in self._store.actions.references.directly(digest)[0]]
-            front = [ref for ref in dict.fromkeys(below) if ref not in seen]
-            seen.update(front)
-        return came
+        return Found(entry.result, is_whole)
 
     def _bring(self, remote: Remote, files: Iterable[File]) -> bool:
         """Download the blobs that are not here; returns False if the remote lacks one.
@@ -98,8 +75,7 @@ class Transfer:
             RemoteFault: The remote did not answer rightly, or gave other bytes.
             StoreError: The local disk is full, or the store cannot be written.
         """
-        blobs = dict.fromkeys(Digest(file.digest, file.size) for file in files)
-        wanted = [blob for blob in blobs if self._store.blobs.size(blob.hash) != blob.size]
+        wanted = [blob for blob in _blobs(files) if self._store.blobs.size(blob.hash) != blob.size]
         if sum(blob.size for blob in wanted) > disk_full.free_bytes(str(self._store.root)):
             return False  # an entry may claim any size; a download that cannot fit is not started
         came: set[Digest] = set()
@@ -139,7 +115,7 @@ class Transfer:
         for call, _ in entry.result.calls:  # first, so that nodes with other keys find the answer, too
             self.send(remote, call)
         octets = self._deliver(remote, entry)
-        parts = traces.parts_of(entry.document or self._store.blobs.get(key))
+        parts = traces.parts_of(self._store.blobs.get(key))
         if parts is not None and parts[1] is not None:
             self._send_traces(remote, parts[0])
         return octets
@@ -156,12 +132,12 @@ class Transfer:
 
     def _traces(self, remote: Remote, key: str) -> list[traces.Steps]:
         entry = entry_at(remote, key)
-        if entry is None or entry.files[0].size > MOST_ENTRY:
+        if entry is None or (entry.files[0].size or 0) > MOST_ENTRY:
             return []
         return traces.listed(self._store, entry.result) if self._bring(remote, entry.files[:1]) else []
 
     def _deliver(self, remote: Remote, entry: Entry) -> int:
-        blobs = list(dict.fromkeys(Digest(file.digest, file.size) for file in entry.files))
+        blobs = _blobs(entry.files)
         with self._guard:
             damaged = self._damaged[remote.address].intersection(blobs)
             asked = [blob for blob in blobs if blob not in self._held[remote.address] and blob not in damaged]
@@ -178,6 +154,11 @@ class Transfer:
         if not self._store.blobs.verify(digest.hash):
             raise MissingBlob(digest.hash)
         return self._store.blobs.open(digest.hash)
+
+
+def _blobs(files: Iterable[File]) -> list[Digest]:
+    """The blobs of a whole entry, all of whose sizes are known."""
+    return list(dict.fromkeys(Digest(file.digest, file.size or 0) for file in files))
 
 
 def entry_at(remote: Remote, key: str) -> Entry | None:
