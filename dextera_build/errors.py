@@ -62,6 +62,10 @@ class DxbError(Exception):
         rows += [*self.facts.items(), *([("hint", self.hint)] if self.hint else [])]
         return "\n".join([self.message, *(f"  {name}: {value}" for name, value in rows)])
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """What becomes of it where an object crosses a process border."""
+        return from_json, (self.to_json(),)
+
     def to_json(self) -> dict[str, object]:
         """Plain data that crosses a process border; `from_json` turns it back."""
         where = [self.where.file, self.where.line, self.where.column] if self.where else None

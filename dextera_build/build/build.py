@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from dextera_build import __version__
 from dextera_build.build import fetch, snapshots
+from dextera_build.build.executors import executor
 from dextera_build.build.snapshots import Placed
 from dextera_build.errors import DxbError, StoreError, UsageError
 from dextera_build.session import Session, addresses
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from dextera_build.remotes.exchange import Exchange
     from dextera_build.runs.events import Listener
     from dextera_build.store.signature import Watch
+    from dextera_build.workers.protocol import Executor
 
 
 @dataclass(frozen=True)
@@ -94,15 +96,15 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, wa
 
     store = session.store
     store.leaves.watch = watch
-    plan = session.plan()
-    if watch is not None:
-        snapshots.note(session.project, watch, plan)
-    wanted = [address for target in order.targets for address in addresses(plan.graph, target)]
-    _refuse_unknown_force(order, plan)
-    locking.refuse(session, plan, wanted)
     # Until its results are placed nobody may collect them.
-    with store.running.announced():
-        build = _Build(session, order, plan, wanted, listen)
+    with executor(session, idle=order.bring_from is not None) as ready, store.running.announced():
+        plan = session.plan()
+        if watch is not None:
+            snapshots.note(session.project, watch, plan)
+        wanted = [address for target in order.targets for address in addresses(plan.graph, target)]
+        _refuse_unknown_force(order, plan)
+        locking.refuse(session, plan, wanted)
+        build = _Build(session, order, plan, wanted, listen, ready(plan.rules))
         built = build.run()
         if built.ok:
             locking.refuse(session, plan, wanted)
@@ -124,23 +126,23 @@ class _Build:
     plan: Plan
     wanted: Sequence[Address]
     listen: Listener
+    executor: Executor
 
     def run(self) -> Built:
-        """Run what is stale, with the executor and the remotes of the settings, and an event log."""
-        from dextera_build.build.executors import executor
+        """Run what is stale, with the remotes of the settings and an event log."""
         from dextera_build.engine.run import RunInfo, build
         from dextera_build.runs.events import fan_out
         from dextera_build.runs.log import EventLog
 
         session, order, project = self.session, self.order, self.session.project
         brings = order.bring_from is not None
-        with executor(session, self.plan.rules, idle=brings) as workers, EventLog(session.store, gathers=True) as log:
+        with EventLog(session.store, gathers=True) as log:
             info = RunInfo(log.run, str(project.root), project.profile, __version__, tuple(order.argv), session.variant)
             result = build(
                 self.plan.graph,
                 self.wanted,
                 store=session.store,
-                executor=workers,
+                executor=self.executor,
                 listen=fan_out(log, self.listen),
                 info=info,
                 keep_going=order.keep_going,

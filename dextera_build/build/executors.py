@@ -3,47 +3,57 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, TypeAlias
 
 from dextera_build.errors import UsageError, listing
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dextera_build.engine.graph import RuleFacts
     from dextera_build.project.project import Project
     from dextera_build.session import Session
     from dextera_build.workers.protocol import Executor
-    from dextera_build.workers.ray_worker import Setup
 
 RUNNER = "dextera_build.build.worker_entry:run_task"
 
 
+Ready: TypeAlias = "Callable[[Sequence[RuleFacts]], Executor]"
+"""Gives what runs the nodes of one build, once it is known which rules may run."""
+
+
 @contextmanager
-def executor(session: Session, rules: Iterable[RuleFacts], *, idle: bool = False) -> Iterator[Executor]:
-    """What runs the nodes of one build, as the settings say.
+def executor(session: Session, *, idle: bool = False) -> Iterator[Ready]:
+    """What runs the nodes of one build, as the settings say; a first worker loads while the recipe is planned.
 
     Args:
         session: The recipe that is built.
-        rules: Those that may run.
-        idle: Nothing will run, so that no cluster and no device is looked for.
+        idle: Nothing will run, so that no worker is started, and no cluster and no device is looked for.
     """
-    kind, _, address = session.project.executor.partition(":")
-    if kind == "ray" and not idle:
-        yield from _ray(session, address, list(rules))
-    else:
+    project = session.project
+    kind, _, address = project.executor.partition(":")
+    with ExitStack() as stack:
+        if kind == "ray" and not idle:
+            yield lambda rules: stack.enter_context(_ray(session, address, rules))
+            return
         from dextera_build.code.modules import shared
         from dextera_build.workers.pool import LocalExecutor
 
-        project = session.project
-        wants_gpu = not idle and any(rule.gpus or rule.gpu_gb for rule in rules)
-        capacity = project.capacity(gpus=wants_gpu)
-        with shared() as more:
-            environment = {**_environment(project), **more}
-            with LocalExecutor(RUNNER, environment=environment, capacity=capacity) as workers:
-                if not idle:
-                    workers.warm()  # a build whose snapshot is not fresh mostly runs something
-                yield workers
+        more, share = stack.enter_context(shared())
+        environment, capacity = {**_environment(project), **more}, project.capacity(gpus=False)
+        workers = stack.enter_context(LocalExecutor(RUNNER, environment=environment, capacity=capacity))
+        if not idle:
+            workers.warm()  # a build whose snapshot is not fresh mostly runs something
+
+        def ready(rules: Sequence[RuleFacts]) -> Executor:
+            share()
+            if not idle and any(rule.gpus or rule.gpu_gb for rule in rules):
+                workers.capacity = project.capacity(gpus=True)
+            return workers
+
+        yield ready
 
 
 def _environment(project: Project) -> dict[str, str]:
@@ -57,14 +67,15 @@ def _environment(project: Project) -> dict[str, str]:
     return environment
 
 
-def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Executor]:
+@contextmanager
+def _ray(session: Session, address: str, rules: Sequence[RuleFacts]) -> Iterator[Executor]:
     from pathlib import Path
     from tempfile import TemporaryDirectory
 
-    from dextera_build.code import sources
     from dextera_build.code.modules import read
     from dextera_build.workers.ray import RayExecutor
     from dextera_build.workers.ray_cluster import RayCluster
+    from dextera_build.workers.ray_worker import Setup
 
     project = session.project
     if project.asks_again:
@@ -74,31 +85,6 @@ def _ray(session: Session, address: str, rules: list[RuleFacts]) -> Iterator[Exe
             facts={"executor": project.executor},
             hint=f"`--executor local --calls {project.calls}`",
         )
-    said = dict(project.config["resources"].value)
-    if project.config["jobs"].origin != "default":
-        said["cpu"] = float(project.jobs)
-    models: dict[tuple[str, str | None], str] = {
-        (rule.path, rule.backend): f"{rule.path} {rule.backend} {' '.join(rule.weights)}"
-        for rule in rules
-        if rule.backend and rule.weights
-    }
-    setup = _setup(project, rules)
-    with TemporaryDirectory(prefix="dxb-code-") as code:
-        for name, file in sources.files(project.root).items():
-            target = Path(code, name)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            # Of code the bytes that were digested, for it may have been edited since.
-            target.write_bytes(read(file) if file.suffix == ".py" else file.read_bytes())
-        cluster = RayCluster(address, Path(code))
-        discovering = {rule.path for rule in rules if rule.discovers}
-        with RayExecutor(cluster, session.store, setup, said=said, models=models, discovering=discovering) as workers:
-            yield workers
-
-
-def _setup(project: Project, rules: list[RuleFacts]) -> Setup:
-    from dextera_build.code import sources
-    from dextera_build.workers.ray_worker import Setup
-
     shared = next((spec for spec in project.used_remotes if spec.mode == "rw"), None)
     if shared is None:
         raise UsageError(
@@ -107,10 +93,32 @@ def _setup(project: Project, rules: list[RuleFacts]) -> Setup:
             facts={"remotes": listing(f"{spec.name} ({spec.mode})" for spec in project.used_remotes)},
             hint='in `dxb.toml`: [remotes] shared = {address = "/mnt/shared/dxb", mode = "rw"}',
         )
-    return Setup(
-        runner=RUNNER,
-        shared=shared,
-        environment=_environment(project),
-        versions=sources.versions({name: version for rule in rules for name, version in rule.packages.items()}),
-        compare="dextera_build.code.sources:differences",
-    )
+    said = dict(project.config["resources"].value)
+    if project.config["jobs"].origin != "default":
+        said["cpu"] = float(project.jobs)
+    setup = Setup(RUNNER, shared, _environment(project))
+    discovering = {rule.path for rule in rules if rule.discovers}
+    with TemporaryDirectory(prefix="dxb-code-") as code:
+        for file in _code(project):
+            target = Path(code, file.relative_to(project.root))
+            target.parent.mkdir(parents=True, exist_ok=True)
+            # Of code the bytes that were digested, for it may have been edited since.
+            target.write_bytes(read(file) if file.suffix == ".py" else file.read_bytes())
+        cluster = RayCluster(address, Path(code))
+        with RayExecutor(cluster, session.store, setup, said=said, discovering=discovering) as workers:
+            yield workers
+
+
+def _code(project: Project) -> set[Path]:
+    """What workers need of the project: its settings, all below `rules/`, and its own modules that rules import."""
+    from dextera_build.code.modules import PACKAGE
+
+    root, code = project.root, project.library.code
+    own = {file for file in (root / "rules").rglob("*") if file.is_file() and not _is_hidden(file.relative_to(root))}
+    code.of(*(file for file in own if file.suffix == ".py"))
+    imported = {file for file in code.files() if file.is_relative_to(root) and not file.is_relative_to(PACKAGE)}
+    return own | imported | {file for name in ("dxb.toml", "pyproject.toml") if (file := root / name).is_file()}
+
+
+def _is_hidden(path: Path) -> bool:
+    return any(part.startswith(".") or part == "__pycache__" for part in path.parts)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
 from dextera_build.code.importer import IMPORTER
-from dextera_build.code.loader import Library, RuleFile
+from dextera_build.code.loader import Library, RuleFile, version_of
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.rule import Context
 from dextera_build.store import disk_full, headers
@@ -36,8 +36,8 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
 
     Args:
         task: `rule`, `backend`, `options`, `inputs` (slot -> digest), `store`, `project`; `key` names the folder in
-            which the call keeps its progress, without it the call has a fresh one; `sources` says which code its
-            key stands for.
+            which the call keeps its progress, without it the call has a fresh one; `sources` and `packages` say which
+            code its key stands for.
         emit: Takes progress and log lines as they come.
 
     Returns:
@@ -55,6 +55,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
 def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     found = _library(task["project"]).find(task["rule"])
     IMPORTER.want(task.get("sources", {}), found.root.name)
+    _refuse_other_versions(task.get("packages", {}))
     backend = found.backends[task["backend"]].load() if task["backend"] else None
     store = opened(task["store"])
     rule = found.rule
@@ -83,6 +84,21 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         # Before the scratch folder goes: what is returned may lie there.
         reply = _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
         return reply | ({"reads": reads.finish()} if reads is not None else {})
+
+
+def _refuse_other_versions(packages: Mapping[str, str]) -> None:
+    """Raise where a package has another version than in the key: on a cluster, or after it was just installed."""
+    for name, version in packages.items():
+        if _installed(name) != version:
+            raise MachineError(
+                f"`{name}` has another version here than in this node's key",
+                code="DXB-E353",
+                facts={"machine": os.uname().nodename, "here": _installed(name) or "none", "in the key": version},
+                hint="install the same version on every machine of a cluster; after an installation, build again",
+            )
+
+
+_installed = lru_cache(maxsize=None)(version_of)
 
 
 def _keep(task: Mapping[str, Any], store: Store, reads: ProjectReads | None) -> Callable[[], Path] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from dextera_build import digest as digests
@@ -12,7 +12,8 @@ from dextera_build.bundle import documents
 from dextera_build.bundle.documents import BODY, DIGEST, FLAG, SECONDS, TEXT, Form, maybe
 from dextera_build.bundle.errors import ill_formed
 
-FORM = 3
+FORM = 4
+_WHAT = "the config"
 Closure: TypeAlias = Literal["targets", "full"]
 """`targets`: whole results of the targets, bare ones of all other nodes. `full`: whole results of every node."""
 _NODE = {
@@ -28,6 +29,7 @@ _NODE = {
     "files": {TEXT: TEXT},
 }
 _CONFIG = {
+    "form": Form(f"{FORM}, the form that this dxb reads", lambda it: it == FORM),
     "closure": Form("`targets` or `full`", lambda it: it in ("targets", "full")),
     "dxb": TEXT,
     "builds": [{"recipe": TEXT, "targets": [TEXT], "profile": TEXT, "nodes": [_NODE]}],
@@ -92,15 +94,7 @@ class Contents:
 
     def spell(self) -> bytes:
         """Canonical JSON."""
-        return digests.canonical(
-            {
-                "form": FORM,
-                "closure": self.closure,
-                "dxb": self.dxb,
-                "builds": [_spell_build(build) for build in self.builds],
-                "recipes": dict(self.recipes),
-            }
-        )
+        return digests.canonical(self._plain())
 
     @classmethod
     def read(cls, data: bytes) -> Contents:
@@ -109,39 +103,33 @@ class Contents:
         Raises:
             BundleRefused: It is malformed.
         """
-        what = "the config"
-        raw = documents.parse(data, what)
-        if raw.get("form") != FORM:
-            raise ill_formed(what, f"its form is not {FORM}, the one that this dxb reads")
-        documents.check(raw, _CONFIG, what)
-        found = cls(raw["closure"], raw["dxb"], tuple(map(_build, raw["builds"])), raw["recipes"])
-        if not found.builds:
-            raise ill_formed(what, "there is no build in it")
-        for address in (*found.recipes, *(build.recipe for build in found.builds)):
+        raw = documents.parse(data, _CONFIG, _WHAT)
+        builds = tuple(map(_build, raw["builds"]))
+        found = cls(raw["closure"], raw["dxb"], builds, raw["recipes"])
+        if not builds:
+            raise ill_formed(_WHAT, "there is no build in it")
+        for address in (*found.recipes, *(build.recipe for build in builds)):
             if not _RECIPE.fullmatch(address):
-                raise ill_formed(what, f"`{address[:80]}` is not the address of a recipe")
+                raise ill_formed(_WHAT, f"`{address[:80]}` is not the address of a recipe")
+        documents.refuse_other_spelling(data, found._plain(), _WHAT)
         return found
 
-
-def _spell_build(build: Build) -> dict[str, Any]:
-    nodes = [{**vars(node), "depends_on": list(node.depends_on), "files": dict(node.files)} for node in build.nodes]
-    return {**vars(build), "targets": list(build.targets), "nodes": nodes}
+    def _plain(self) -> dict[str, Any]:
+        return {"form": FORM, **asdict(self)}
 
 
 def _build(raw: dict[str, Any]) -> Build:
-    what = "a build of the config"
-    rows = [{name: node[name] for name in _NODE} for node in raw["nodes"]]
-    nodes = tuple(Node(**row | {"depends_on": tuple(row["depends_on"])}) for row in rows)
+    rows = [{name: row[name] for name in _NODE} | {"depends_on": tuple(row["depends_on"])} for row in raw["nodes"]]
+    nodes = tuple(Node(**row) for row in rows)
     known = {node.node: node for node in nodes}
     if len(known) != len(nodes):
-        raise ill_formed(what, "a node stands twice")
-    targets = tuple(raw["targets"])
-    if not targets:
-        raise ill_formed(what, "it has no targets")
-    for name in (*targets, *(name for node in nodes for name in node.depends_on)):
+        raise ill_formed(_WHAT, "a node stands twice")
+    if not raw["targets"]:
+        raise ill_formed(_WHAT, "it has no targets")
+    for name in (*raw["targets"], *(name for node in nodes for name in node.depends_on)):
         if name not in known:
-            raise ill_formed(what, f"there is no node `{name}`")
-    for name in targets:
+            raise ill_formed(_WHAT, f"there is no node `{name}`")
+    for name in raw["targets"]:
         if known[name].result is None or not known[name].is_whole:
-            raise ill_formed(what, f"the target `{name}` has no result")
-    return Build(raw["recipe"], targets, raw["profile"], nodes)
+            raise ill_formed(_WHAT, f"the target `{name}` has no result")
+    return Build(raw["recipe"], tuple(raw["targets"]), raw["profile"], nodes)

@@ -1,36 +1,17 @@
-"""Untrusted JSON: bounded depth, no duplicate names, plain data only."""
+"""Untrusted JSON: parsed, and compared with a form."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any
 
+from dextera_build import digest as digests
 from dextera_build.bundle.errors import BundleRefused, ill_formed
 from dextera_build.store.blobs import is_digest
 
-DEEPEST = 64
-"""Maximum nesting."""
-
-
-def parse(data: bytes, what: str) -> dict[str, Any]:
-    """Parse a JSON object.
-
-    Raises:
-        BundleRefused: It is not an object, or two parsers could read it differently.
-    """
-    try:
-        found = json.loads(data, object_pairs_hook=_once, parse_constant=_no_constant)
-    except RecursionError:
-        raise ill_formed(what, "it is nested too deeply") from None
-    except ValueError as error:
-        raise ill_formed(what, f"it is not JSON ({error})") from None
-    if not isinstance(found, dict):
-        raise ill_formed(what, "it is not an object")
-    if data.count(b"[") + data.count(b"{") > DEEPEST and _depth(found) > DEEPEST:
-        raise ill_formed(what, "it is nested too deeply")
-    return found
+Read = Callable[[str], bytes]
+"""digest -> bytes, checked."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +40,41 @@ def maybe(form: Form) -> Form:
     return Form(f"{form.name}, or null", lambda it: it is None or form.fits(it))
 
 
-def check(value: Any, form: Any, what: str, place: str = "it") -> Any:
-    """`value`, if it has a form.
+def parse(data: bytes, form: dict[Any, Any], what: str) -> dict[str, Any]:
+    """Parse a JSON object.
+
+    Args:
+        data: JSON.
+        form: See `check`.
+        what: Names the document in errors.
+
+    Raises:
+        BundleRefused: It is not JSON, or does not have the form.
+    """
+    try:
+        found = digests.plain(data)
+    except ValueError as error:
+        raise ill_formed(what, f"it is not JSON ({error})") from None
+    check(found, form, what)
+    return dict(found)
+
+
+def refuse_other_spelling(data: bytes, value: object, what: str) -> None:
+    """Refuse bytes that another parser could read differently: `value` has one spelling.
+
+    Raises:
+        BundleRefused: `data` is another one.
+    """
+    try:
+        same = digests.canonical(value) == data
+    except ValueError:
+        same = False
+    if not same:
+        raise ill_formed(what, "it is not spelled as dxb spells it")
+
+
+def check(value: Any, form: Any, what: str, place: str = "it") -> None:
+    """Compare a value with a form.
 
     Args:
         value: Parsed JSON.
@@ -70,7 +84,7 @@ def check(value: Any, form: Any, what: str, place: str = "it") -> Any:
         place: Names the value in errors.
 
     Raises:
-        BundleRefused: It has not.
+        BundleRefused: It does not have the form.
     """
     if isinstance(form, Form):
         if not form.fits(value):
@@ -90,33 +104,7 @@ def check(value: Any, form: Any, what: str, place: str = "it") -> Any:
             for key, item in value.items():
                 check(key, name, what, f"a name in {place}")
                 check(item, inner, what, key)
-    return value
 
 
 def _unfit(what: str, place: str, form: str) -> BundleRefused:
     return ill_formed(what, f"`{place[:80]}` is not {form}" if place != "it" else f"it is not {form}")
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) != len(pairs):
-        raise ValueError("a name stands twice")
-    return found
-
-
-def _no_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is no number")
-
-
-def _depth(value: object) -> int:
-    deepest, stack = 0, [(value, 1)]
-    while stack:
-        here, level = stack.pop()
-        deepest = max(deepest, level)
-        inside = here.values() if isinstance(here, dict) else here if isinstance(here, list) else ()
-        stack += [(inner, level + 1) for inner in inside if isinstance(inner, dict | list)]
-    return deepest
-
-
-Read = Callable[[str], bytes]
-"""digest -> bytes, checked."""

@@ -6,13 +6,7 @@ from collections.abc import Mapping
 
 from dextera_build.errors import StoreError
 
-MAGIC = {
-    b"\x1f\x8b": "gzip",
-    b"\x28\xb5\x2f\xfd": "zstd",
-    b"\xfd7zXZ": "xz",
-    b"BZh": "bzip2",
-    b"PK\x03\x04": "zip",
-}
+_AGAIN = "download or copy the bundle again"
 
 
 class BundleRefused(StoreError):  # noqa: N818 - says what happened, as `MissingBlob` does
@@ -32,32 +26,23 @@ def not_a_bundle(name: str, why: str, hint: str | None = None) -> BundleRefused:
 
 def damaged(what: str, digest: str, why: str) -> BundleRefused:
     """A digest or size does not match."""
-    return BundleRefused(
-        f"the bundle is damaged: {what} {why}",
-        code="DXB-S302",
-        facts={"digest": digest},
-        hint="download or copy the bundle again",
-    )
+    facts = {"digest": digest}
+    return BundleRefused(f"the bundle is damaged: {what} {why}", code="DXB-S302", facts=facts, hint=_AGAIN)
 
 
 def lacking(what: str, digest: str) -> BundleRefused:
     """A blob that the bundle names is missing."""
-    return BundleRefused(
-        f"the bundle lacks {what}",
-        code="DXB-S303",
-        facts={"digest": digest},
-        hint="download or copy the bundle again",
-    )
+    return BundleRefused(f"the bundle lacks {what}", code="DXB-S303", facts={"digest": digest}, hint=_AGAIN)
 
 
 def archive(name: str, why: str) -> BundleRefused:
     """An archive holds something that dxb never writes: a link, a path that leads out, a duplicate name."""
-    return BundleRefused(f"an archive of the bundle is refused: `{name}` {why}", code="DXB-S304")
+    return BundleRefused(f"an archive of the bundle is refused: `{name[:200]}` {why}", code="DXB-S304")
 
 
 def too_large(what: str, size: int, most: int) -> BundleRefused:
     """A limit of dxb is exceeded."""
-    return BundleRefused(f"{what} of the bundle is too large", code="DXB-S305", facts={"bytes": size, "most": most})
+    return BundleRefused(f"{what} of the bundle is too large", code="DXB-S305", facts={"size": size, "most": most})
 
 
 def ill_formed(what: str, why: str) -> BundleRefused:

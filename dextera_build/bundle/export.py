@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator
+import tarfile
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 
 from dextera_build import digest as digests
-from dextera_build.bundle import closure, oci, packs, tar
+from dextera_build.bundle import closure, layout, oci
 from dextera_build.bundle.config import Contents
-from dextera_build.bundle.layout import BLOBS, VERSION
 from dextera_build.bundle.oci import Descriptor, Manifest
 from dextera_build.errors import UsageError
 from dextera_build.store import files
@@ -19,6 +20,9 @@ from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.store import Store
 
 _CHUNK = 1 << 20
+_PACK = 64 << 20
+"""Most bytes of one archive of blobs, unless that would make too many archives."""
+_MANY = 128
 
 
 class Export:
@@ -28,47 +32,33 @@ class Export:
         store: Holds all that the nodes need.
         contents: The nodes.
         created: When the results were made, as RFC 3339; "" where that is not known.
-        large: Least size of a blob that is a layer of its own [bytes].
 
     Raises:
-        MissingBlob: The store lacks something.
+        MissingBlob: The store lacks something, or a blob is damaged.
         BundleRefused: A document in the store is not what it must be.
     """
 
-    def __init__(
-        self,
-        store: Store,
-        contents: Contents,
-        created: str = "",
-        large: int = packs.LARGE,
-    ) -> None:
-        self.contents = contents
+    def __init__(self, store: Store, contents: Contents, created: str = "") -> None:
         self._store = store
-        self._keys = {node.result: node.key for _, node in contents.nodes() if node.result is not None}
-        """Digest of a `result.json` -> key of the entry that may hold it."""
-        self._documents: dict[str, bytes] = {}
-        self._layers: dict[str, packs.Layer] = {}
+        known = {node.key: store.actions.known(node.key) for _, node in contents.nodes() if node.result is not None}
+        self._documents = {result.digest: result.document for result in known.values() if result is not None}
+        """Digest -> content of parts that are not blobs of the store: results lie in entries."""
+        self._packs: dict[str, list[str]] = {}
+        """Digest of a layer -> the blobs in it."""
+        needed, _ = closure.of(contents, self._get, store.actions)
+        self._sizes = {digest: self._size(digest) for digest in needed}
+        layers = tuple(map(self._layer, packs(self._sizes)))
         config = self._keep(oci.CONFIG, contents.spell())
-        needed = closure.of(contents, self.get).blobs
-        held = [self._layer(layer, n) for n, layer in enumerate(packs.layers(self._sizes(needed), large))]
-        self.manifest = Manifest(config, tuple(held), annotations=_annotations(contents, created))
+        self.manifest = Manifest(config, layers, annotations={oci.CREATED: created} if created else {})
 
     @property
     def digest(self) -> str:
         """The digest that a signature covers."""
         return self.manifest.digest
 
-    def get(self, digest: str) -> bytes:
-        """The bytes of a small blob, or of a part that an entry holds.
-
-        Raises:
-            MissingBlob: The store lacks it.
-        """
-        return self._inside(digest) or self._store.blobs.get(digest)
-
     def attach(self, signature: bytes) -> None:
         """Add a signature as the last layer."""
-        self.manifest = replace(self.manifest, signature=self._keep(oci.SIGNATURE, signature, "signature.json"))
+        self.manifest = replace(self.manifest, signature=self._keep(oci.SIGNATURE, signature))
 
     def write(self, path: Path) -> None:
         """Write the bundle as a file `NAME.tar`.
@@ -84,79 +74,86 @@ class Export:
         place = os.path.abspath(path)
         files.clear(os.path.dirname(place))
         with files.new_file(place, 0o644) as descriptor:
-            for name, size, chunks in self._files():
-                files.write_all(descriptor, tar.header(name, size))
-                for chunk in chunks:
-                    files.write_all(descriptor, chunk)
-                files.write_all(descriptor, tar.padding(size))
-            files.write_all(descriptor, tar.END)
+            for chunk in archive(self._files()):
+                files.write_all(descriptor, chunk)
 
-    def _files(self) -> Iterator[tuple[str, int, Iterator[bytes]]]:
-        """Name, size and content of every file."""
-        whole = self.manifest
-        manifest = self._keep(oci.MANIFEST, whole.spell())
-        parts = (whole.config, *whole.layers, *([whole.signature] if whole.signature else []), manifest)
-        for part in {part.digest: part for part in parts}.values():
-            yield BLOBS + part.digest, part.size, self._chunks(part)
-        for name, document in (("oci-layout", VERSION), ("index.json", oci.spell_index(manifest))):
-            yield name, len(document), iter([document])
+    def _files(self) -> Iterator[tuple[str, int, Iterable[bytes]]]:
+        """Name, size and content of every file of the layout."""
+        for layer in self.manifest.layers:
+            yield layout.BLOBS + layer.digest, layer.size, self._pack(self._packs[layer.digest])
+        manifest = self._keep(oci.MANIFEST, self.manifest.spell())
+        for part in filter(None, (self.manifest.config, self.manifest.signature, manifest)):
+            yield layout.BLOBS + part.digest, part.size, [self._documents[part.digest]]
+        for name, data in (("oci-layout", digests.canonical(oci.VERSION)), ("index.json", oci.spell_index(manifest))):
+            yield name, len(data), [data]
 
-    def _chunks(self, wanted: Descriptor) -> Iterator[bytes]:
-        if wanted.digest in self._documents:
-            yield self._documents[wanted.digest]
-        else:
-            yield from self._layers[wanted.digest].chunks(self._read)
+    def _pack(self, blobs: list[str]) -> Iterator[bytes]:
+        return archive((f"cas/{digest}", self._sizes[digest], self._read(digest)) for digest in blobs)
 
-    def _keep(self, media_type: str, data: bytes, title: str = "") -> Descriptor:
-        found = Descriptor.of(media_type, data, **({oci.TITLE: title} if title else {}))
+    def _layer(self, blobs: list[str]) -> Descriptor:
+        state, size = hashlib.sha256(), 0
+        for chunk in self._pack(blobs):
+            state.update(chunk)
+            size += len(chunk)
+        self._packs[state.hexdigest()] = blobs
+        return Descriptor(oci.PACK, state.hexdigest(), size)
+
+    def _keep(self, media_type: str, data: bytes) -> Descriptor:
+        found = Descriptor.of(media_type, data)
         self._documents[found.digest] = data
         return found
 
-    def _layer(self, layer: packs.Layer, number: int) -> Descriptor:
-        found = layer.describe(self._read, number)
-        self._layers[found.digest] = layer
-        return found
+    def _get(self, digest: str) -> bytes:
+        return self._documents.get(digest) or self._store.blobs.get(digest)
 
     def _read(self, digest: str) -> Iterator[bytes]:
         """The pieces of a blob; its digest is checked after the last one."""
-        data, state = self._inside(digest), hashlib.sha256()
-        if data:
-            yield data
+        if digest in self._documents:
+            yield self._documents[digest]
             return
-        try:
-            with self._store.blobs.open(digest) as file:
-                while chunk := file.read(_CHUNK):
-                    state.update(chunk)
-                    yield chunk
-        except OSError:
-            raise MissingBlob(digest) from None
+        state = hashlib.sha256()
+        with self._store.blobs.open(digest) as file:
+            while chunk := file.read(_CHUNK):
+                state.update(chunk)
+                yield chunk
         if state.hexdigest() != digest:
             self._store.blobs.quarantine(digest)
             raise MissingBlob(digest, "damaged bytes, moved to quarantine")
 
-    def _inside(self, digest: str) -> bytes:
-        """A `result.json` as its entry holds it, b"" where no entry does."""
-        known = self._store.actions.known(self._keys[digest]) if digest in self._keys else None
-        document = known.document if known is not None else b""
-        return document if digests.of_bytes(document) == digest else b""
-
-    def _sizes(self, needed: set[str]) -> dict[str, int]:
-        found = {}
-        for digest in sorted(needed):
-            size = len(self._inside(digest)) or self._store.blobs.size(digest)
-            if size is None:
-                raise MissingBlob(digest)
-            found[digest] = size
-        return found
+    def _size(self, digest: str) -> int:
+        size = len(self._documents.get(digest, b"")) or self._store.blobs.size(digest)
+        if size is None:
+            raise MissingBlob(digest)
+        return size
 
 
-def _annotations(contents: Contents, created: str) -> dict[str, str]:
-    count = sum(len(build.nodes) for build in contents.builds)
-    shown = contents.targets()
-    found = {
-        "vnd.dextera.bundle.targets": " ".join(shown[:8]) + (f" and {len(shown) - 8} more" if len(shown) > 8 else ""),
-        "vnd.dextera.bundle.recipes": " ".join(build.recipe for build in contents.builds[:8]),
-        "vnd.dextera.bundle.nodes": str(count),
-        "vnd.dextera.bundle.closure": contents.closure,
-    }
-    return {oci.CREATED: created, **found} if created else found
+def packs(sizes: Mapping[str, int]) -> list[list[str]]:
+    """Assign blobs (digest -> bytes) to archives of bounded size; the same blobs give the same archives.
+
+    An archive holds the blobs whose digests begin alike, so a blob that is added or gone changes the one archive that
+    it belongs to: a registry that has the last bundle takes little of the next.
+    """
+    most = max(_PACK, sum(sizes.values()) // _MANY)
+
+    def split(part: list[str], digits: int) -> list[list[str]]:
+        octets = sum(sizes[digest] + 2 * tarfile.BLOCKSIZE for digest in part)
+        if len(part) <= 1 or (octets <= most and len(part) <= layout.MOST_FILES):
+            return [part]
+        groups = groupby(part, key=lambda digest: digest[: digits + 1])
+        return [pack for _, group in groups for pack in split(list(group), digits + 1)]
+
+    return split(sorted(sizes), 0) if sizes else []
+
+
+def archive(parts: Iterable[tuple[str, int, Iterable[bytes]]]) -> Iterator[bytes]:
+    """The bytes of a tar archive of files (name, size, content).
+
+    Headers name no owner and no time: equal files give equal archives.
+    """
+    for name, size, chunks in parts:
+        info = tarfile.TarInfo(name)
+        info.size, info.mode = size, 0o444
+        yield info.tobuf(tarfile.GNU_FORMAT, "ascii", "strict")
+        yield from chunks
+        yield bytes(-size % tarfile.BLOCKSIZE)
+    yield bytes(2 * tarfile.BLOCKSIZE)

@@ -6,23 +6,23 @@ that a build uses, after all of them were checked. What is refused leaves at mos
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-from dextera_build.bundle import closure, oci, tar
+from dextera_build.bundle import closure, layout, oci
 from dextera_build.bundle.config import Contents
-from dextera_build.bundle.errors import BundleRefused, archive, ill_formed, lacking, too_large
+from dextera_build.bundle.errors import BundleRefused, archive, damaged, ill_formed, lacking, too_large
 from dextera_build.bundle.layout import Layout
 from dextera_build.bundle.oci import Descriptor, Manifest
 from dextera_build.store import disk_full, failpoints
-from dextera_build.store.blobs import is_digest
+from dextera_build.store.blobs import MissingBlob, is_digest
+from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.store.traces import publish
 
 MOST_DOCUMENT = 64 << 20
-"""Bytes of a key document, a header or a `result.json`."""
-_KINDS = {oci.PACK, oci.BLOB}
+"""Bytes of a key document or a `result.json`."""
+_CHUNK = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -65,14 +65,6 @@ def open_bundle(source: Layout) -> Opened:
         BundleRefused: It is not a bundle, or is malformed.
     """
     manifest = Manifest.read(source.whole(source.manifest(), "the manifest", oci.MOST_MANIFEST))
-    if manifest.config.media_type != oci.CONFIG:
-        raise ill_formed("the manifest", f"its config is not of type `{oci.CONFIG}`")
-    digests = {manifest.config.digest, *(layer.digest for layer in manifest.layers)}
-    if len(digests) != 1 + len(manifest.layers):
-        raise ill_formed("the manifest", "a layer stands twice")
-    for layer in manifest.layers:
-        if layer.media_type not in _KINDS:
-            raise ill_formed("the manifest", f"`{layer.media_type}` is no type of its layers")
     return Opened(source, manifest, Contents.read(source.whole(manifest.config, "the config", oci.MOST_CONFIG)))
 
 
@@ -83,23 +75,50 @@ def take(bundle: Opened, store: Store) -> Taken:
         BundleRefused: Something in it is wrong; no result was written.
         StoreError: The disk is full, or the store cannot be written.
     """
-    _refuse_without_room(bundle, store)
-    inbox = _Inbox(bundle, store)
-    for layer in bundle.manifest.layers:
-        inbox.layer(layer)
-    found = closure.of(bundle.contents, inbox.read)
-    missing = sorted(found.blobs - inbox.sizes.keys())
-    if missing:
-        raise lacking(f"{len(missing)} of the blobs that its results name", missing[0])
-    loose = sorted(inbox.sizes.keys() - found.blobs)
-    if loose:
-        raise ill_formed(
-            "a layer", f"it holds blobs that no result names, `{loose[0][:12]}` is the first of {len(loose)}"
+    free = disk_full.free_bytes(store.root)
+    if bundle.size > free:
+        raise BundleRefused(
+            "the bundle does not fit on the disk of the store",
+            code="DXB-S308",
+            facts={"bytes": bundle.size, "free": free},
+            hint="make room, or set `DXB_CACHE` to a larger disk",
         )
-    return _publish(bundle.contents, found, store)
+    sizes: dict[str, int] = {}
+    for layer in bundle.manifest.layers:
+        _receive(bundle.source, layer, store, sizes)
+
+    def read(digest: str) -> bytes:
+        if sizes.get(digest, 0) > MOST_DOCUMENT:
+            raise too_large("a document", sizes[digest], MOST_DOCUMENT)
+        return store.blobs.get(digest)
+
+    try:
+        needed, results = closure.of(bundle.contents, read, store.actions)
+    except MissingBlob as error:
+        raise lacking("a blob that a node needs", error.digest) from None
+    if missing := sorted(needed - sizes.keys()):
+        raise lacking(f"{len(missing)} of the blobs that its results name", missing[0])
+    if loose := sorted(sizes.keys() - needed):
+        raise ill_formed("a layer", f"it holds {len(loose)} blobs that no result names, first `{loose[0][:12]}`")
+    return _publish(bundle.contents, results, store)
 
 
-def _publish(contents: Contents, found: closure.Closure, store: Store) -> Taken:
+def _receive(source: Layout, layer: Descriptor, store: Store, sizes: dict[str, int]) -> None:
+    """Write the blobs of one layer to the store, and add their sizes to `sizes`."""
+    with source.part(layer) as part, layout.reading("a layer", part) as packed:
+        for info in layout.files(packed):
+            folder, _, digest = info.name.partition("/")
+            if folder != "cas" or not is_digest(digest):
+                raise archive(info.name, "is not named by a digest")
+            if digest in sizes:
+                raise archive(digest, "stands twice")
+            sizes[digest] = info.size
+            with packed.extractfile(info) as file:  # type: ignore[union-attr]
+                if not store.blobs.receive(digest, info.size, iter(lambda: file.read(_CHUNK), b"")):
+                    raise damaged("a blob", digest, "has other bytes than its name says")
+
+
+def _publish(contents: Contents, results: Mapping[str, ActionResult], store: Store) -> Taken:
     """Write the results that the store lacks."""
     failpoints.reach("import.blobs")
     new = bare = known = 0
@@ -112,63 +131,10 @@ def _publish(contents: Contents, found: closure.Closure, store: Store) -> Taken:
         done.add(node.key)
         here = store.actions.find(node.key)
         if here is None or (node.is_whole and not here.is_whole):
-            publish(store, node.key, found.results[node.key], may_lack=not node.is_whole)
+            publish(store, node.key, results[node.key], may_lack=not node.is_whole)
             new, bare = new + 1, bare + (not node.is_whole)
         elif here.result.output == node.output:
             known += 1
         else:
             other.append(address)
     return Taken(new, bare, known, tuple(other))
-
-
-class _Inbox:
-    """Writes the blobs of a bundle to the store."""
-
-    def __init__(self, bundle: Opened, store: Store) -> None:
-        self.sizes: dict[str, int] = {}
-        self._source = bundle.source
-        self._blobs = store.blobs
-
-    def layer(self, layer: Descriptor) -> None:
-        """Import the blobs of one layer."""
-        chunks = self._source.stream(layer)
-        if layer.media_type == oci.BLOB:
-            self._take(layer.digest, layer.size, chunks)
-        else:
-            for name, size, pieces in tar.files(chunks):
-                folder, _, digest = name.partition("/")
-                if folder != "cas" or not is_digest(digest):
-                    raise archive(name[:200], "is not named by a digest")
-                self._take(digest, size, pieces)
-
-    def read(self, digest: str) -> bytes:
-        """Read a small document of the bundle."""
-        if digest not in self.sizes:
-            raise lacking("a document that it names", digest)
-        if self.sizes[digest] > MOST_DOCUMENT:
-            raise too_large("a document", self.sizes[digest], MOST_DOCUMENT)
-        return self._blobs.get(digest)
-
-    def _take(self, digest: str, size: int, chunks: Iterator[bytes]) -> None:
-        if digest in self.sizes:
-            raise archive(digest, "stands twice")
-        self.sizes[digest] = size
-        if not self._blobs.receive(digest, size, chunks):
-            raise BundleRefused(
-                "the bundle is damaged: a blob has other bytes than its name says",
-                code="DXB-S302",
-                facts={"digest": digest},
-                hint="download or copy the bundle again",
-            )
-
-
-def _refuse_without_room(bundle: Opened, store: Store) -> None:
-    """Refuse a bundle that claims more bytes than the disk has left."""
-    state = os.statvfs(store.root)
-    if bundle.size > state.f_bavail * state.f_frsize:
-        raise BundleRefused(
-            "the bundle does not fit on the disk of the store",
-            code="DXB-S308",
-            facts={"bytes": bundle.size, "free": disk_full.free(str(store.root))},
-            hint="make room, or set `DXB_CACHE` to a larger disk",
-        )

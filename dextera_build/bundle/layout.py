@@ -1,27 +1,82 @@
-"""OCI image layouts in tar archives. Bytes are checked as they are read."""
+"""OCI image layouts in tar archives, read by the `tarfile` of the standard library.
+
+A header that announces anything but a file or a folder (a link, a device, a long name, an extended header) is refused
+before `tarfile` acts on it. Every part is compared with its digest before it is read.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import tarfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO, Self
 
-from dextera_build.bundle import documents, oci, tar
-from dextera_build.bundle.errors import MAGIC, archive, damaged, lacking, not_a_bundle, too_large
+from dextera_build.bundle import documents, oci
+from dextera_build.bundle.errors import archive, damaged, lacking, not_a_bundle, too_large
 from dextera_build.bundle.oci import Descriptor
 from dextera_build.store.blobs import is_digest
 
-VERSION = b'{"imageLayoutVersion":"1.0.0"}'
 BLOBS = "blobs/sha256/"
-_MOST_FILES = 3 * oci.MOST_LAYERS
-_CHUNK = 1 << 20
+MOST_FILES = 1 << 14
+"""Files of one archive; `tarfile` keeps a record of each in memory."""
+_VERSION = documents.Form("1.0.0", lambda it: it == "1.0.0")
+_KINDS = (tarfile.REGTYPE, tarfile.AREGTYPE, tarfile.DIRTYPE)
+
+
+class _File(tarfile.TarInfo):
+    """The header of a file or a folder."""
+
+    @classmethod
+    def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> Self:
+        found = super().frombuf(buf, encoding, errors)
+        if found.type not in _KINDS:
+            raise archive(found.name, "is neither a file nor a folder")
+        if found.size < 0:
+            raise archive(found.name, "has a negative size")
+        return found
+
+
+@contextmanager
+def reading(name: str, file: IO[bytes]) -> Iterator[tarfile.TarFile]:
+    """An archive, for as long as the block takes.
+
+    Raises:
+        BundleRefused: It is not an archive, or is damaged; the block may raise what `tarfile` raises.
+    """
+    packed = None
+    try:
+        with tarfile.open(fileobj=file, mode="r:", tarinfo=_File, errors="strict") as packed:
+            yield packed
+    except (tarfile.TarError, ValueError, OverflowError, OSError) as error:
+        raise (
+            archive(name, f"cannot be read ({error})") if packed else not_a_bundle(name, "it is no tar archive")
+        ) from None
+
+
+def files(packed: tarfile.TarFile) -> Iterator[tarfile.TarInfo]:
+    """The files of an archive; folders are passed over.
+
+    Raises:
+        BundleRefused: It holds too many files, or two of one name.
+    """
+    seen = set()
+    for number, info in enumerate(packed):
+        if number >= MOST_FILES:
+            raise too_large("an archive", number + 1, MOST_FILES)
+        if info.name in seen:
+            raise archive(info.name, "stands twice")
+        seen.add(info.name)
+        if not info.isdir():
+            yield info
 
 
 class Layout:
     """A layout that is read.
 
     Args:
-        path: Where it lies.
+        path: Its file.
 
     Raises:
         BundleRefused: It is none, or holds what no layout holds.
@@ -31,25 +86,11 @@ class Layout:
         self.name = str(path)
         """As the command line names it."""
         self._path = path
-        self._places: dict[str, tuple[int, int]] = {}
-        try:
-            with path.open("rb") as file:
-                start = file.read(8)
-        except OSError as error:
-            hint = f"skopeo copy oci:{path} oci-archive:NAME.tar" if path.is_dir() else None
-            raise not_a_bundle(self.name, f"it cannot be read ({error.strerror})", hint) from None
-        for magic, kind in MAGIC.items():
-            if start.startswith(magic):
-                raise not_a_bundle(self.name, f"it is compressed ({kind})", "unpack it first; bundles are plain tar")
-        for found, place, size in tar.places(path, _MOST_FILES):
-            name = found.removeprefix("./")
-            if name not in ("oci-layout", "index.json") and not (
-                name.startswith(BLOBS) and is_digest(name.removeprefix(BLOBS))
-            ):
-                raise archive(found[:200], "is no part of an OCI image layout")
-            if name in self._places:
-                raise archive(name, "stands twice")
-            self._places[name] = (place, size)
+        with self._archive() as packed:
+            self._parts = {info.name.removeprefix("./"): info for info in files(packed)}
+        for name in self._parts.keys() - {"oci-layout", "index.json"}:
+            if not name.startswith(BLOBS) or not is_digest(name.removeprefix(BLOBS)):
+                raise archive(name, "is no part of an OCI image layout")
 
     def manifest(self) -> Descriptor:
         """The one manifest that its index names.
@@ -57,32 +98,30 @@ class Layout:
         Raises:
             BundleRefused: It is no layout, or names none or several.
         """
-        index = self._document("index.json")
-        version = documents.parse(self._document("oci-layout"), "`oci-layout`").get("imageLayoutVersion")
-        if version != "1.0.0":
-            raise not_a_bundle(self.name, "`oci-layout` names another version than 1.0.0")
+        index, version = self._document("index.json"), self._document("oci-layout")
+        documents.parse(version, {"imageLayoutVersion": _VERSION}, "`oci-layout`")
         found = oci.read_index(index)
         if len(found) != 1 or found[0].media_type != oci.MANIFEST:
             raise not_a_bundle(self.name, f"its index names {len(found)} things, not one manifest")
         return found[0]
 
-    def stream(self, wanted: Descriptor, what: str = "a layer") -> Iterator[bytes]:
-        """The bytes of a part, in pieces; the size is checked before the first one, the digest after the last.
+    @contextmanager
+    def part(self, wanted: Descriptor, what: str = "a layer") -> Iterator[IO[bytes]]:
+        """A part of the layout, whose size and digest were checked.
 
         Raises:
             BundleRefused: It is missing, cannot be read, or has other bytes than the descriptor says.
         """
-        name, state = BLOBS + wanted.digest, hashlib.sha256()
-        if name not in self._places:
+        info = self._parts.get(BLOBS + wanted.digest)
+        if info is None:
             raise lacking(f"a part of type `{wanted.media_type}`", wanted.digest)
-        size = self._places[name][1]
-        if size != wanted.size:
-            raise damaged(what, wanted.digest, f"has {size} bytes, not {wanted.size}")
-        for piece in self._pieces(name):
-            state.update(piece)
-            yield piece
-        if state.hexdigest() != wanted.digest:
-            raise damaged(what, wanted.digest, "has other bytes")
+        if info.size != wanted.size:
+            raise damaged(what, wanted.digest, f"has {info.size} bytes, not {wanted.size}")
+        with self._archive() as packed, packed.extractfile(info) as file:  # type: ignore[union-attr]
+            if hashlib.file_digest(file, "sha256").hexdigest() != wanted.digest:  # type: ignore[arg-type]
+                raise damaged(what, wanted.digest, "has other bytes")
+            file.seek(0)
+            yield file
 
     def whole(self, wanted: Descriptor, what: str, most: int) -> bytes:
         """All bytes of a small document.
@@ -92,23 +131,24 @@ class Layout:
         """
         if wanted.size > most:
             raise too_large(what, wanted.size, most)
-        return b"".join(self.stream(wanted, what))
+        with self.part(wanted, what) as file:
+            return file.read()
 
     def _document(self, name: str) -> bytes:
-        if name not in self._places:
+        info = self._parts.get(name)
+        if info is None:
             raise not_a_bundle(self.name, f"it has no `{name}`")
-        size = self._places[name][1]
-        if size > oci.MOST_MANIFEST:
-            raise too_large(f"`{name}`", size, oci.MOST_MANIFEST)
-        return b"".join(self._pieces(name))
+        if info.size > oci.MOST_MANIFEST:
+            raise too_large(f"`{name}`", info.size, oci.MOST_MANIFEST)
+        with self._archive() as packed, packed.extractfile(info) as file:  # type: ignore[union-attr]
+            return file.read()
 
-    def _pieces(self, name: str) -> Iterator[bytes]:
-        place, size = self._places[name]
-        with self._path.open("rb") as file:
-            file.seek(place)
-            while size:
-                chunk = file.read(min(size, _CHUNK))
-                if not chunk:
-                    raise archive(name, "is cut off")
-                size -= len(chunk)
-                yield chunk
+    @contextmanager
+    def _archive(self) -> Iterator[tarfile.TarFile]:
+        try:
+            file = self._path.open("rb")
+        except OSError as error:
+            hint = f"skopeo copy oci:{self._path} oci-archive:NAME.tar" if self._path.is_dir() else None
+            raise not_a_bundle(self.name, f"it cannot be read ({error.strerror})", hint) from None
+        with file, reading(self.name, file) as packed:
+            yield packed

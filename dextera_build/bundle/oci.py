@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from dextera_build import digest as digests
 from dextera_build.bundle import documents
 from dextera_build.bundle.documents import COUNT, TEXT, Form
-from dextera_build.bundle.errors import ill_formed, too_large
+from dextera_build.bundle.errors import ill_formed
 from dextera_build.store.blobs import is_digest
 
 MANIFEST = "application/vnd.oci.image.manifest.v1+json"
@@ -18,57 +18,43 @@ BUNDLE = "application/vnd.dextera.bundle.v1"
 """`artifactType` of a bundle's manifest."""
 CONFIG = "application/vnd.dextera.bundle.config.v1+json"
 PACK = "application/vnd.dextera.bundle.blobs.v1.tar"
-"""Many small blobs, one file each."""
-BLOB = "application/vnd.dextera.blob.v1"
-"""One blob, as it is."""
+"""Blobs, one file each."""
 SIGNATURE = "application/vnd.dextera.bundle.signature.v1+json"
-
-TITLE = "org.opencontainers.image.title"
 CREATED = "org.opencontainers.image.created"
-REF = "org.opencontainers.image.ref.name"
+_REF = "org.opencontainers.image.ref.name"
+VERSION = {"imageLayoutVersion": "1.0.0"}
+"""The content of `oci-layout`."""
 
 MOST_MANIFEST = 4 << 20
 """Bytes of a manifest or an index; registries take no more."""
 MOST_CONFIG = 128 << 20
-MOST_LAYERS = 10_000
 _OCI_DIGEST = Form(
     "a SHA-256 digest", lambda it: isinstance(it, str) and it[:7] == "sha256:" and is_digest(it.removeprefix("sha256:"))
 )
+_DESCRIPTOR = {"mediaType": TEXT, "digest": _OCI_DIGEST, "size": COUNT}
 
 
-@dataclass(frozen=True)
-class Descriptor:
+class Descriptor(NamedTuple):
     """Media type, digest and size of some bytes."""
 
     media_type: str
     digest: str
     """Lower-case hex SHA-256."""
     size: int
-    annotations: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, media_type: str, data: bytes, **annotations: str) -> Descriptor:
+    def of(cls, media_type: str, data: bytes) -> Descriptor:
         """The descriptor of some bytes."""
-        return cls(media_type, digests.of_bytes(data), len(data), annotations=annotations)
+        return cls(media_type, digests.of_bytes(data), len(data))
 
     @classmethod
-    def read(cls, raw: object, what: str) -> Descriptor:
-        """Parse an untrusted descriptor.
+    def read(cls, raw: Mapping[str, Any]) -> Descriptor:
+        """From JSON of the form of a descriptor."""
+        return cls(raw["mediaType"], raw["digest"].removeprefix("sha256:"), raw["size"])
 
-        Raises:
-            BundleRefused: It is malformed.
-        """
-        found = documents.check(raw, {"mediaType": TEXT, "digest": _OCI_DIGEST, "size": COUNT}, what)
-        return cls(
-            found["mediaType"], found["digest"].removeprefix("sha256:"), found["size"], _annotations(found, what)
-        )
-
-    def spell(self) -> dict[str, Any]:
+    def plain(self) -> dict[str, Any]:
         """As JSON."""
-        found: dict[str, Any] = {"mediaType": self.media_type, "digest": f"sha256:{self.digest}", "size": self.size}
-        if self.annotations:
-            found["annotations"] = dict(self.annotations)
-        return found
+        return {"mediaType": self.media_type, "digest": f"sha256:{self.digest}", "size": self.size}
 
 
 @dataclass(frozen=True)
@@ -77,7 +63,7 @@ class Manifest:
 
     config: Descriptor
     layers: tuple[Descriptor, ...]
-    """Blobs."""
+    """Archives of blobs."""
     signature: Descriptor | None = None
     """The last layer, which is about the manifest without it."""
     annotations: Mapping[str, str] = field(default_factory=dict)
@@ -87,23 +73,23 @@ class Manifest:
         """Parse an untrusted manifest.
 
         Raises:
-            BundleRefused: It is malformed, or not canonical JSON.
+            BundleRefused: It is malformed, or not that of a bundle.
         """
         what = "the manifest"
-        raw = documents.parse(data, what)
-        if raw.get("schemaVersion") != 2 or raw.get("mediaType") != MANIFEST:
-            raise ill_formed(what, f"it is not of type `{MANIFEST}`")
-        if raw.get("artifactType") != BUNDLE:
-            raise ill_formed(what, f"its artifact type is not `{BUNDLE}`")
-        documents.check(raw, {"layers": [{}]}, what)
-        if len(raw["layers"]) > MOST_LAYERS:
-            raise too_large("the list of layers", len(raw["layers"]), MOST_LAYERS)
-        layers = [Descriptor.read(layer, "a layer") for layer in raw["layers"]]
+        form = {"config": _DESCRIPTOR, "layers": [_DESCRIPTOR], "annotations": {TEXT: TEXT}}
+        raw = documents.parse(data, form, what)
+        config, *layers = map(Descriptor.read, (raw["config"], *raw["layers"]))
         signature = layers.pop() if layers and layers[-1].media_type == SIGNATURE else None
-        config = Descriptor.read(raw.get("config"), "the manifest's `config`")
-        found = cls(config, tuple(layers), signature, _annotations(raw, what))
-        if found.spell() != data:
-            raise ill_formed(what, "it is not spelled as dxb spells it")
+        found = cls(config, tuple(layers), signature, raw["annotations"])
+        if {raw.get("artifactType"), config.media_type, *(layer.media_type for layer in layers)} - {
+            BUNDLE,
+            CONFIG,
+            PACK,
+        }:
+            raise ill_formed(what, f"it is not of type `{BUNDLE}`")
+        if len({part.digest for part in (config, *layers)}) != 1 + len(layers):
+            raise ill_formed(what, "a layer stands twice")
+        documents.refuse_other_spelling(data, found._plain(), what)
         return found
 
     @property
@@ -113,22 +99,23 @@ class Manifest:
 
     def spell(self) -> bytes:
         """Canonical JSON."""
-        raw: dict[str, Any] = {
+        return digests.canonical(self._plain())
+
+    def _plain(self) -> dict[str, Any]:
+        return {
             "schemaVersion": 2,
             "mediaType": MANIFEST,
             "artifactType": BUNDLE,
-            "config": self.config.spell(),
-            "layers": [layer.spell() for layer in (*self.layers, self.signature) if layer is not None],
+            "config": self.config.plain(),
+            "layers": [layer.plain() for layer in (*self.layers, self.signature) if layer is not None],
+            "annotations": dict(self.annotations),
         }
-        if self.annotations:
-            raw["annotations"] = dict(self.annotations)
-        return digests.canonical(raw)
 
 
 def spell_index(manifest: Descriptor) -> bytes:
     """The index of a layout; other programs name the bundle as `oci:FOLDER:bundle`."""
-    named = replace(manifest, annotations={REF: "bundle"})
-    return digests.canonical({"schemaVersion": 2, "mediaType": INDEX, "manifests": [named.spell()]})
+    named = manifest.plain() | {"annotations": {_REF: "bundle"}}
+    return digests.canonical({"schemaVersion": 2, "mediaType": INDEX, "manifests": [named]})
 
 
 def read_index(data: bytes) -> list[Descriptor]:
@@ -137,12 +124,5 @@ def read_index(data: bytes) -> list[Descriptor]:
     Raises:
         BundleRefused: It is malformed.
     """
-    raw = documents.check(documents.parse(data, "the index"), {"manifests": [{}]}, "the index")
-    if raw.get("schemaVersion") != 2:
-        raise ill_formed("the index", f"it is not of type `{INDEX}`")
-    found = [Descriptor.read(entry, "an entry of the index") for entry in raw["manifests"]]
-    return list({manifest.digest: manifest for manifest in found}.values())
-
-
-def _annotations(raw: Mapping[str, Any], what: str) -> dict[str, str]:
-    return dict(documents.check(raw.get("annotations", {}), {TEXT: TEXT}, what, "annotations"))
+    raw = documents.parse(data, {"manifests": [_DESCRIPTOR]}, "the index")
+    return list(dict.fromkeys(map(Descriptor.read, raw["manifests"])))

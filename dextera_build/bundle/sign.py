@@ -1,7 +1,7 @@
 """ed25519 keys, and signatures of bundles.
 
-Keys are files that `ssh-keygen` and `openssl` read and write: private ones as PEM (PKCS 8) or OpenSSH, public ones as a
-line `ssh-ed25519 AAAA... name` or PEM.
+Private keys are files as `ssh-keygen` or `openssl` write them (OpenSSH or PKCS 8), public ones lines
+`ssh-ed25519 AAAA... name`.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def generate(path: Path, name: str) -> PublicKey:
 
 
 def trusted(places: Sequence[Path]) -> list[PublicKey]:
-    """The public keys in files, and in the files `*.pub` and `*.pem` of folders.
+    """The public keys in files, and in the files `*.pub` of folders.
 
     Raises:
         UsageError: A file holds no key.
@@ -101,38 +101,34 @@ def trusted(places: Sequence[Path]) -> list[PublicKey]:
     """
     found: dict[bytes, PublicKey] = {}
     for place in places:
-        inside = sorted(p for p in place.iterdir() if p.suffix in (".pub", ".pem")) if place.is_dir() else [place]
-        for file in inside:
+        for file in sorted(place.glob("*.pub")) if place.is_dir() else [place]:
             for key in _read_public(file):
                 found.setdefault(key.raw, key)
     return list(found.values())
 
 
 def _read_public(file: Path) -> list[PublicKey]:
-    _require()
-    from cryptography.exceptions import UnsupportedAlgorithm
-    from cryptography.hazmat.primitives import serialization as form
-
     data = _bytes_of(file)
+    from cryptography.exceptions import UnsupportedAlgorithm
+    from cryptography.hazmat.primitives.serialization import load_ssh_public_key
+
+    found = []
     try:
-        if data.lstrip().startswith(b"-----BEGIN"):
-            return [_public(form.load_pem_public_key(data), file.stem)]
-        lines = [line for line in data.splitlines() if line.strip() and not line.startswith(b"#")]
-        names = [b" ".join(line.split()[2:]).decode(errors="replace") for line in lines]
-        return [
-            _public(form.load_ssh_public_key(line), name or file.stem) for line, name in zip(lines, names, strict=True)
-        ]
+        for line in data.splitlines():
+            if line.strip() and not line.startswith(b"#"):
+                name = b" ".join(line.split()[2:]).decode(errors="replace")
+                found.append(_public(load_ssh_public_key(line), name or file.stem))
     except (ValueError, TypeError, UnsupportedAlgorithm) as error:
         raise _no_key(file, "public", str(error)) from None
+    return found
 
 
 def _private(file: Path) -> Ed25519PrivateKey:
-    _require()
+    data = _bytes_of(file)
     from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives import serialization as form
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-    data = _bytes_of(file)
     load = form.load_ssh_private_key if b"OPENSSH PRIVATE KEY" in data else form.load_pem_private_key
     words = os.environ.get(PASSPHRASE, "").encode() or None
     try:
@@ -162,6 +158,7 @@ def _public(key: object, name: str) -> PublicKey:
 
 
 def _bytes_of(file: Path) -> bytes:
+    _require()
     try:
         with file.open("rb") as opened:
             return opened.read(_MOST_KEY)

@@ -10,7 +10,7 @@ import json
 import os
 import pkgutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -66,15 +66,22 @@ def _now(name: str) -> bytes | None:
 
 
 @contextmanager
-def shared() -> Iterator[dict[str, str]]:
-    """Variables by which workers on this machine find what this process read, as long as the block lasts."""
+def shared() -> Iterator[tuple[dict[str, str], Callable[[], None]]]:
+    """Share what this process reads with workers on this machine, as long as the block lasts.
+
+    Yields:
+        Variables by which they find it, and what shares all that was read so far; call it once.
+    """
     if not hasattr(os, "memfd_create"):
-        yield {}  # a worker that finds a file edited refuses it
+        yield {}, lambda: None  # a worker that finds a file edited refuses it
         return
     with os.fdopen(os.memfd_create("sources"), "w") as opened:
-        json.dump({digest_of(data): data.decode("latin-1") for data in _READ.values()}, opened)  # any bytes
-        opened.flush()
-        yield {_SHARED: f"/proc/{os.getpid()}/fd/{opened.fileno()}"}
+
+        def share() -> None:
+            json.dump({digest_of(data): data.decode("latin-1") for data in _READ.values()}, opened)  # any bytes
+            opened.flush()
+
+        yield {_SHARED: f"/proc/{os.getpid()}/fd/{opened.fileno()}"}, share
 
 
 def earlier(wanted: str) -> bytes | None:

@@ -162,6 +162,7 @@ class Dispatch:
             devices=devices,
             key=node.key or "",
             sources=rule.sources,
+            packages=rule.packages,
         )
 
     def _take(self, report: Report) -> End | None:

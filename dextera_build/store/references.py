@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-
 from dextera_build.store import headers as header
 from dextera_build.store.blobs import Blobs, MissingBlob
 
@@ -12,25 +10,6 @@ _MOST_HEADER = 1 << 30
 """The header of a folder of ten million files has this length [bytes]; longer ones are refused."""
 UNREADABLE = (MissingBlob, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError)
 """Raised for a header that is missing or malformed."""
-
-
-def below(roots: Iterable[str], directly: Callable[[str], tuple[list[str], list[str]]]) -> dict[str, bool]:
-    """Some artifacts and everything that they refer to, through all headers: digest -> whether it is a header.
-
-    Args:
-        roots: Digests of the artifacts.
-        directly: Gives (artifacts, blobs) that one header refers to; asked once for each.
-    """
-    stack = list(roots)
-    found = dict.fromkeys(stack, True)
-    while stack:
-        refs, blobs = directly(stack.pop())
-        for blob in blobs:
-            found.setdefault(blob, False)
-        fresh = [ref for ref in dict.fromkeys(refs) if not found.get(ref)]
-        found.update(dict.fromkeys(fresh, True))
-        stack += fresh
-    return found
 
 
 class References:
@@ -50,7 +29,15 @@ class References:
         Raises:
             MissingBlob: A header is not there.
         """
-        found = below([output], self.directly)
+        found = {output: True}
+        stack = [output]
+        while stack:
+            refs, blobs = self.directly(stack.pop())
+            for blob in blobs:
+                found.setdefault(blob, False)
+            fresh = [ref for ref in dict.fromkeys(refs) if not found.get(ref)]
+            found.update(dict.fromkeys(fresh, True))
+            stack += fresh
         del found[output]
         return found
 

@@ -80,6 +80,9 @@ class Actions:
             ValueError: A number is not finite, or a call that the result names is not one.
         """
         entry = self.made(result, beside, may_lack=may_lack)
+        for call, digest in () if entry.is_bare else result.calls:
+            if self.entry(call) is None:  # it came with a result from another store
+                self.put(call, ActionResult.from_document(self._blobs.get(digest)))
         if not entry.is_bare or entry != self.entry(key):
             failpoints.reach("result.blobs")
             files.write(self._file(key), entry.spell(), workshop=self._workshop)
@@ -148,15 +151,13 @@ class Actions:
         return None
 
     def _called(self, result: ActionResult, *, may_lack: bool) -> Iterator[str]:
-        """The blobs of the recorded calls of a result; writes the entries of those that came from another store."""
+        """The blobs of the recorded calls of a result."""
         for key, digest in result.calls:
             yield from (key, digest)
             try:
                 called = ActionResult.from_document(self._blobs.get(digest))
                 if called.key_document != key or not called.is_record:
                     raise ValueError("a call does not have the digest that is its key")
-                if self.entry(key) is None:
-                    self.put(key, called)
                 yield from (called.output, *self.references.below(called.output))
             except MissingBlob:
                 if not may_lack:

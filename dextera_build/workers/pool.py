@@ -46,8 +46,9 @@ class LocalExecutor:
         self._runner = runner
         self._environment = dict(environment or {})
         self._selector = selectors.DefaultSelector()
-        self._idle: list[Process] = []
-        self._busy: list[Process] = []
+        self._workers: list[Process] = []
+        self._waiting: list[Task] = []
+        """Tasks that found no idle worker: one is loading for each, but the first that is free takes it."""
         self._sampler = Sampler()
 
     def __enter__(self) -> Self:
@@ -60,109 +61,122 @@ class LocalExecutor:
 
     def warm(self) -> None:
         """Start a worker, which loads what it needs while it is not known yet what it will run."""
-        self._idle.append(self._start(()))
+        self._start(())
 
     def submit(self, task: Task) -> None:
-        """Hand the task to a worker that waits, or to a new one."""
-        process = self._take_idle(task.devices) or self._start(task.devices)
-        self._busy.append(process)
-        process.give(task)
+        """Hand the task to an idle worker, or to the next one that is free: it may take long to load another."""
+        process = self._idle(task.devices)
+        if process is not None:
+            process.give(task)
+            return
+        loading = sum(other.devices == task.devices and not other.is_ready for other in self._workers)
+        if loading <= sum(other.devices == task.devices for other in self._waiting):
+            self._start(task.devices)
+        self._waiting.append(task)
 
     def poll(self, timeout_s: float | None) -> list[Report]:
         """What workers reported; a worker that died is reported as the failure of its node."""
         reports: list[Report] = []
-        for key, _ in self._selector.select(self._sampler.patience(timeout_s, len(self._busy))):
+        for key, _ in self._selector.select(self._sampler.patience(timeout_s, len(self._busy()))):
             reports += self._hear(key.data)
-        if self._sampler.look(self._busy):
-            for process in [process for process in self._busy if process.has_ended]:
+        if self._sampler.look(self._busy()):
+            for process in [process for process in self._busy() if process.has_ended]:
                 reports += self._hear(process)
         return reports
 
     def stop(self) -> None:
         """End all workers and everything that they started; those that run may clean up."""
-        for process in self._busy:
+        for process in self._busy():
             process.ask_to_end()
         deadline = time.monotonic() + _GRACE_S
-        for process in self._workers():
-            self._forget(process)
-            process.end(max(0.0, deadline - time.monotonic()) if process.task else 0.0)
-        self._busy.clear()
-        self._idle.clear()
+        while self._workers:
+            process = self._workers[0]
+            self._end(process, max(0.0, deadline - time.monotonic()) if process.task else 0.0)
+        self._waiting.clear()
 
     def pids(self) -> list[int]:
         """Process ids of all workers."""
-        return [process.pid for process in self._workers()]
+        return [process.pid for process in self._workers]
 
-    def _workers(self) -> list[Process]:
-        return [*self._busy, *self._idle]
+    def _busy(self) -> list[Process]:
+        return [process for process in self._workers if process.task is not None]
 
-    def _take_idle(self, devices: tuple[str, ...]) -> Process | None:
-        for process in reversed(self._idle):
+    def _idle(self, devices: tuple[str, ...]) -> Process | None:
+        """An idle worker with these devices."""
+        for process in [process for process in self._workers if process.is_ready and process.task is None]:
             if process.devices != devices and set(process.devices).isdisjoint(devices):
                 continue
-            self._idle.remove(process)
             if process.devices == devices and not process.has_ended:
                 return process
             # Dead, or it holds memory of a device that another worker needs now.
-            self._forget(process)
-            process.end(0.0)
+            self._end(process, 0.0)
         return None
 
-    def _start(self, devices: tuple[str, ...]) -> Process:
+    def _start(self, devices: tuple[str, ...]) -> None:
         try:
             process = Process(self._runner, self._environment, devices)
         except OSError as error:
             raise MachineError(
                 "a worker process cannot be started",
                 code="DXB-E202",
-                facts={"system says": error.strerror, "workers": len(self._busy)},
+                facts={"system says": error.strerror, "workers": len(self._busy())},
                 hint="build with `--jobs 1`",
             ) from None
         self._selector.register(process.descriptor, selectors.EVENT_READ, process)
-        return process
+        self._workers.append(process)
 
     def _hear(self, process: Process) -> list[Report]:
         lines, ended = process.hear()
         reports: list[Report] = []
         for line in lines:
-            if process.task is None:  # something that a task left behind goes on talking
+            if "ready" in line:
+                process.is_ready = True
+            elif process.task is None:  # something that a task left behind goes on talking
                 continue
-            if "said" in line:
+            elif "said" in line:
                 kind, data = line["said"]
                 reports.append(Said(process.task.ticket, kind, data))
             else:
-                reports.append(self._end(process, process.task, line))
+                reports.append(_report(process, process.task, line))
+                process.task = None
         if ended:
             reports += self._bury(process)
+        elif process.is_ready and process.task is None and (task := self._next(process.devices)) is not None:
+            process.give(task)
         return reports
 
-    def _end(self, process: Process, task: Task, line: Mapping[str, Any]) -> Ended:
-        process.task = None
-        self._busy.remove(process)
-        self._idle.append(process)
-        told = {
-            **line,
-            "ticket": task.ticket,
-            "log": line.get("log", "").encode("latin-1"),
-            "error": from_json(line["error"]) if "error" in line else None,
-            "usage": with_peak(line["usage"], process.peak),
-        }
-        return Ended(**told)
+    def _next(self, devices: tuple[str, ...]) -> Task | None:
+        """Take the first task that waits for a worker with these devices."""
+        task = next((task for task in self._waiting if task.devices == devices), None)
+        if task is not None:
+            self._waiting.remove(task)
+        return task
 
     def _bury(self, process: Process) -> list[Report]:
-        """A worker is dead: the task that it had has failed."""
-        self._forget(process)
-        process.end(_GRACE_S)
-        if process.task is None:
-            self._idle.remove(process)
+        """A worker is dead: the task that it had, or that it was loading for, has failed."""
+        self._end(process, _GRACE_S)
+        task = process.task if process.is_ready else self._next(process.devices)
+        if task is None:
             return []
-        self._busy.remove(process)
         seconds, log = time.monotonic() - process.began, process.log()
         usage = with_peak({}, process.peak)
-        return [Ended(process.task.ticket, seconds, log, error=process.death(log), usage=usage)]
+        return [Ended(task.ticket, seconds, log, error=process.death(log), usage=usage)]
 
-    def _forget(self, process: Process) -> None:
+    def _end(self, process: Process, patience_s: float) -> None:
+        self._workers.remove(process)
         self._selector.unregister(process.descriptor)
+        process.end(patience_s)
+
+
+def _report(process: Process, task: Task, line: Mapping[str, Any]) -> Ended:
+    told = {
+        **line,
+        "ticket": task.ticket,
+        "log": line.get("log", "").encode("latin-1"),
+        "error": from_json(line["error"]) if "error" in line else None,
+        "usage": with_peak(line["usage"], process.peak),
+    }
+    return Ended(**told)
 
 
 def _cores() -> int:

@@ -47,8 +47,10 @@ class Process:
         self.task: Task | None = None
         """What it was given and has not answered."""
         self.devices = devices
-        self.began = 0.0
-        """When its task began, by `time.monotonic`."""
+        self.is_ready = False
+        """Whether it has loaded what it runs tasks with."""
+        self.began = time.monotonic()
+        """When its task began, or it began to load, by `time.monotonic`."""
         self.peak = 0
         """Most that its tree was seen with since then [bytes]."""
         self._buffer = b""

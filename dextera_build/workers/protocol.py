@@ -14,7 +14,7 @@ from dextera_build.errors import DxbError, Place, RuleError
 from dextera_build.workers.capacity import Capacity, Needs
 
 _LITTLE = Needs()
-_TOLD = ("rule", "backend", "options", "inputs", "store", "project", "profile", "key", "sources")
+_TOLD = ("rule", "backend", "options", "inputs", "store", "project", "profile", "key", "sources", "packages")
 """Fields of a task that its runner gets."""
 _LOG_MOST = 1 << 20
 """A longer log is kept from its end [bytes]."""
@@ -40,6 +40,8 @@ class Task:
     """Names the folder in which the call keeps its progress; "" where it shall have a fresh one."""
     sources: Mapping[str, str] = field(default_factory=dict)
     """`RuleFacts.sources`."""
+    packages: Mapping[str, str] = field(default_factory=dict)
+    """Distribution -> version, as the key holds them."""
 
     def message(self) -> dict[str, object]:
         """What the runner gets."""

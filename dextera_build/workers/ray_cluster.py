@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import socket
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from dextera_build.errors import MachineError, UsageError, install_extra
-from dextera_build.workers.protocol import Task
-from dextera_build.workers.ray_worker import ModelActor, Setup, Word, carry_out
-from dextera_build.workers.shapes import Shape, options
+from dextera_build.workers.protocol import Report, Task
+from dextera_build.workers.ray_worker import Setup, carry_out
+from dextera_build.workers.shapes import Amounts, options
 
 _CONNECT_S = 5.0
 
@@ -31,14 +32,20 @@ class RayCluster:
     """
 
     def __init__(self, address: str, code: Path) -> None:
-        _refuse_form(address)
+        if address and not re.fullmatch(r"[^/]+:\w+", address):
+            raise UsageError(
+                f"`{address}` is not the address of a Ray cluster",
+                code="DXB-U178",
+                facts={"form": "HOST:PORT of the head, from a machine that is part of the cluster"},
+                hint=f"--executor ray:{address.rpartition('/')[2].partition(':')[0]}:6379",
+            )
         self._ray = ray = _imported()
-        known = address or os.environ.get("RAY_ADDRESS") or _last()
-        if ":" in known:
-            _reach(known)
         # Ray puts its own in place of ours, which lets a build end in order.
         ours = signal.getsignal(signal.SIGTERM)
+        known = address or os.environ.get("RAY_ADDRESS") or _last()
         try:
+            if ":" in known:
+                _reach(known)
             ray.init(
                 address=address or "auto",
                 runtime_env={"working_dir": str(code)},
@@ -47,34 +54,27 @@ class RayCluster:
                 logging_level="ERROR",
             )
         except Exception as error:  # Ray's, gRPC's and the system's own
-            raise _no_cluster(address, error) from None
+            raise MachineError(
+                f"no Ray cluster answers at `{known}`" if known else "no Ray cluster runs here",
+                code="DXB-E351",
+                facts={"because": (str(error).strip() or type(error).__name__).splitlines()[0]},
+                hint="`ray start --head` starts one, `ray status` shows it",
+            ) from None
         finally:
             with suppress(ValueError):  # not the main thread
                 signal.signal(signal.SIGTERM, ours)
-        # A call is repeated by the build, which says so in the log of the node.
+        # A call is repeated by the scheduler, which says so in the log of the node.
         self._call = ray.remote(num_returns="streaming", max_retries=0)(carry_out)
-        self._actor = ray.remote(max_restarts=0)(ModelActor)
 
-    def nodes(self) -> Mapping[str, Mapping[str, float]]:
-        """Living node -> resource -> how much it has in all."""
-        return {node["NodeID"]: node["Resources"] for node in self._ray.nodes() if node["Alive"]}
+    def nodes(self) -> list[Amounts]:
+        """What each living node has in all."""
+        return [node["Resources"] for node in self._ray.nodes() if node["Alive"]]
 
-    def actor(self, shape: Shape) -> Any:
-        """A worker that stays, with what it reserves, until it is dismissed: an actor."""
-        return self._actor.options(**options(shape)).remote()
+    def begin(self, setup: Setup, task: Task, reserved: Amounts) -> Any:
+        """Queue a call."""
+        return self._call.options(**options(reserved)).remote(setup, task)
 
-    def dismiss(self, actor: Any) -> None:
-        """End an actor and what it runs."""
-        with suppress(Exception):  # it is dead
-            self._ray.kill(actor, no_restart=True)
-
-    def begin(self, setup: Setup, task: Task, fresh: bool, place: Any) -> Any:
-        """Queue a call, with `place` as its shape or for the actor `place`."""
-        if isinstance(place, tuple):
-            return self._call.options(**options(place)).remote(setup, task, fresh)
-        return place.run.options(num_returns="streaming").remote(setup, task, fresh)
-
-    def hear(self, calls: Iterable[Any], timeout_s: float) -> Iterator[tuple[Any, Word | Exception]]:
+    def hear(self, calls: Iterable[Any], timeout_s: float) -> Iterator[tuple[Any, Report | Exception]]:
         """What calls say, once there is something; an exception is a call's last word."""
         calls = list(calls)
         some, _ = self._ray.wait(calls, num_returns=1, timeout=timeout_s, fetch_local=False)
@@ -93,18 +93,6 @@ class RayCluster:
     def close(self) -> None:
         """Disconnect; Ray ends what is left."""
         self._ray.shutdown()
-
-
-def _refuse_form(address: str) -> None:
-    if "://" in address:
-        hint = f"ray start --address={address.partition('://')[2]} --num-cpus=0"
-        form = "HOST:PORT of the head, from a machine that is part of the cluster"
-    elif address and ":" not in address:
-        hint, form = f"--executor ray:{address}:6379", "HOST:PORT of the head"
-    else:
-        return
-    message = f"`{address}` is not the address of a Ray cluster"
-    raise UsageError(message, code="DXB-U178", facts={"form": form}, hint=hint)
 
 
 def _imported() -> Any:
@@ -134,20 +122,4 @@ def _last() -> str:
 def _reach(address: str) -> None:
     """Raise where nothing answers at `HOST:PORT`: Ray would end this process."""
     host, _, port = address.rpartition(":")
-    try:
-        socket.create_connection((host.strip("[]"), int(port)), _CONNECT_S).close()
-    except (OSError, ValueError, OverflowError) as error:
-        raise _no_cluster(address, error) from None
-
-
-def _no_cluster(address: str, error: Exception) -> MachineError:
-    return MachineError(
-        f"no Ray cluster answers at `{address}`" if address else "no Ray cluster runs here",
-        code="DXB-E351",
-        facts={"because": _first_line(error)},
-        hint="`ray start --head` starts one, `ray status` shows it",
-    )
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).strip() or type(error).__name__).splitlines()[0]
+    socket.create_connection((host.strip("[]"), int(port)), _CONNECT_S).close()

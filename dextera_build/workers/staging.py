@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from io import BytesIO
-from typing import Any, BinaryIO, TypeVar
+from typing import Any, BinaryIO
 
 from dextera_build.errors import MachineError, StoreError
 from dextera_build.remotes.remote import Digest, Remote, RemoteFault
-from dextera_build.store.backoff import backoff
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
-
-T = TypeVar("T")
-
-_TRIES = 4
-_WAIT_S = 0.5
-"""Before the second try of a remote that does not answer [s]."""
+from dextera_build.workers.retries import UNREACHABLE
 
 
 class Staging:
@@ -30,7 +24,7 @@ class Staging:
     """
 
     def __init__(self, store: Store, shared: Remote) -> None:
-        self._store = store
+        self._blobs, self._references = store.blobs, store.actions.references
         self._shared = shared
         self._there: set[str] = set()
         """Artifacts that the remote is known to hold, with everything below them."""
@@ -42,11 +36,12 @@ class Staging:
             MissingBlob: The store lacks one.
             MachineError: The remote cannot be reached, or refuses.
         """
-        fresh = [artifact for artifact in dict.fromkeys(artifacts) if artifact not in self._there]
-        below = (digest for artifact in fresh for digest in (*self._store.actions.references.below(artifact), artifact))
-        wanted = [Digest(digest, self._size(digest)) for digest in dict.fromkeys((*blobs, *below))]
-        if wanted and (lacking := self._patiently(lambda: self._shared.missing(wanted))):
-            self._patiently(lambda: self._shared.send(sorted(lacking), self._open))
+        fresh = [artifact for artifact in artifacts if artifact not in self._there]
+        below = (digest for artifact in fresh for digest in (*self._references.below(artifact), artifact))
+        wanted = [self._sized(digest) for digest in dict.fromkeys((*blobs, *below))]
+        with _faults_told():
+            if lacking := self._shared.missing(wanted) if wanted else set():
+                self._shared.send(sorted(lacking), self._open)
         self._there.update(fresh)
 
     def bring(self, artifacts: Iterable[str], blobs: Iterable[str] = ()) -> None:
@@ -57,30 +52,29 @@ class Staging:
             MachineError: The remote cannot be reached.
             StoreError: The disk is full.
         """
-        self._fetch(blobs)
-        level = wanted = list(dict.fromkeys(artifacts))
+        level = list(artifacts)
+        self._fetch([*level, *blobs])
         seen = set[str]()
         while level:
             seen.update(level)
-            self._fetch(level)
-            direct = [self._store.actions.references.directly(artifact) for artifact in level]
-            self._fetch(blob for _, found in direct for blob in found)
+            direct = [self._references.directly(artifact) for artifact in level]
             level = [ref for ref in dict.fromkeys(ref for refs, _ in direct for ref in refs) if ref not in seen]
-        self._there.update(wanted)
+            self._fetch([*level, *(blob for _, found in direct for blob in found)])
+        self._there.update(seen)
 
     def send_made(self, reply: Mapping[str, Any]) -> None:
         """Upload what a call made; raises as `send`."""
-        self.send([reply["output"], *self._answers(reply)], _blobs(reply))
+        self.send([reply["output"], *self._answers(reply)], _named(reply))
 
     def bring_made(self, reply: Mapping[str, Any]) -> None:
         """Download what a call made; raises as `bring`."""
-        self._fetch(_blobs(reply))
-        self.bring([reply["output"], *self._answers(reply)])
+        self.bring([reply["output"]], _named(reply))
+        self.bring(self._answers(reply))
 
-    def _answers(self, reply: Mapping[str, Any]) -> Iterator[str]:
+    def _answers(self, reply: Mapping[str, Any]) -> list[str]:
         """The artifacts that hold the answers of recorded calls."""
-        for call in reply.get("calls") or ():
-            yield ActionResult.from_document(self._store.blobs.get(call["result"])).output
+        results = [self._blobs.get(call["result"]) for call in reply.get("calls", ())]
+        return [ActionResult.from_document(result).output for result in results]
 
     def _fetch(self, digests: Iterable[str]) -> None:
         lacking = [digest for digest in dict.fromkeys(digests) if not self._holds(digest)]
@@ -89,49 +83,49 @@ class Staging:
         def take(wanted: Digest, pieces: Iterator[bytes]) -> None:
             try:
                 if not troubles:
-                    self._store.blobs.receive(wanted.hash, None, pieces)
+                    self._blobs.receive(wanted.hash, None, pieces)
             except StoreError as error:
                 troubles.append(error)
 
         if lacking:
-            self._patiently(lambda: self._shared.fetch([Digest(digest, 0) for digest in lacking], take))
+            with _faults_told():
+                self._shared.fetch([Digest(digest, 0) for digest in lacking], take)
         if troubles:
             raise troubles[0]
         for digest in lacking:
-            if not self._store.blobs.has(digest):
+            if not self._blobs.has(digest):
                 raise MissingBlob(digest, f"the remote `{self._shared.address}` does not hold it")
 
     def _holds(self, digest: str) -> bool:
-        size = self._store.blobs.size(digest)
-        return size is not None and self._store.blobs.holds(digest, size)
+        size = self._blobs.size(digest)
+        return size is not None and self._blobs.holds(digest, size)
 
-    def _size(self, digest: str) -> int:
-        size = self._store.blobs.size(digest)
+    def _sized(self, digest: str) -> Digest:
+        size = self._blobs.size(digest)
         if size is None:
             raise MissingBlob(digest)
-        return size
+        return Digest(digest, size)
 
     def _open(self, digest: Digest) -> BinaryIO:
-        blobs = self._store.blobs
-        return blobs.open(digest.hash) if blobs.verify(digest.hash) else BytesIO(blobs.get(digest.hash))
-
-    def _patiently(self, ask: Callable[[], T]) -> T:
-        for tries in range(1, _TRIES + 1):
-            try:
-                return ask()
-            except RemoteFault as fault:
-                if tries == _TRIES or fault.refused:
-                    raise MachineError(
-                        f"the remote that the cluster shares does not work: {fault.reason}",
-                        code="DXB-E355",
-                        facts={"remote": fault.address},
-                        hint="every machine of the cluster must be able to read and write it under this address",
-                    ) from None
-                time.sleep(backoff(tries, _WAIT_S))
-        raise AssertionError
+        whole = self._blobs.verify(digest.hash)
+        return self._blobs.open(digest.hash) if whole else BytesIO(self._blobs.get(digest.hash))
 
 
-def _blobs(reply: Mapping[str, Any]) -> list[str]:
-    calls = reply.get("calls") or ()
-    previews = [blob for _, blob in reply.get("previews") or ()]
-    return [*previews, *(digest for call in calls for digest in (call["call"], call["result"]))]
+@contextmanager
+def _faults_told() -> Iterator[None]:
+    """Turn a fault of the shared remote into the error of the node that needs it."""
+    try:
+        yield
+    except RemoteFault as fault:
+        raise MachineError(
+            f"the remote that the cluster shares does not work: {fault.reason}",
+            code=UNREACHABLE,
+            facts={"remote": fault.address},
+            hint="every machine of the cluster must be able to read and write it under this address",
+        ) from None
+
+
+def _named(reply: Mapping[str, Any]) -> list[str]:
+    """Blobs that a reply names by itself: previews, recorded calls and their results."""
+    calls = [digest for call in reply.get("calls", ()) for digest in (call["call"], call["result"])]
+    return [*calls, *(blob for _, blob in reply.get("previews", ()))]

@@ -59,6 +59,7 @@ class Worker:
             sys.path[:] = json.loads(told.readline() or "null") or sys.path
             with contextlib.suppress(Exception):  # the first task is answered with what is wrong
                 load(self._runner_name)
+            self._write({"ready": True})
             for line in told:
                 self._answer(json.loads(line))
 

@@ -33,12 +33,12 @@ def small(file: Path) -> Graph:
     )
 
 
-def bundle(store: Store, plan: Graph, closure: Closure = "targets", **more: object) -> Export:
+def bundle(store: Store, plan: Graph, closure: Closure = "targets") -> Export:
     """The bundle of a graph's default targets."""
     found = survey(plan, [Address(name) for name in plan.targets["default"]], store, closure, lambda path: path.name)
     assert found.stale == ()
     build = Build("tiny/graph", found.targets, "cpu", found.nodes)
-    return Export(store, Contents(closure, "1.0", (build,), {"tiny/graph": RECIPE}), **more)  # type: ignore[arg-type]
+    return Export(store, Contents(closure, "1.0", (build,), {"tiny/graph": RECIPE}))
 
 
 def large(store: Store, file: Path, size: int) -> Export:

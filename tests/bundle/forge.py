@@ -11,12 +11,13 @@ from typing import Any
 
 import pytest
 
-from dextera_build.bundle import importer, layout, oci, tar
+from dextera_build.bundle import importer, layout, oci
 from dextera_build.bundle.errors import BundleRefused
 from dextera_build.digest import canonical, of_bytes
 from dextera_build.store.store import Store
 
 Raw = dict[str, Any]
+END = bytes(2 * tarfile.BLOCKSIZE)
 
 
 class Forgery:
@@ -43,7 +44,7 @@ class Forgery:
         self._text: bytes | None = None
 
     def add_file(self, name: str, data: bytes) -> Forgery:
-        self._more += _header(name, len(data)) + data + tar.padding(len(data))
+        self._more += _header(name, len(data)) + data + bytes(-len(data) % tarfile.BLOCKSIZE)
         return self
 
     def add_kind(self, kind: bytes) -> Forgery:
@@ -98,8 +99,10 @@ class Forgery:
 
     def write(self) -> Path:
         """The folder again."""
-        packed = b"".join(_header(name, len(data)) + data + tar.padding(len(data)) for name, data in self.files)
-        self._pack |= self._write(packed + self._more + tar.END + self._tail)
+        packed = b"".join(
+            _header(name, len(data)) + data + bytes(-len(data) % tarfile.BLOCKSIZE) for name, data in self.files
+        )
+        self._pack |= self._write(packed + self._more + END + self._tail)
         self._manifest["config"] |= self._write(canonical(self._config))
         for change in self._edits:
             change(self._manifest)
@@ -134,12 +137,12 @@ def packed(path: Path) -> Path:
     if path.is_dir():
         names = sorted(file.relative_to(path).as_posix() for file in path.rglob("*") if file.is_file())
         parts = [
-            _header(name, len(data)) + data + tar.padding(len(data))
+            _header(name, len(data)) + data + bytes(-len(data) % tarfile.BLOCKSIZE)
             for name in names
             for data in [(path / name).read_bytes()]
         ]
         path = path.with_suffix(".again.tar")
-        path.write_bytes(b"".join(parts) + tar.END)
+        path.write_bytes(b"".join(parts) + END)
     return path
 
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import shutil
+import tarfile
 from pathlib import Path
 
 import pytest
 
-from dextera_build.bundle import importer, oci, tar
+from dextera_build.bundle import importer, oci
 from dextera_build.bundle.errors import BundleRefused
+from dextera_build.bundle.export import archive
 from dextera_build.digest import canonical, of_bytes
+from dextera_build.store import references
 from tests.bundle.conftest import bundle
-from tests.bundle.forge import Forgery, refused, take
+from tests.bundle.forge import END, Forgery, refused, take
 
 
 def parts(folder: Path) -> list[Path]:
@@ -68,9 +71,9 @@ def test_names_that_lead_out_are_refused(folder, other, name, word):
     refused(Forgery(folder).add_file(name, b"x").write(), other, "DXB-S304", word)
 
 
-@pytest.mark.parametrize("kind", [b"1", b"2", b"3", b"4", b"5", b"6", b"7", b"S", b"K", b"L", b"x", b"g"])
+@pytest.mark.parametrize("kind", [b"1", b"2", b"3", b"4", b"6", b"7", b"S", b"K", b"L", b"x", b"g"])
 def test_whatever_is_no_file_is_refused(folder, other, kind):
-    """Links, devices, folders, pipes, sparse files, long names, extended headers."""
+    """Links, devices, pipes, sparse files, long names, extended headers."""
     refused(Forgery(folder).add_kind(kind).write(), other, "DXB-S304", "neither a file nor a folder")
 
 
@@ -113,9 +116,7 @@ def test_every_blob_is_needed(folder, other):
 
 def test_compressed_and_other_files_are_refused(tmp_path, other):
     for magic, word in [
-        (b"\x1f\x8b\x08", "gzip"),
-        (b"\x28\xb5\x2f\xfd", "zstd"),
-        (b"PK\x03\x04", "zip"),
+        (b"\x1f\x8b\x08", "no tar archive"),
         (b"hello", "no tar archive"),
         (b"", "no tar archive"),
         (bytes(1024), "index.json"),
@@ -128,16 +129,14 @@ def test_compressed_and_other_files_are_refused(tmp_path, other):
 
 def test_an_archive_with_other_files_is_refused(tmp_path, other):
     for name in ("../escape", "/etc/passwd", "blobs/sha256/../../x", "blobs/md5/x", "run.sh", "\x1b[2J"):
-        data = tar.header(name, 1) + b"x" + tar.padding(1) + tar.END
-        (tmp_path / "x.tar").write_bytes(data)
+        (tmp_path / "x.tar").write_bytes(b"".join(archive([(name, 1, [b"x"])])))
         refused(tmp_path / "x.tar", other, "DXB-S304", "no part of an OCI image layout")
 
 
 def test_a_cut_archive_is_refused_at_every_block(tmp_path, store, plan, other):
     bundle(store, plan).write(tmp_path / "good.tar")
     good = (tmp_path / "good.tar").read_bytes()
-    end = len(good) - 2 * tar.BLOCK
-    for size in range(0, end, tar.BLOCK):
+    for size in range(0, len(good) - len(END), tarfile.BLOCKSIZE):
         (tmp_path / "cut.tar").write_bytes(good[:size])
         with pytest.raises(BundleRefused):
             take(tmp_path / "cut.tar", other)
@@ -147,23 +146,26 @@ def test_a_cut_archive_is_refused_at_every_block(tmp_path, store, plan, other):
 @pytest.mark.parametrize(
     ("change", "code", "word"),
     [
-        (lambda raw: raw.update(schemaVersion=1), "DXB-S306", "not of type"),
-        (lambda raw: raw.update(mediaType="application/json"), "DXB-S306", "not of type"),
+        (lambda raw: raw.update(schemaVersion=1), "DXB-S306", "spelled"),
+        (lambda raw: raw.update(mediaType="application/json"), "DXB-S306", "spelled"),
         (lambda raw: raw.update(layers="many"), "DXB-S306", "`layers` is not a list"),
         (lambda raw: raw.update(layers=[raw["layers"][0]] * 2), "DXB-S306", "twice"),
-        (lambda raw: raw.update(layers=[raw["layers"][0]] * (oci.MOST_LAYERS + 1)), "DXB-S305", "list of layers"),
-        (lambda raw: raw["layers"][-1].update(mediaType=oci.PACK + "+gzip"), "DXB-S306", "no type of its layers"),
+        (lambda raw: raw["layers"][-1].update(mediaType=oci.PACK + "+gzip"), "DXB-S306", "not of type"),
         (lambda raw: raw["layers"][-1].update(size=-1), "DXB-S306", "`size` is not a whole number"),
         (lambda raw: raw["layers"][-1].update(size=True), "DXB-S306", "`size` is not a whole number"),
         (lambda raw: raw["layers"][-1].update(size=1 << 52), "DXB-S308", "does not fit"),
         (lambda raw: raw["layers"][-1].update(digest="md5:0"), "DXB-S306", "SHA-256"),
         (lambda raw: raw["layers"][-1].update(digest="sha256:../x"), "DXB-S306", "SHA-256"),
         (lambda raw: raw["config"].update(size=1 << 40), "DXB-S305", "config"),
-        (lambda raw: raw["config"].update(mediaType="text/plain"), "DXB-S306", "config"),
+        (lambda raw: raw["config"].update(mediaType="text/plain"), "DXB-S306", "not of type"),
         (lambda raw: raw.update(annotations={"a": "\x1b[31m"}), "DXB-S306", "control characters"),
         (lambda raw: raw["layers"].pop(0), "DXB-S303", "lacks"),
         (lambda raw: raw.update(more=1), "DXB-S306", "spelled"),
-        (lambda raw: raw["layers"].insert(0, raw["layers"][0] | {"mediaType": oci.SIGNATURE}), "DXB-S306", "twice"),
+        (
+            lambda raw: raw["layers"].insert(0, raw["layers"][0] | {"mediaType": oci.SIGNATURE}),
+            "DXB-S306",
+            "not of type",
+        ),
     ],
 )
 def test_a_manifest_that_is_wrong_is_refused(folder, other, change, code, word):
@@ -174,9 +176,6 @@ def test_a_manifest_that_is_wrong_is_refused(folder, other, change, code, word):
     ("text", "word"),
     [
         (b"[" * 100_000, "too deeply"),
-        (b'{"a":' * 70 + b"1" + b"}" * 70, "too deeply"),
-        (b'{"schemaVersion":2,"schemaVersion":2}', "twice"),
-        (b'{"schemaVersion":NaN}', "NaN"),
         (b"[]", "not an object"),
         (b"\xff\xfe", "not JSON"),
         (b'{"a":' + b"1" * 5000 + b"}", "not JSON"),
@@ -218,7 +217,7 @@ def node_of(raw: dict, name: str = "scene") -> dict:
         (lambda raw: node_of(raw).update(result=None), "DXB-S306", "has no result"),
         (lambda raw: node_of(raw).update(is_whole=False), "DXB-S306", "has no result"),
         (lambda raw: node_of(raw, "read").update(is_whole=False, result="0" * 64), "DXB-S303", "lacks"),
-        (lambda raw: node_of(raw, "read").update(is_whole=False, output="0" * 64), "DXB-S303", "lacks"),
+        (lambda raw: node_of(raw, "read").update(is_whole=False, output="0" * 64), "DXB-S307", "another output"),
         (lambda raw: node_of(raw).update(rule="other.rule"), "DXB-S307", "another rule"),
         (lambda raw: node_of(raw).update(backend="gpu"), "DXB-S307", "another rule"),
         (lambda raw: node_of(raw).update(output=node_of(raw, "read")["output"]), "DXB-S307", "another output"),
@@ -227,7 +226,7 @@ def node_of(raw: dict, name: str = "scene") -> dict:
         (lambda raw: node_of(raw).update(key="0" * 64), "DXB-S303", "lacks"),
         (lambda raw: node_of(raw).update(result="0" * 64), "DXB-S303", "lacks"),
         (lambda raw: node_of(raw).update(key=node_of(raw)["output"]), "DXB-S306", "key document"),
-        (lambda raw: node_of(raw).update(output="0" * 64), "DXB-S303", "lacks"),
+        (lambda raw: node_of(raw).update(output="0" * 64), "DXB-S307", "another output"),
     ],
 )
 def test_a_config_that_is_wrong_is_refused(folder, other, change, code, word):
@@ -272,7 +271,6 @@ def test_a_result_that_is_wrong_is_refused(folder, other, change, code, word):
         b'{"artifact":"File","fields":{}}',
         b'{"artifact":"File","fields":{"data":"text"}}',
         b'{"artifact":"Folder","fields":{"files":{"$map":{"a":1}}}}',
-        b'{"artifact":"A","fields":{"a":' + b"[" * 99 + b"]" * 99 + b"}}",
         b"\x80\x04\x95pickle",
     ],
 )
@@ -304,10 +302,23 @@ def test_a_key_document_of_another_form_is_refused(folder, other, change):
     refused(forged.write(), other, "DXB-S306", "")
 
 
+def test_a_key_document_that_two_parsers_could_read_differently_is_refused(folder, other):
+    forged = Forgery(folder)
+    node = forged.node("scene")
+    node["key"] = forged.put(forged.pop(node["key"])[:-1] + b',"salt":"other"}')
+    forged.edit_result("scene", lambda raw: raw.update(key_document=node["key"]))
+    refused(forged.write(), other, "DXB-S306", "spelled")
+
+
+def test_a_document_as_large_as_a_film_is_not_read(folder, other, monkeypatch):
+    monkeypatch.setattr(importer, "MOST_DOCUMENT", 10)
+    refused(folder, other, "DXB-S305", "document")
+
+
 def test_a_header_as_large_as_a_film_is_not_read(folder, other, monkeypatch):
-    monkeypatch.setattr(importer, "MOST_DOCUMENT", 1000)
+    monkeypatch.setattr(references, "_MOST_HEADER", 1000)
     header = b'{"artifact":"A","fields":{"text":"' + b"a" * 1000 + b'"}}'
-    refused(Forgery(folder).replace_output("scene", header).write(), other, "DXB-S305", "document")
+    refused(Forgery(folder).replace_output("scene", header).write(), other, "DXB-S306", "header")
 
 
 def test_two_nodes_may_share_a_key(folder, other):

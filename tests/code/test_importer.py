@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy
 import pytest
 
 from dextera_build.code import importing
@@ -78,7 +79,7 @@ def test_a_package_on_the_search_path_runs_from_source(project, monkeypatch):
     assert said(project) == b"8"
 
 
-def run(project: Path, sources: dict[str, str], variables: dict[str, str] | None = None) -> str:
+def run(project: Path, sources: dict[str, str], variables: dict[str, str] | None = None, **more: object) -> str:
     """What a worker answers, in a process of its own."""
     task = {
         "rule": "toy.mul",
@@ -88,6 +89,7 @@ def run(project: Path, sources: dict[str, str], variables: dict[str, str] | None
         "store": str(project / "store"),
         "project": str(project),
         "sources": sources,
+        **more,
     }
     program = (
         "import json, sys\nfrom dextera_build.build.worker_entry import run_task\n"
@@ -113,6 +115,12 @@ def test_a_worker_runs_what_was_digested(project):
     assert "DXB" not in run(project, sources(project))
 
 
+def test_a_worker_refuses_a_package_of_another_version(project):
+    here = {"numpy": numpy.__version__}
+    assert run(project, sources(project), packages=here) == run(project, sources(project))
+    assert run(project, sources(project), packages={**here, "pydantic": "0.1"}).startswith("DXB-E353")
+
+
 def test_a_worker_refuses_code_that_was_edited(project):
     known = sources(project)
     (project / "rules/toy/deep.py").write_text("F = 5\n")
@@ -121,7 +129,8 @@ def test_a_worker_refuses_code_that_was_edited(project):
 
 def test_a_worker_runs_what_was_digested_although_it_was_edited(project):
     known, before = sources(project), run(project, sources(project))
-    with shared() as variables:
+    with shared() as (variables, share):
+        share()
         (project / "rules/toy/deep.py").write_text("F = 5\n")
         assert run(project, known, variables) == before
     assert run(project, known, variables).startswith("DXB-B315")

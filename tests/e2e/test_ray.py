@@ -45,38 +45,6 @@ def NAME(ctx: Context, text: File, *, options: WhereOptions) -> File:
     ctx.progress(1, 2, "halfway")
     return File(data=text.data + b" SITE" + bytes(2_000_000))
 '''
-MODEL = '''
-"""toy.model: a rule with weights."""
-from dextera_build.artifacts.base import File
-from dextera_build.rule import Context, Options, rule
-
-class ModelOptions(Options):
-    """Options."""
-    number: int = 0
-    """Makes calls differ."""
-
-@rule(version=1)
-def model(ctx: Context, *, options: ModelOptions) -> File:
-    """Return what the model says."""
-    return ctx.backend.say(options.number)
-'''
-MODEL_BACKEND = '''
-"""Counts how often its weights are loaded."""
-import functools
-import os
-from dextera_build.artifacts.base import File
-from dextera_build.rule import Backend
-BACKEND = Backend(summary="loads slowly", profiles=("cpu",), weights=("toy@0000",))
-
-@functools.cache
-def load():
-    with open(os.environ["TOY_LOADS"], "a") as file:
-        file.write(f"{os.getpid()}\\n")
-    return b"weights"
-
-def say(number):
-    return File(data=load() + str(number).encode())
-'''
 RECIPE = """
 inputs: {text: words.txt}
 nodes:
@@ -84,7 +52,6 @@ nodes:
   b: {rule: toy.at_b, text: $a}
   c: {rule: toy.at_a, text: $b, salt: again}
 """
-MODELS = "nodes:\n" + "".join(f"  m{n}: {{rule: toy.model, number: {n}}}\n" for n in range(12))
 
 
 @dataclass
@@ -97,7 +64,7 @@ class Raylets:
 
     def start(self, name: str, *words: str) -> None:
         """Start a node, the first as the head."""
-        store = {"DXB_NODE_STORE": str(self.home / f"store_{name}"), "TOY_LOADS": str(self.home / "loads")}
+        store = {"DXB_NODE_STORE": str(self.home / f"store_{name}")}
         common = [
             "--num-cpus=2",
             "--object-store-memory=80000000",
@@ -208,10 +175,7 @@ def sites(space: Space) -> Space:
             f"rules/toy/at_{site}.py",
             WHERE.lstrip().replace("toy.where", f"toy.at_{site}").replace("NAME", f"at_{site}").replace("SITE", site),
         )
-    space.write("rules/toy/model.py", MODEL.lstrip())
-    space.write("rules/toy/model_slow.py", MODEL_BACKEND.lstrip())
     space.write("recipes/toy/sites.yaml", RECIPE)
-    space.write("recipes/toy/models.yaml", MODELS)
     space.write("words.txt", "one")
     space.write("dxb.toml", 'cache = "cache"\n[remotes]\nshared = {address = "shared", mode = "rw"}\n')
     return space
@@ -252,13 +216,6 @@ def test_keys_and_bytes_are_those_of_one_machine(cluster: Raylets, sites: Space)
         log = sites.dxb("log", "toy/sites", name)
         assert f"store {cluster.home}/store_{site}" in log.out
     assert on(cluster, sites, "toy/sites").nodes("ran") == set()
-
-
-def test_weights_are_loaded_once_a_worker(cluster: Raylets, sites: Space) -> None:
-    answer = on(cluster, sites, "toy/models", "--jobs", "1")
-    assert answer.code == 0, answer.err
-    assert len(answer.nodes("ran")) == 12
-    assert len((cluster.home / "loads").read_text().splitlines()) == 1
 
 
 def test_a_failure_is_that_of_one_machine_and_the_rest_goes_on(cluster: Raylets, sites: Space) -> None:

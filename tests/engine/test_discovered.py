@@ -10,10 +10,11 @@ from typing import Any
 
 import pytest
 
-from dextera_build.bundle.closure import Closure
+from dextera_build.bundle import importer
 from dextera_build.bundle.closure_of_targets import survey
 from dextera_build.bundle.config import Build, Contents
 from dextera_build.bundle.export import Export
+from dextera_build.bundle.layout import Layout
 from dextera_build.engine.dry import plan as dry
 from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.run import RunResult, build
@@ -25,7 +26,6 @@ from dextera_build.remotes.folder import Directory
 from dextera_build.runs.events import NodeStarted
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
-from dextera_build.store.traces import publish
 from dextera_build.workers.inline import InlineExecutor
 from tests.engine.tiny import Record, call, facts, graph, out, run, run_task
 from tests.store.stores import age, entry
@@ -182,15 +182,9 @@ def test_a_bundle_brings_what_leads_to_its_results(project: Path, store: Store, 
     found = survey(of(project), [Address(("reader",))], store, "full", str)
     build = Build("tiny/graph", found.targets, "cpu", found.nodes)
     contents = Contents("full", "1.0", (build,), {})
-    bundle = Export(store, contents)
-    closure = Closure(bundle.get)
-    for address, node in contents.nodes():
-        closure.add(address, node)
+    Export(store, contents).write(tmp_path / "bundle.tar")
     other = Store(tmp_path / "other")
-    for blob in closure.blobs:
-        other.blobs.put(bundle.get(blob))
-    for key, result in closure.results.items():
-        publish(other, key, result)
+    importer.take(importer.open_bundle(Layout(tmp_path / "bundle.tar")), other)
     assert built(project, other)[1] == []
 
 

@@ -9,6 +9,7 @@ import json
 import os
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.table import Table
 from dextera_build.bundle import importer, layout, oci, sign, trust
-from dextera_build.bundle.closure import read_header, read_result
+from dextera_build.bundle.closure import read_result
 from dextera_build.bundle.config import Contents
 from dextera_build.bundle.errors import BundleRefused
 from dextera_build.digest import canonical, of_bytes
@@ -33,6 +34,7 @@ from dextera_build.recipe.plan import plan
 from dextera_build.recipe.settings import parse as parse_setting
 from dextera_build.store import entry as entries
 from dextera_build.store import headers
+from dextera_build.store.references import UNREADABLE
 from dextera_build.store.store import Store
 from tests.bundle.conftest import bundle, small
 from tests.bundle.forge import unpacked
@@ -78,7 +80,6 @@ def good(project, tmp_path_factory) -> Good:
         "config": opened.contents.spell(),
         "signature": signature,
         "result": found.document,
-        "header": store.blobs.get(found.output),
     }
     return Good(Project(project.root), documents, entry.spell())
 
@@ -186,7 +187,6 @@ READERS: dict[str, Callable[[bytes], object]] = {
     "config": Contents.read,
     "signature": trust.read_signature,
     "result": lambda text: read_result(text, "a"),
-    "header": lambda text: read_header(text, "0" * 64),
 }
 
 
@@ -221,7 +221,8 @@ def headers_of_artifacts(good, data, folder):
         text = canonical({"artifact": kind.name(), "fields": fields})
     except ValueError:  # a number or half a pair that has no spelling
         return
-    only((BundleRefused, StoreError), lambda: read_header(text, of_bytes(text)))
+    with suppress(*UNREADABLE, StoreError):
+        headers.closure(text)
     blobs = {of_bytes(text): text}
 
     def decode() -> None:
