@@ -56,7 +56,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     found = _library(task["project"]).find(task["rule"])
     IMPORTER.want(task.get("sources", {}), found.root.name)
     _refuse_other_versions(task.get("packages", {}))
-    backend = found.backends[task["backend"]].load() if task["backend"] else None
+    backend = found.backends[task["backend"]].module if task["backend"] else None
     store = opened(task["store"])
     rule = found.rule
     inputs = {}

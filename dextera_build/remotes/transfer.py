@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import threading
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, BinaryIO
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.remotes.breaker import Guarded
-from dextera_build.remotes.remote import MOST_ENTRY, DamagedBlob, Digest, Remote
+from dextera_build.remotes.remote import MOST_ENTRY, Digest, Remote, RemoteFault
+from dextera_build.remotes.threads import Crew
 from dextera_build.store import disk_full, failpoints, headers, traces
 from dextera_build.store import entry as entries
 from dextera_build.store.blobs import MissingBlob
@@ -23,16 +24,19 @@ from dextera_build.store.references import UNREADABLE
 from dextera_build.store.results import Found
 from dextera_build.store.store import Store
 
+_AT_ONCE = 16
+
 
 class Transfer:
     """Fetches and uploads results; may be used by several threads.
 
     Args:
         store: The local end.
+        crew: Transfers the blobs of a result.
     """
 
-    def __init__(self, store: Store) -> None:
-        self._store = store
+    def __init__(self, store: Store, crew: Crew | None = None) -> None:
+        self._store, self._crew = store, crew or Crew(_AT_ONCE, "dxb blobs")
         self._guard = threading.Lock()
         self._held: defaultdict[str, set[Digest]] = defaultdict(set)
         """Remote -> blobs that it is known to have."""
@@ -78,27 +82,19 @@ class Transfer:
         wanted = [blob for blob in _blobs(files) if self._store.blobs.size(blob.hash) != blob.size]
         if sum(blob.size for blob in wanted) > disk_full.free_bytes(str(self._store.root)):
             return False  # an entry may claim any size; a download that cannot fit is not started
-        came: set[Digest] = set()
-        wrong: list[Digest] = []
-        troubles: list[StoreError] = []
+        right: dict[Digest, bool | None] = {}
 
-        def take(digest: Digest, pieces: Iterator[bytes]) -> None:
-            try:
-                if not troubles:
-                    (came.add if self._store.blobs.receive(*digest, pieces) else wrong.append)(digest)
-            except StoreError as error:
-                troubles.append(error)
+        def bring(blob: Digest) -> None:
+            right[blob] = remote.fetch(blob, lambda pieces: self._store.blobs.receive(*blob, pieces))
 
-        if wanted:
-            remote.fetch(wanted, take)
-        if troubles:
-            raise troubles[0]
+        self._crew.each(bring, wanted)
+        wrong = [blob for blob in wanted if right[blob] is False]
         with self._guard:
-            self._held[remote.address] |= came
+            self._held[remote.address].update(blob for blob in wanted if right[blob])
             self._damaged[remote.address].update(wrong)
         if wrong:
-            raise DamagedBlob(remote.address, f"blob `{wrong[0].hash[:12]}` came with other bytes")
-        return came.issuperset(wanted)
+            raise RemoteFault(remote.address, f"blob `{wrong[0].hash[:12]}` came with other bytes")
+        return all(right.values())
 
     def send(self, remote: Remote, key: str) -> int:
         """Upload the result of `key`: blobs first, the entry last and only if all of them arrived.
@@ -123,37 +119,38 @@ class Transfer:
     def _send_traces(self, remote: Remote, static: Mapping[str, Any]) -> None:
         """Add the traces of a call that reads by itself to those that the remote has."""
         key = digests.of_bytes(traces.spelled(static, None))
-        here = traces.known(self._store, key)
-        asked = remote.aside if isinstance(remote, Guarded) else lambda work: work(remote)
-        there = asked(lambda other: self._traces(other, key)) or []
-        found = traces.merged(here, there)
+        there: list[traces.Steps] = []
+        with suppress(RemoteFault):  # an upload can do without
+            entry = entry_at(remote, key)
+            is_short = entry is not None and (entry.files[0].size or 0) <= MOST_ENTRY
+            if entry is not None and is_short and self._bring(remote, entry.files[:1]):
+                there = traces.listed(self._store, entry.result)
+        found = traces.merged(traces.known(self._store, key), there)
         if found != there:
             self._deliver(remote, self._store.actions.made(traces.made(self._store, static, found)))
 
-    def _traces(self, remote: Remote, key: str) -> list[traces.Steps]:
-        entry = entry_at(remote, key)
-        if entry is None or (entry.files[0].size or 0) > MOST_ENTRY:
-            return []
-        return traces.listed(self._store, entry.result) if self._bring(remote, entry.files[:1]) else []
-
     def _deliver(self, remote: Remote, entry: Entry) -> int:
         blobs = _blobs(entry.files)
+        sent: list[int] = []
+
+        def deliver(blob: Digest) -> None:
+            if blob not in damaged and remote.has(blob):
+                return
+            if not self._store.blobs.verify(blob.hash):
+                raise MissingBlob(blob.hash)
+            with self._store.blobs.open(blob.hash) as file:
+                remote.send(blob, file)
+            sent.append(blob.size)
+
         with self._guard:
             damaged = self._damaged[remote.address].intersection(blobs)
-            asked = [blob for blob in blobs if blob not in self._held[remote.address] and blob not in damaged]
-        wanted = [*damaged, *(remote.missing(asked) if asked else ())]
-        if wanted:
-            remote.send(sorted(wanted), self._open)
+            asked = [blob for blob in blobs if blob not in self._held[remote.address] or blob in damaged]
+        self._crew.each(deliver, asked)
         with self._guard:
             self._held[remote.address].update(blobs)
-            self._damaged[remote.address].difference_update(wanted)
+            self._damaged[remote.address] -= damaged
         remote.put_entry(entry.key, entry.spell())
-        return sum(blob.size for blob in wanted)
-
-    def _open(self, digest: Digest) -> BinaryIO:
-        if not self._store.blobs.verify(digest.hash):
-            raise MissingBlob(digest.hash)
-        return self._store.blobs.open(digest.hash)
+        return sum(sent)
 
 
 def _blobs(files: Iterable[File]) -> list[Digest]:

@@ -9,7 +9,6 @@ from typing import TypeAlias
 
 from dextera_build.errors import MachineError
 from dextera_build.workers.capacity import MEASURED, Capacity, Gpu, Needs
-from dextera_build.workers.retries import LOST
 
 Amounts: TypeAlias = Mapping[str, float]
 """What a node has or a call reserves, by Ray's names: `CPU`, `GPU`, `memory` [bytes], or one that nodes declare."""
@@ -52,7 +51,7 @@ def shape(needs: Needs, nodes: Collection[Amounts], gpu_memory_gb: float = 0.0) 
     if not nodes:
         raise MachineError(
             "no machine of the cluster is left",
-            code=LOST,
+            code="DXB-E354",
             hint="`ray status` lists nodes; finished results are kept, build again",
         )
     # Resources that only the configuration names are counted by the driver; Ray knows nothing of them.
