@@ -87,16 +87,6 @@ def test_editing_resources_and_retries_rebuilds_nothing(hungry: Space) -> None:
     assert hungry.dxb("plan", "toy/needs").out.splitlines()[0].split("\t")[:2] == ["a", "stale"]
 
 
-def test_plan_says_what_nodes_are_admitted_by(hungry: Space) -> None:
-    rows = {row["node"]: row for row in json.loads(hungry.dxb("plan", "toy/needs", "--resources", "--json").out)}
-    assert (rows["b"]["memory_declared"], rows["b"]["memory_measured"], rows["b"]["memory_admitted"]) == ("1", "-", "1")
-    assert rows["a"]["named"] == "licence:solver=1"
-    assert "licence:solver=1" in rows["a"]["lacks"]
-    hungry.build("toy/needs", "--resources", "gpu=2,licence:solver=1")
-    (row,) = json.loads(hungry.dxb("plan", "toy/needs:b", "--resources", "gpu=1", "--json").out)
-    assert 0 < float(row["memory_measured"]) < float(row["memory_admitted"]) < 1
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [
