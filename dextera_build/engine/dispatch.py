@@ -79,7 +79,7 @@ class Dispatch:
             if node.rests_until > now:
                 self._resting.append(node)
             elif lacking:
-                yield End(node, error=lacks(lacking, self._admission.capacity))
+                yield End(node, error=lacks(lacking))
             else:
                 self._admission.wait(node, estimate(needs, self.policy.peak_gb(node.address)))
 
