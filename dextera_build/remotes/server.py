@@ -217,7 +217,7 @@ def _publish(store: Store, key: str, message: bytes) -> None:
             if store.blobs.size(file.digest) != file.size:
                 raise MissingBlob(file.digest)
         if store.actions.get(key) is None or traces.listed(store, entry.result):
-            traces.publish(store, key, entry.result, entry.document)
+            traces.publish(store, key, entry.result)
     except MissingBlob as error:
         raise _RefusedError(HTTPStatus.BAD_REQUEST, f"blob {error.digest} is not here; blobs come first") from None
     except UNREADABLE:

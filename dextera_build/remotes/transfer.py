@@ -44,7 +44,7 @@ class Transfer:
         Args:
             remote: Where from.
             key: Digest of the key document.
-            whole: With every blob that it names; otherwise without its bytes.
+            whole: With every blob that it names; otherwise the key document and the headers of its output.
 
         Raises:
             RemoteFault: The remote did not answer rightly.
@@ -54,10 +54,10 @@ class Transfer:
         if entry is None:
             return None
         try:
-            if not (self._bring(remote, entry.files) if whole else self._headers(remote, entry)):
+            if not self._bring(remote, [file for file in entry.files if whole or file.role in entries.HEADERS]):
                 return None
             failpoints.reach("fetch.blobs")
-            is_whole = traces.publish(self._store, key, entry.result, entry.document, may_lack=not whole)
+            is_whole = traces.publish(self._store, key, entry.result, may_lack=not whole)
         except UNREADABLE:
             # A header is malformed, or names a blob that the entry does not name.
             return None
@@ -67,20 +67,6 @@ class Transfer:
             return None
         return Found(entry.result, is_whole)
 
-    def _headers(self, remote: Remote, entry: Entry) -> bool:
-        """Download the key document of an entry and the headers of its output, level by level."""
-        known = {file.digest: file for file in entry.files}
-        front = [entry.result.output]
-        seen = set(front)
-        came = self._bring(remote, [file for file in entry.files if file.role == entries.KEY])
-        while front and came:
-            if not self._bring(remote, [known[digest] for digest in front]):
-                return False
-            below = [ref for digest in front for ref in self._store.actions.references.directly(digest)[0]]
-            front = [ref for ref in dict.fromkeys(below) if ref not in seen]
-            seen.update(front)
-        return came
-
     def _bring(self, remote: Remote, files: Iterable[File]) -> bool:
         """Download the blobs that are not here; returns False if the remote lacks one.
 
@@ -88,8 +74,7 @@ class Transfer:
             RemoteFault: The remote did not answer rightly, or gave other bytes.
             StoreError: The local disk is full, or the store cannot be written.
         """
-        blobs = dict.fromkeys(Digest(file.digest, file.size) for file in files)
-        wanted = [blob for blob in blobs if self._store.blobs.size(blob.hash) != blob.size]
+        wanted = [blob for blob in _blobs(files) if self._store.blobs.size(blob.hash) != blob.size]
         if sum(blob.size for blob in wanted) > disk_full.free_bytes(str(self._store.root)):
             return False  # an entry may claim any size; a download that cannot fit is not started
         lacking: list[Digest] = []
@@ -121,7 +106,7 @@ class Transfer:
         for call, _ in entry.result.calls:  # first, so that nodes with other keys find the answer, too
             self.send(remote, call)
         octets = self._deliver(remote, entry)
-        parts = traces.parts_of(entry.document or self._store.blobs.get(key))
+        parts = traces.parts_of(self._store.blobs.get(key))
         if parts is not None and parts[1] is not None:
             self._send_traces(remote, parts[0])
         return octets
@@ -132,7 +117,8 @@ class Transfer:
         there: list[traces.Steps] = []
         with suppress(RemoteFault):  # an upload can do without
             entry = entry_at(remote, key)
-            if entry is not None and entry.files[0].size <= MOST_ENTRY and self._bring(remote, entry.files[:1]):
+            is_short = entry is not None and (entry.files[0].size or 0) <= MOST_ENTRY
+            if entry is not None and is_short and self._bring(remote, entry.files[:1]):
                 there = traces.listed(self._store, entry.result)
         found = traces.merged(traces.known(self._store, key), there)
         if found != there:
@@ -153,9 +139,14 @@ class Transfer:
                 sent.append(blob.size)
             self._right[remote.address, blob] = True
 
-        self._crew.each(deliver, list(dict.fromkeys(Digest(file.digest, file.size) for file in entry.files)))
+        self._crew.each(deliver, _blobs(entry.files))
         remote.put_entry(entry.key, entry.spell())
         return sum(sent)
+
+
+def _blobs(files: Iterable[File]) -> list[Digest]:
+    """The blobs of a whole entry, all of whose sizes are known."""
+    return list(dict.fromkeys(Digest(file.digest, file.size or 0) for file in files))
 
 
 def entry_at(remote: Remote, key: str) -> Entry | None:
