@@ -9,7 +9,7 @@ from typing import Literal
 
 from dextera_build.engine.expand import Wiring
 from dextera_build.engine.graph import Address, Graph, RuleFacts, parse_address
-from dextera_build.engine.lookup import leaves, lookup, reach
+from dextera_build.engine.lookup import copy_of, leaves, lookup, reach
 from dextera_build.engine.policy import Policy
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
@@ -30,12 +30,12 @@ class Planned:
     """None where it is not known; that of a stale node which reads by itself is right if it reads what it read last."""
     seconds_last: float | None
     """How long it ran the last time [s], where that is known."""
+    rule: RuleFacts = field(repr=False, compare=False)
+    """Of its call."""
     output: str | None = None
     """Digest of the output of a cached node."""
     bare: bool = False
     """Its result is known, its bytes are absent: cached as long as nobody needs them, stale where somebody does."""
-    rule: RuleFacts | None = field(default=None, repr=False, compare=False)
-    """Of its call; None for copies that are not known yet."""
     spell: Callable[[], bytes] = field(default=bytes, repr=False, compare=False)
 
     @property
@@ -68,7 +68,7 @@ def plan(
             scheduler.wiring.leaf(leaf)
     store.leaves.save()
     return [
-        _planned(entry, scheduler, history) if isinstance(entry, Node) else _open(entry, history)
+        _planned(entry, scheduler, history) if isinstance(entry, Node) else _open(graph, entry, history)
         for entry in _entries(graph, wanted, scheduler.wiring)
     ]
 
@@ -82,18 +82,18 @@ def _planned(node: Node, scheduler: Scheduler, history: History | None) -> Plann
             "stale" if stale else "cached",
             node.key,
             node.result.seconds if node.result else None,
+            node.rule,
             output=None if stale else node.output,
             bare=node.bare,
-            rule=node.rule,
             spell=spell,
         )
     last = history.get(node.address) if history else None
     seconds = last.seconds if last else None
     if node.state is not State.STALE:
-        return Planned(node.address, "unknown", None, seconds, rule=node.rule)
+        return Planned(node.address, "unknown", None, seconds, node.rule)
     if node.rule.discovers:
         scheduler.reading.suppose(node, last.key if last else "")
-    return Planned(node.address, "stale", node.key, seconds, bare=node.bare, rule=node.rule, spell=spell)
+    return Planned(node.address, "stale", node.key, seconds, node.rule, bare=node.bare, spell=spell)
 
 
 def _entries(graph: Graph, wanted: Sequence[Address], wiring: Wiring) -> Iterator[Node | Path]:
@@ -115,8 +115,8 @@ def _entries(graph: Graph, wanted: Sequence[Address], wiring: Wiring) -> Iterato
                     yield path
 
 
-def _open(path: Path, history: History | None) -> Planned:
+def _open(graph: Graph, path: Path, history: History | None) -> Planned:
     name = ".".join(path)
     known = history.all() if history else {}
     past = [entry.seconds for address, entry in known.items() if parse_address(address).call == path]
-    return Planned(name, "unknown", None, sum(past) if past else None)
+    return Planned(name, "unknown", None, sum(past) if past else None, copy_of(graph, path, ()).rule)
