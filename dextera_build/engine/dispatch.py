@@ -15,6 +15,7 @@ from dextera_build.engine.remote_results import Sharing
 from dextera_build.engine.states import State
 from dextera_build.engine.units import End, Node, UnitStates
 from dextera_build.errors import DxbError
+from dextera_build.store.backoff import backoff
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.workers.admission import Admission, estimate, lacks
@@ -202,7 +203,8 @@ class Dispatch:
 
     def _rest(self, node: Node, report: Ended, error: DxbError) -> None:
         """Have the node tried again after a while."""
-        wait_s = node.rule.retries.delay_s(node.tries, node.key or "")
+        # Spread by the node's key, so that nodes which failed together do not come back together.
+        wait_s = backoff(node.tries, node.rule.retries.wait_s, node.key or "")
         node.rests_until = time.monotonic() + wait_s
         log = log_of(self.store, report)
         self.hooks.said(node, "retried", {"tries": node.tries, "wait_s": wait_s, "error": error.to_json(), "log": log})
