@@ -61,8 +61,8 @@ class Collection:
     before: int = 0
     """Bytes of blobs, results and saved progress."""
     after: int = 0
-    running: int = 0
-    """How many builds ran meanwhile."""
+    running: bool = False
+    """Whether builds ran meanwhile."""
     vanished: list[str] = field(default_factory=list)
     """Projects whose folder is not there: what they built last is not held."""
 
@@ -150,7 +150,7 @@ class _Collector:
         results = self._held.results
         everyone |= {name for key in everyone if key in results for name in results[key].needs if name in results}
         self._choice = choose(self._held, everyone, limits, self._horizon)
-        self._said = Collection(before=self._held.bytes(), after=self._choice.left, running=store.running.processes())
+        self._said = Collection(before=self._held.bytes(), after=self._choice.left, running=bool(starts))
 
     def plan(self) -> Collection:
         """Say what would go."""

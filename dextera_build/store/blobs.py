@@ -277,13 +277,23 @@ class _ChangedError(StoreError):
 
 def listing(root: Path) -> Iterator[tuple[str, int, float]]:
     """Every file `ab/cdef...` below `root` whose name is a digest: (digest, bytes, last use)."""
-    for shard in _scan(str(root)):
-        if len(shard.name) == 2 and shard.is_dir(follow_symlinks=False):
-            for entry in _scan(shard.path):
-                if is_digest(shard.name + entry.name):
-                    with suppress(FileNotFoundError):
-                        state = entry.stat(follow_symlinks=False)
-                        yield shard.name + entry.name, state.st_size, state.st_mtime
+    for shard in shards(root):
+        yield from listed(shard)
+
+
+def shards(root: Path) -> list[str]:
+    """The folders `ab` below `root`."""
+    return [entry.path for entry in _scan(str(root)) if len(entry.name) == 2 and entry.is_dir(follow_symlinks=False)]
+
+
+def listed(shard: str) -> Iterator[tuple[str, int, float]]:
+    """The part of a `listing` that lies in one folder."""
+    for entry in _scan(shard):
+        digest = shard[-2:] + entry.name
+        if is_digest(digest):
+            with suppress(FileNotFoundError):
+                state = entry.stat(follow_symlinks=False)
+                yield digest, state.st_size, state.st_mtime
 
 
 def _scan(folder: str) -> list[os.DirEntry[str]]:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from dextera_build.store import files, locks
+from dextera_build.store import locks
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.protocol import Ended, Report, Task
 from tests.engine.test_interrupt import gone
@@ -44,7 +44,6 @@ def look(task: Mapping[str, Any], emit: Callable[[str, Any], None]) -> dict[str,
         "devices": os.environ["CUDA_VISIBLE_DEVICES"],
         "threads": threading.active_count(),
         "pid": os.getpid(),
-        "token": files._TOKEN,
     }
 
 
