@@ -33,7 +33,11 @@ def store_error(error: OSError, path: str) -> StoreError:
         return StoreError(
             "the store is full",
             code="DXB-S101",
-            facts={"file": path, "system says": error.strerror, "free": disk_full.free(path)},
+            facts={
+                "file": path,
+                "system says": error.strerror,
+                "free": f"{disk_full.free_bytes(path) / 2**20:,.0f} MiB",
+            },
             hint="`dxb cache size` shows its size; free space, or set `DXB_CACHE` to a larger disk and build again",
         )
     no_folder = error.errno in (errno.EEXIST, errno.ENOTDIR)

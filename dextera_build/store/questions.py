@@ -53,9 +53,9 @@ class Look:
         """
         if kind == "names":
             return digests.of_value(self.names(name))
-        if kind == "there":
-            return YES if self._state(name) is not None else NO
         state = self._state(name)
+        if kind == "there":
+            return YES if state is not None else NO
         is_file = state is not None and not stat.S_ISDIR(state.st_mode)
         return self._leaves.digest_leaf(Path(self.path(name))) if is_file else NONE
 

@@ -101,15 +101,9 @@ class Watch:
 
     def settled(self) -> bool:
         """Whether every file is what it was at the first look, and none may change without a trace."""
+        files = self.files.items()
         return (
-            all(
-                look(path) == known and (known is None or not is_racy(known, self.started_ns))
-                for path, known in self.files.items()
-            )
-            and self._listed()
-        )
-
-    def _listed(self) -> bool:
-        return all(names(path) == known for path, known in self.folders.items()) and all(
-            modules(path) == known for path, known in self.paths.items()
+            all(look(path) == known and not (known and is_racy(known, self.started_ns)) for path, known in files)
+            and all(names(path) == known for path, known in self.folders.items())
+            and all(modules(path) == known for path, known in self.paths.items())
         )
