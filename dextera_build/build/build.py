@@ -98,6 +98,8 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, wa
     store.leaves.watch = watch
     # Until its results are placed nobody may collect them.
     with executor(session, idle=order.bring_from is not None) as ready, store.running.announced():
+        if watch is not None:
+            snapshots.note_packages(watch)
         plan = session.plan()
         if watch is not None:
             snapshots.note(session.project, watch, plan)
