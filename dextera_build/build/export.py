@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build import digest as digests
-from dextera_build.build.snapshots import Placed, Signatures
 from dextera_build.errors import DxbError
 from dextera_build.session import Session
 from dextera_build.store import failpoints, files, headers, permissions, signature
@@ -32,6 +31,20 @@ _OLD_S = 3600.0
 """Unfinished folders of this age [s] go also where locks do not work."""
 
 
+@dataclass
+class Placed:
+    """What a build placed or found in place."""
+
+    paths: dict[str, str] = field(default_factory=dict)
+    """Address of a target -> whole path of its main file."""
+    present: dict[str, Signature] = field(default_factory=dict)
+    """Whole path -> signature of every file of the targets, as it was written."""
+    kept: dict[str, str] = field(default_factory=dict)
+    """Address of a target whose files somebody changed -> folder in which these are now."""
+    removed: list[str] = field(default_factory=list)
+    """Addresses of nodes whose copies were out of date."""
+
+
 @dataclass(frozen=True)
 class _Copy:
     """A node's files as dxb wrote them."""
@@ -39,7 +52,7 @@ class _Copy:
     output: str
     rule: str
     main: str = ""
-    files: Signatures = field(default_factory=dict)
+    files: Mapping[str, Signature] = field(default_factory=dict)
 
     def is_intact(self, folder: str) -> bool:
         """Whether every file is as it was written; files that somebody added do not count."""

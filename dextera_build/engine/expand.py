@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from itertools import chain
-from pathlib import Path as FilePath
 
 from dextera_build.engine.graph import (
     Address,
@@ -17,6 +16,7 @@ from dextera_build.engine.graph import (
     Item,
     Leaf,
     Output,
+    Pack,
     node_address,
     parts_of,
 )
@@ -24,6 +24,8 @@ from dextera_build.engine.lookup import copy_of, group_at, leaves_of, no_copy
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Labels, Node, Opening, Path, Unit
 from dextera_build.errors import DxbError
+from dextera_build.store import headers
+from dextera_build.store.store import Store
 
 
 class Wiring:
@@ -31,10 +33,10 @@ class Wiring:
 
     Args:
         graph: The plan.
-        digest_leaf: Puts a file or folder into the store and returns its artifact's digest.
+        store: Takes files and folders, and has the headers of outputs.
     """
 
-    def __init__(self, graph: Graph, digest_leaf: Callable[[FilePath], str]) -> None:
+    def __init__(self, graph: Graph, store: Store) -> None:
         self.graph = graph
         self.nodes: dict[str, Node] = {}
         """By address."""
@@ -50,7 +52,7 @@ class Wiring:
         """Nodes that read files or folders directly; one that was connected again stands there again."""
         self._asked: list[Gathering] = []
         """The targets."""
-        self._digest_leaf = digest_leaf
+        self._store = store
 
     def ask(self, targets: Iterable[Address]) -> list[Gathering]:
         """Ask for targets."""
@@ -98,7 +100,7 @@ class Wiring:
         path = str(leaf.path)
         if path not in self.leaves:
             try:
-                self.leaves[path] = self._digest_leaf(leaf.path)
+                self.leaves[path] = self._store.leaves.digest_leaf(leaf.path)
             except DxbError as error:
                 error.where = error.where or leaf.where
                 self.unread.append(error)
@@ -161,6 +163,29 @@ class Wiring:
         if isinstance(part, Item):
             return self.opening(part.group, reader.labels[: len(part.group) - 1])
         return self._gathering(part, reader.path[:-1], reader.labels)
+
+    def value(self, source: Input, reader: Unit) -> str:
+        """The digest of an input of `reader`, whose sources are known; a collection that the recipe lists is stored.
+
+        Raises:
+            DxbError: A field does not exist, a file cannot be read, or the store cannot take the collection.
+        """
+        blobs = self._store.blobs
+        if isinstance(source, Pack):
+            parts = {label: self.value(part, reader) for label, part in source.parts.items()}
+            return blobs.put(headers.collection_header(parts))
+        if isinstance(source, Leaf):
+            return self.leaf(source)
+        unit = self.source(source, reader)
+        start: str | None = None
+        if isinstance(unit, Node | Gathering):
+            start = unit.output
+        elif isinstance(unit, Opening):
+            start = unit.items[reader.labels[len(unit.labels)]]
+        assert start is not None, f"{reader.address} is not ready"
+        # A gathering has followed the fields already.
+        fields = () if isinstance(source, Gather) else source.fields
+        return headers.project(blobs.get, start, fields) if fields else start
 
     def expand(self, unit: Gathering, opened: Opening) -> None:
         """Go on from a group that `unit` waited for and that is open now.

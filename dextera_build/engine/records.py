@@ -1,36 +1,16 @@
-"""What became of the nodes of a run: one record for each, which is also the event that tells of it."""
+"""What became of a node: one record, which is also the event that tells of it."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
 
-from dextera_build.engine.expand import Wiring
 from dextera_build.engine.lookup import files_read
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node, Unit, producers
 from dextera_build.errors import DxbError
 from dextera_build.runs.events import NodeFinished, Status
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """What became of a run."""
-
-    ok: bool
-    """Whether every target is up to date."""
-    nodes: Mapping[str, NodeFinished]
-    """Address -> what became of the node, in the order in which the run came to them."""
-    targets: tuple[str, ...]
-    """Addresses of the nodes that were asked for, every copy by itself."""
-    run: str = ""
-    """Id of the run."""
-    wiring: Wiring | None = field(default=None, repr=False, compare=False)
-    """What the run was made of."""
-    errors: Mapping[str, DxbError] = field(default_factory=dict)
-    """Address of whatever failed, a node, group, collection or target -> why."""
 
 
 def record_of(node: Node, project: str, blockers: Sequence[str] = ()) -> NodeFinished:

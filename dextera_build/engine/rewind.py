@@ -11,16 +11,15 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
 from dextera_build.engine.expand import Wiring
-from dextera_build.engine.resolve import value
 from dextera_build.engine.states import State
-from dextera_build.engine.units import Gathering, Node, Opening, Unit, UnitStates
+from dextera_build.engine.units import Gathering, Node, Opening, States, Unit
 from dextera_build.store.store import Store
 
 _MOST = 3
 """How often one blob may vanish under one reader."""
 
 
-def rewind(unit: Unit, digest: str, store: Store, states: UnitStates) -> list[Unit] | None:
+def rewind(unit: Unit, digest: str, store: Store, states: States) -> list[Unit] | None:
     """Blob `digest` is gone: take `unit`, and all between it and nodes whose results are lost, back to waiting.
 
     Returns:
@@ -42,13 +41,13 @@ def absent(node: Node, store: Store, wiring: Wiring) -> list[Node]:
         bare = [maker for maker in _makers(wiring.sources(source, node)) if maker.bare]
         if not bare:
             continue
-        given = node.inputs.get(slot) or value(source, node, wiring, store.blobs)  # in a dry run inputs are not held
+        given = node.inputs.get(slot) or wiring.value(source, node)  # in a dry run inputs are not held
         if not store.actions.references.are_here(given):
             found |= dict.fromkeys(maker for maker in bare if not _is_here(maker, store))
     return list(found)
 
 
-def send_back(unit: Unit, missing: Iterable[Node], states: UnitStates) -> list[Unit]:
+def send_back(unit: Unit, missing: Iterable[Node], states: States) -> list[Unit]:
     """Take `unit`, and all between it and these nodes that it reads, back to waiting; they must be connected again."""
     wanted = {id(node) for node in missing}
     return _back(unit, _above(unit, lambda source: id(source) in wanted), states)
@@ -109,7 +108,7 @@ def _gone(source: Unit, store: Store) -> bool:
     return False
 
 
-def _back(unit: Unit, again: list[Unit], states: UnitStates) -> list[Unit]:
+def _back(unit: Unit, again: list[Unit], states: States) -> list[Unit]:
     for other in (*again, unit):
         other.forget()
         if other.state is not State.WAITS:

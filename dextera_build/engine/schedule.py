@@ -19,7 +19,8 @@ All walks are loops: chains may be long.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+import time
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 
 from dextera_build import digest as digests
@@ -29,12 +30,15 @@ from dextera_build.engine.dispatch import Dispatch
 from dextera_build.engine.expand import Wiring
 from dextera_build.engine.graph import Address, Fixed, Graph
 from dextera_build.engine.key import Writer
-from dextera_build.engine.policy import Hooks, Policy
+from dextera_build.engine.policy import Policy
+from dextera_build.engine.records import record_of, record_of_group
 from dextera_build.engine.remote_results import Remotes, Sharing
-from dextera_build.engine.resolve import inputs_of, value
-from dextera_build.engine.states import LOST, State, States
-from dextera_build.engine.units import End, Gathering, Node, Opening, Unit, UnitStates
+from dextera_build.engine.states import LOST, State
+from dextera_build.engine.units import End, Gathering, Node, Opening, States, Unit
 from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
+from dextera_build.runs import events
+from dextera_build.runs.events import Listener
+from dextera_build.runs.history import Entry, History
 from dextera_build.store import headers
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.entry import ActionResult
@@ -53,8 +57,10 @@ class Scheduler:
         store: Where results come from and go to.
         executor: What runs nodes; None only for a dry run.
         policy: How the run goes.
-        hooks: Who listens.
+        listen: Takes every event.
+        history: What is remembered of the nodes; nothing of a dry run is.
         exchange: The remotes, where there are any.
+        pause: Called when all that there is to tell was told, before time passes.
     """
 
     def __init__(
@@ -63,21 +69,25 @@ class Scheduler:
         store: Store,
         executor: Executor | None,
         policy: Policy,
-        hooks: Hooks | None = None,
+        *,
+        listen: Listener = lambda event: None,
+        history: History | None = None,
         exchange: Remotes = None,
+        pause: Callable[[], None] = lambda: None,
     ) -> None:
         self.graph = graph
         self.store = store
         self.policy = policy
-        self.hooks = hooks or Hooks()
-        self.states: UnitStates = States()
-        self.wiring = Wiring(graph, store.leaves.digest_leaf)
+        self.listen = listen
+        self.history = history
+        self.states = States()
+        self.wiring = Wiring(graph, store)
         self.wishes: list[Gathering] = []
         self.failed: list[Unit] = []
         self.errors: list[DxbError] = []
         self._writer = Writer()
         self.reading = Reading(store, self._writer)
-        self.sharing = Sharing(exchange, self.states, self.reading)
+        self.sharing = Sharing(exchange, self.states, self.reading, listen)
         self.dispatch = Dispatch(
             store=store,
             executor=executor,
@@ -85,7 +95,9 @@ class Scheduler:
             sharing=self.sharing,
             policy=policy,
             reading=self.reading,
-            hooks=self.hooks,
+            listen=listen,
+            pause=pause,
+            history=history,
             forced=self._is_forced,
         )
         self._owners: dict[str, Node] = {}
@@ -159,7 +171,7 @@ class Scheduler:
         if known != self._measured and not (self.wiring.fresh and known[0] < 2 * self._measured[0]):
             self._measured = known
             unopened = sum(unit.state is not State.DONE and unit.state not in LOST for unit in openings.values())
-            self.hooks.sized(known[0], unopened)
+            self.listen(events.RunSized(time.time(), known[0], unopened))
 
     def _connect(self, unit: Unit) -> None:
         try:
@@ -184,7 +196,7 @@ class Scheduler:
         call = node.call
         if node.leaves:
             self.wiring.note_leaves(node, call)  # another node that reads one of them may have looked again since
-        inputs = node.inputs = inputs_of(call, node, self.wiring, self.store.blobs)
+        inputs = node.inputs = {slot: self.wiring.value(source, node) for slot, source in call.inputs.items()}
         document = node.document = self._writer.document(call, inputs)
         node.key = digests.of_bytes(document)
         try:
@@ -214,7 +226,7 @@ class Scheduler:
             self.states.set(node, State.STALE)
         else:
             if hit is not None and not forced and node.output is None:
-                self.hooks.missed(node, node)
+                self._tell_missed(node, node)
             self._owners[node.owned] = node
             # What is forced shall run, and a result that others made is not what it asks for.
             if forced or not self.sharing.ask(node):
@@ -249,7 +261,7 @@ class Scheduler:
         """Let `unit` wait until these nodes have their bytes; False where there are none."""
         for node in missing:
             if node.state is State.DONE:
-                self.hooks.missed(node, node if node.asked else unit)
+                self._tell_missed(node, node if node.asked else unit)
             node.asked = True
         if missing:
             self._connect_again(rewind.send_back(unit, missing, self.states))
@@ -266,8 +278,7 @@ class Scheduler:
         if isinstance(unit.group.over, Fixed):
             unit.items = dict.fromkeys(unit.group.over.labels, "")
         else:
-            over = value(unit.group.over, unit, self.wiring, self.store.blobs)
-            unit.items = headers.items(self.store.blobs.get, over)
+            unit.items = headers.items(self.store.blobs.get, self.wiring.value(unit.group.over, unit))
         for label in unit.items:
             if not _LABEL.fullmatch(label):
                 raise RuleError(
@@ -275,7 +286,7 @@ class Scheduler:
                     code="DXB-B306",
                     facts={"labels": "one character or more, none of them [ ] / \\ or a control character"},
                 )
-        self.hooks.opened(unit)
+        self.listen(events.GroupOpened(time.time(), unit.address, list(unit.items)))
         self._measured = (0, 0)
         self._done(unit)
 
@@ -315,7 +326,7 @@ class Scheduler:
     def _done(self, unit: Unit) -> None:
         self.states.set(unit, State.DONE)
         if isinstance(unit, Node):
-            self.hooks.settled(unit)
+            self._tell_settled(unit)
         for dependent in unit.release():
             if dependent.state is State.WAITS:
                 dependent.pending -= 1
@@ -359,14 +370,14 @@ class Scheduler:
         if isinstance(unit, Node):
             unit.error, unit.status = error, "failed"
             followers = self._disown(unit)
-            self.hooks.settled(unit)
+            self._tell_settled(unit)
             for follower in followers:
                 if error.code == "DXB-B304":  # a file of the other node changed; this one may read another
                     self.states.set(follower, State.READY)
                 else:
                     self._fail(follower, error)
         else:
-            self.hooks.broken(unit, error)
+            self.listen(record_of_group(unit, error))
         self._block_readers(unit)
 
     def _block(self, unit: Unit) -> None:
@@ -380,6 +391,20 @@ class Scheduler:
             if reader.state is State.WAITS:
                 self.states.set(reader, State.BLOCKED)
                 stack += reader.dependents
+
+    def _tell_missed(self, node: Node, reader: Unit) -> None:
+        self.listen(events.BytesMissed(time.time(), node.address, reader.address))
+
+    def _tell_settled(self, node: Node) -> None:
+        """Say what became of a node, and remember it."""
+        if self.policy.dry:
+            return
+        record, result = record_of(node, self.policy.project), node.result
+        if self.history is not None and result is not None and record.result is not None and record.key is not None:
+            # How long a fetch took says nothing of how long the node runs.
+            entry = Entry(record.key, result.key_document, self.policy.run, result.seconds, record.time, record.usage)
+            self.history.note(node.address, entry)
+        self.listen(record)
 
     def _is_forced(self, node: Node) -> bool:
         if node.status or node.key in self._made or not (self.policy.force or self.policy.recall):
