@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 
 from dextera_build.build import build as building
 from dextera_build.build.lock import Locking
@@ -86,6 +86,19 @@ class Why:
     """What changed, each followed, at a greater `depth`, by what stands behind it."""
 
 
+class RequestArguments(TypedDict, total=False):
+    """What a request adds to a recipe; every verb takes these by keyword."""
+
+    inputs: Mapping[str, str | os.PathLike[str]]
+    """Input of the recipe -> path (from the current folder) or target of another recipe."""
+    settings: Mapping[str, object]
+    """`body[mug].mesh.wall_m` -> value, over the recipe's own."""
+    backends: Mapping[str, str]
+    """Rule -> backend."""
+    profile: str
+    """`stub`, `cpu`, `gpu` or `cloud`."""
+
+
 class Project(settings_of.Project):
     """A project folder, with what can be done in it."""
 
@@ -100,14 +113,10 @@ class Project(settings_of.Project):
         found = settings_of.find(Path(path) if path is not None else None)
         return cls(found.root, settings, declared=found.declared)
 
-    def build(  # noqa: PLR0913 - the flags of `dxb build`, by name
+    def build(
         self,
         recipe: str,
         *targets: str,
-        inputs: Mapping[str, str | os.PathLike[str]] | None = None,
-        settings: Mapping[str, object] | None = None,
-        backends: Mapping[str, str] | None = None,
-        profile: str | None = None,
         jobs: int | None = None,
         force: Iterable[str] = (),
         keep_going: bool = False,
@@ -115,16 +124,13 @@ class Project(settings_of.Project):
         lock: bool = False,
         locked: bool = False,
         listen: Listener | None = None,
+        **request: Unpack[RequestArguments],
     ) -> Result:
         """Bring targets of a recipe up to date; only what is stale runs.
 
         Args:
             recipe: `twin/laptop_scene`, or with a target: `twin/laptop_scene:scene`.
             targets: Names of targets or addresses of nodes; without any, the default targets.
-            inputs: Input of the recipe -> path (from the current folder) or target of another recipe.
-            settings: `body[mug].mesh.wall_m` -> value, over the recipe's own.
-            backends: Rule -> backend.
-            profile: `stub`, `cpu`, `gpu` or `cloud`.
             jobs: Cores to share out; most nodes take one.
             force: Addresses of nodes that run although they are cached.
             keep_going: After a failure go on with what does not depend on it.
@@ -132,6 +138,7 @@ class Project(settings_of.Project):
             lock: Pin the targets in dxb.lock.
             locked: Refuse what is not as pinned.
             listen: Takes every event as it happens, in the calling thread.
+            request: `inputs`, `settings`, `backends`, `profile`: see `RequestArguments`.
 
         Raises:
             UsageError: A name does not exist.
@@ -139,8 +146,8 @@ class Project(settings_of.Project):
             StaleError: With `locked`, a target is not what it was pinned as.
             MachineError: A chosen backend is not installed.
         """
-        here = self._with(profile, jobs)
-        session, names = here._open(recipe, targets, _added(inputs, settings, backends), makes=True)
+        here = self._with(profile=request.get("profile"), jobs=jobs)
+        session, names = here._open(recipe, targets, request, makes=True)
         order = building.Order(names, keep_going, tuple(force), whole)
         locking = Locking(here, lock=lock, locked=locked, added=session.added)
         built = building.build(session, order, locking, listen or (lambda event: None))
@@ -148,51 +155,25 @@ class Project(settings_of.Project):
         paths = {node: Path(path) for node, path in built.placed.paths.items()}
         return Result(result.ok, built.run, result.nodes, result.targets, paths, result.errors, session)
 
-    def plan(
-        self,
-        recipe: str,
-        *targets: str,
-        inputs: Mapping[str, str | os.PathLike[str]] | None = None,
-        settings: Mapping[str, object] | None = None,
-        backends: Mapping[str, str] | None = None,
-        profile: str | None = None,
-    ) -> list[Planned]:
+    def plan(self, recipe: str, *targets: str, **request: Unpack[RequestArguments]) -> list[Planned]:
         """What `build` would do with each node, without doing it; the arguments are those of `build`."""
         from dextera_build.engine.dry import plan as dry
 
-        here = self._with(profile, None)
-        session, names = here._open(recipe, targets, _added(inputs, settings, backends))
+        session, names = self._with(profile=request.get("profile"))._open(recipe, targets, request)
         graph = session.plan().graph
         wanted = [address for name in names for address in addresses(graph, name)]
         return dry(graph, wanted, session.store, history=session.past_builds)
 
-    def why(
-        self,
-        node: str,
-        *,
-        inputs: Mapping[str, str | os.PathLike[str]] | None = None,
-        settings: Mapping[str, object] | None = None,
-        backends: Mapping[str, str] | None = None,
-        profile: str | None = None,
-    ) -> Why:
+    def why(self, node: str, **request: Unpack[RequestArguments]) -> Why:
         """Why `twin/laptop_scene:body[mug].mesh` is stale, or when it was built; the arguments are those of `build`."""
         from dextera_build.explain.why import explain
 
-        here = self._with(profile, None)
         named = parse_target(node)
-        session = Session(here, named.recipe, _added(inputs, settings, backends))
+        session = Session(self._with(profile=request.get("profile")), named.recipe, _added(request))
         sentence, causes = explain(session, named.node)
         return Why(node, sentence, tuple(causes))
 
-    def get(
-        self,
-        node: str,
-        *,
-        inputs: Mapping[str, str | os.PathLike[str]] | None = None,
-        settings: Mapping[str, object] | None = None,
-        backends: Mapping[str, str] | None = None,
-        profile: str | None = None,
-    ) -> Artifact:
+    def get(self, node: str, **request: Unpack[RequestArguments]) -> Artifact:
         """What `twin/laptop_scene:scene` returned when it was built last; nothing runs.
 
         Without further arguments that is the request that was built last; the arguments are those of `build`.
@@ -202,34 +183,26 @@ class Project(settings_of.Project):
             RuleError: It was, but the store no longer holds it.
         """
         named = parse_target(node)
-        here = self._with(profile, None)
-        return Session(here, named.recipe, _added(inputs, settings, backends), last=True).artifact(named.node)
+        here = self._with(profile=request.get("profile"))
+        return Session(here, named.recipe, _added(request), last=True).artifact(named.node)
 
-    def _with(self, profile: str | None, jobs: int | None) -> Project:
-        if profile is None and jobs is None:
-            return self
-        flags = self._flags | {
-            name: value for name, value in (("profile", profile), ("jobs", jobs)) if value is not None
-        }
-        return Project(self.root, flags, declared=self.declared)
+    def _with(self, **settings: object) -> Project:
+        flags = {name: value for name, value in settings.items() if value is not None}
+        return Project(self.root, self._flags | flags, declared=self.declared) if flags else self
 
     def _open(
-        self, recipe: str, targets: tuple[str, ...], added: Added, *, makes: bool = False
+        self, recipe: str, targets: tuple[str, ...], request: RequestArguments, *, makes: bool = False
     ) -> tuple[Session, list[str]]:
         named = parse_target(recipe)
-        session = Session(self, named.recipe, added, makes=makes)
+        session = Session(self, named.recipe, _added(request), makes=makes)
         return session, [*([named.node] if named.node or not targets else []), *targets]
 
 
-def _added(
-    inputs: Mapping[str, str | os.PathLike[str]] | None,
-    settings: Mapping[str, object] | None,
-    backends: Mapping[str, str] | None,
-) -> Added:
+def _added(request: RequestArguments) -> Added:
     return Added(
-        {name: os.fspath(path) for name, path in (inputs or {}).items()},
-        tuple(f"{name}={_spelled(name, value)}" for name, value in (settings or {}).items()),
-        dict(backends or {}),
+        {name: os.fspath(path) for name, path in request.get("inputs", {}).items()},
+        tuple(f"{name}={_spelled(name, value)}" for name, value in request.get("settings", {}).items()),
+        request.get("backends", {}),
     )
 
 

@@ -12,7 +12,6 @@ from dextera_build.engine.graph import (
     Gather,
     Graph,
     Group,
-    Item,
     Leaf,
     Output,
     Pack,
@@ -41,14 +40,19 @@ def walk(graph: Graph, targets: Sequence[Address]) -> Iterator[tuple[Path, list[
             continue
         seen.add(name)
         groups, call = _descend(graph, path)
-        for group in groups:
-            stack += _read_by(group.over)
-        found = variants(groups, call)
-        for variant in found:
-            for source in variant.inputs.values():
-                for part in parts_of(source):
-                    stack += _read_by(part)
-        yield path, found
+        stack += needs(graph, path)
+        yield path, variants(groups, call)
+
+
+def needs(graph: Graph, path: Path) -> Iterator[Path]:
+    """The calls that some copy of the call at `path` reads, and those whose collections its groups open over."""
+    groups, call = _descend(graph, path)
+    sources = [
+        part for variant in variants(groups, call) for given in variant.inputs.values() for part in parts_of(given)
+    ]
+    for source in (*(group.over for group in groups), *sources):
+        if isinstance(source, Output | Gather):
+            yield source.call
 
 
 def reach(graph: Graph, targets: Sequence[Address]) -> list[Path]:
@@ -159,10 +163,3 @@ def _descend(graph: Graph, path: Path) -> tuple[list[Group], Call]:
     if not isinstance(call, Call):
         raise KeyError(path)
     return groups, call
-
-
-def _read_by(source: object) -> list[Path]:
-    if isinstance(source, Output | Gather):
-        return [source.call]
-    assert isinstance(source, Leaf | Item | Fixed)
-    return []

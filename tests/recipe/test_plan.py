@@ -263,6 +263,14 @@ def test_a_listed_cycle_is_found(space):
             "2:13",
         ),
         (
+            "nodes:\n  s: {rule: toy.start}\n  w: {rule: toy.split, text: $s}\n"
+            "  g:\n    each: $w\n    nodes:\n      a: {rule: toy.shout, text: $item}\n"
+            "      b: {rule: toy.shout, text: $a}\n    overrides: {hello: {a: {text: $b}}}",
+            "R108",
+            "the recipe feeds into itself",
+            "7:17",
+        ),
+        (
             "nodes: {a: {text: b}}",
             "R112",
             "the node `a` needs exactly one of `rule`, `recipe`, `each`, `matrix`",
