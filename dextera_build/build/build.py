@@ -128,7 +128,7 @@ class _Build:
 
         session, order, project = self.session, self.order, self.session.project
         brings = order.bring_from is not None
-        with EventLog(session.store, gathers=True) as log:
+        with EventLog(session.store) as log:
             policy = Policy(
                 keep_going=order.keep_going,
                 force=order.forced,

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from dextera_build.engine.discovered import Reading
-from dextera_build.engine.graph import RuleFacts
 from dextera_build.engine.policy import Policy
 from dextera_build.engine.publish import log_of, publish
 from dextera_build.engine.remote_results import Sharing
@@ -21,7 +20,7 @@ from dextera_build.runs.history import History
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.workers.admission import Admission, estimate, lacks
-from dextera_build.workers.capacity import Capacity, Needs
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.protocol import Ended, Executor, Report, Said, Task
 
 _PATIENCE_S = 0.02
@@ -52,8 +51,6 @@ class Dispatch:
         self._tickets = itertools.count()
         self._resting: list[Node] = []
         self._admission: Admission[Node] = Admission(self.executor.capacity if self.executor else Capacity())
-        self._needs: dict[int, tuple[RuleFacts, Needs, Mapping[str, tuple[float, float]]]] = {}
-        """By identity, since rules cannot be hashed; an entry keeps its rule alive."""
         self._store_name = str(self.store.root)
 
     def start(self) -> Iterator[End]:
@@ -82,22 +79,14 @@ class Dispatch:
             self._resting = [node for node in self._resting if node.rests_until > now]
         while queue:
             node = queue.popleft()
-            needs, lacking = self._needs_of(node.rule)
+            needs = node.rule.needs
             if node.rests_until > now:
                 self._resting.append(node)
-            elif lacking:
+            elif lacking := needs.lacks(self._admission.capacity):
                 yield End(node, error=lacks(lacking, self._admission.capacity))
             else:
                 peak_gb = self.history.peak_gb(node.address) if self.history else None
                 self._admission.wait(node, estimate(needs, peak_gb))
-
-    def _needs_of(self, rule: RuleFacts) -> tuple[Needs, Mapping[str, tuple[float, float]]]:
-        """What calls of a rule need, and what of that is nowhere here."""
-        known = self._needs.get(id(rule))
-        if known is None:
-            needs = rule.needs
-            known = self._needs[id(rule)] = (rule, needs, needs.lacks(self._admission.capacity))
-        return known[1:]
 
     @property
     def is_busy(self) -> bool:
@@ -166,7 +155,7 @@ class Dispatch:
             store=self._store_name,
             project=self.policy.project,
             profile=self.policy.profile,
-            needs=self._needs_of(rule)[0],
+            needs=rule.needs,
             devices=devices,
             key=node.key or "",
             sources=rule.sources,

@@ -10,7 +10,7 @@ from dextera_build.engine.lookup import files_read
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node, Unit, producers
 from dextera_build.errors import DxbError
-from dextera_build.runs.events import NodeFinished, Status
+from dextera_build.runs.events import NodeFinished
 
 
 def record_of(node: Node, project: str, blockers: Sequence[str] = ()) -> NodeFinished:
@@ -21,7 +21,8 @@ def record_of(node: Node, project: str, blockers: Sequence[str] = ()) -> NodeFin
         project: Folder that paths are told from.
         blockers: Addresses of the failed units that it waits for.
     """
-    status, rule = _status(node), node.rule
+    status, rule = node.status, node.rule
+    assert status is not None, f"nothing became of {node.address}"
     made = node.result if node.state is State.DONE else None
     last = node.last if status in ("ran", "failed") else None
     called = (last.reply or {}).get("calls") if last else None
@@ -56,14 +57,6 @@ def record_of_group(unit: Unit, error: DxbError) -> NodeFinished:
     return NodeFinished(
         time.time(), unit.address, "each", None, "failed", None, None, 0.0, error=error, depends_on=depends_on
     )
-
-
-def _status(node: Node) -> Status:
-    if node.state is State.DONE:
-        return "ran" if node.status == "ran" else "fetched" if node.status == "fetched" else "cached"
-    if node.state is State.FAILED:
-        return "failed"
-    return "waits" if node.state is State.BLOCKED else "cancelled"
 
 
 def _shown(path: Path, project: str) -> str:

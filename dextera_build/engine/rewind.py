@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from dextera_build.engine.expand import Wiring
 from dextera_build.engine.states import State
-from dextera_build.engine.units import Gathering, Node, Opening, States, Unit
+from dextera_build.engine.units import Gathering, Node, States, Unit
 from dextera_build.store.store import Store
 
 _MOST = 3
@@ -71,33 +71,26 @@ def _is_here(node: Node, store: Store) -> bool:
 
 
 def _above(unit: Unit, gone: Callable[[Unit], bool]) -> list[Unit]:
-    """Known sources of `unit`, through openings and gatherings, that are gone or read what is, readers first.
+    """What `unit` reads and is gone, with all openings and gatherings on the way; nothing where nothing is gone.
 
     A source that is gone may be on its way already; then only its readers must wait for it again.
     """
-    order: list[Unit] = []
+    found: list[Unit] = []
+    any_gone = False
     seen = {id(unit)}
     stack = list(unit.sources)
     while stack:
         source = stack.pop()
-        if id(source) not in seen:
-            seen.add(id(source))
-            order.append(source)
-            if not isinstance(source, Node):
-                stack += source.sources
-    broken: set[int] = set()
-    # A source stands after every reader of it that is not a node, so backwards each is judged before its readers.
-    for source in _readers_last(order):
-        if gone(source) or any(id(s) in broken for s in source.sources):
-            broken.add(id(source))
-    return [source for source in order if id(source) in broken and source.state is State.DONE]
-
-
-def _readers_last(order: list[Unit]) -> list[Unit]:
-    nodes = [unit for unit in order if isinstance(unit, Node)]
-    openings = [unit for unit in order if isinstance(unit, Opening)]
-    gatherings = [unit for unit in order if isinstance(unit, Gathering)]
-    return [*nodes, *sorted(openings, key=lambda unit: len(unit.path)), *gatherings]
+        if id(source) in seen:
+            continue
+        seen.add(id(source))
+        is_gone, is_node = gone(source), isinstance(source, Node)
+        any_gone |= is_gone
+        if is_gone or not is_node:
+            found.append(source)
+        if not is_node:
+            stack += source.sources
+    return [source for source in found if source.state is State.DONE] if any_gone else []
 
 
 def _gone(source: Unit, store: Store) -> bool:

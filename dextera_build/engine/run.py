@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dextera_build.engine.graph import Address, Graph
-from dextera_build.engine.lookup import leaves_of, walk
 from dextera_build.engine.policy import Policy
 from dextera_build.engine.records import record_of
 from dextera_build.engine.remote_results import Remotes
@@ -99,13 +98,8 @@ def build(
 def _announce(scheduler: Scheduler, targets: Sequence[Address]) -> None:
     """Say what is planned, once all files that it needs were looked at."""
     graph, policy = scheduler.graph, scheduler.policy
-    calls, groups = 0, set[tuple[str, ...]]()
-    for path, variants in walk(graph, targets):
-        calls += 1
-        groups |= {path[:depth] for depth in range(1, len(path))}
-        # What is missing is said before an hour of work, not after.
-        for leaf in leaves_of(variants):
-            scheduler.wiring.leaf(leaf)
+    calls = scheduler.wiring.look(targets)  # what is missing is said before an hour of work, not after
+    groups = {path[:depth] for path in calls for depth in range(1, len(path))}
     scheduler.listen(
         events.RunStarted(
             time=time.time(),
@@ -114,7 +108,7 @@ def _announce(scheduler: Scheduler, targets: Sequence[Address]) -> None:
             targets=[str(target) for target in targets],
             profile=policy.profile,
             dxb=policy.dxb,
-            calls=calls,
+            calls=len(calls),
             groups=len(groups),
             argv=list(policy.argv),
             variant=policy.variant,
@@ -130,11 +124,12 @@ def _close(scheduler: Scheduler, records: Mapping[str, NodeFinished], whole: boo
     for node in nodes.values():
         if node.state in (State.DONE, State.FAILED):
             continue
+        node.status = "waits" if node.state is State.BLOCKED else "cancelled"
         if node.state is not State.BLOCKED:
             scheduler.states.set(node, State.CANCELLED)
         scheduler.listen(record_of(node, scheduler.policy.project, blockers.get(node.address, ())))
-    ok = whole and all(wish.state is State.DONE for wish in scheduler.wishes)
-    asked = tuple(dict.fromkeys(scheduler.wiring.asked()))
+    ok = whole and all(wish.state is State.DONE for wish in scheduler.wiring.wishes)
+    asked = tuple(dict.fromkeys(scheduler.wiring.asked))
     errors = {address: record.error for address, record in records.items() if record.error is not None}
     return RunResult(ok, {address: records[address] for address in nodes}, asked, errors)
 

@@ -18,7 +18,6 @@ All walks are loops: chains may be long.
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -28,25 +27,23 @@ from dextera_build.engine import rewind
 from dextera_build.engine.discovered import Reading
 from dextera_build.engine.dispatch import Dispatch
 from dextera_build.engine.expand import Wiring
-from dextera_build.engine.graph import Address, Fixed, Graph
+from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.key import Writer
 from dextera_build.engine.policy import Policy
 from dextera_build.engine.records import record_of, record_of_group
 from dextera_build.engine.remote_results import Remotes, Sharing
 from dextera_build.engine.states import LOST, State
 from dextera_build.engine.units import End, Gathering, Node, Opening, States, Unit
-from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
+from dextera_build.errors import DxbError, StaleError, StoreError
 from dextera_build.runs import events
-from dextera_build.runs.events import Listener
+from dextera_build.runs.events import Listener, Status
 from dextera_build.runs.history import Entry, History
-from dextera_build.store import headers
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.workers.protocol import Executor
 
 _BATCH = 64
-_LABEL = re.compile(r"[^\[\]/\\\x00-\x1f]+")
 
 
 class Scheduler:
@@ -82,7 +79,6 @@ class Scheduler:
         self.history = history
         self.states = States()
         self.wiring = Wiring(graph, store)
-        self.wishes: list[Gathering] = []
         self.failed: list[Unit] = []
         self.errors: list[DxbError] = []
         self._writer = Writer()
@@ -117,7 +113,7 @@ class Scheduler:
         Raises:
             AssertionError: Nodes wait for one another in a circle.
         """
-        self.wishes = self.wiring.ask(targets)
+        self.wiring.ask(targets)
         while True:
             more = self._settle()
             self._measure()
@@ -138,7 +134,7 @@ class Scheduler:
         for end in ends:
             if end.error is not None:
                 self._broke(end.node, end.error)
-            elif end.result is not None:
+            elif end.result is not None and end.status is not None:
                 self._succeed(end.node, end.status, end.result, bare=end.bare)
             else:
                 self._queue(end.node)
@@ -159,7 +155,12 @@ class Scheduler:
             if unit is None:
                 continue
             try:
-                self._settle_one(unit)
+                if isinstance(unit, Node):
+                    self._look_up(unit)
+                elif isinstance(unit, Opening):
+                    self._open(unit)
+                elif isinstance(unit, Gathering):
+                    self._gather(unit)
             except DxbError as error:
                 self._broke(unit, error)
         return True
@@ -183,14 +184,6 @@ class Scheduler:
             self._block(unit)
         elif unit.pending == 0:
             self.states.set(unit, State.READY)
-
-    def _settle_one(self, unit: Unit) -> None:
-        if isinstance(unit, Node):
-            self._look_up(unit)
-        elif isinstance(unit, Opening):
-            self._open(unit)
-        elif isinstance(unit, Gathering):
-            self._gather(unit)
 
     def _look_up(self, node: Node) -> None:
         call = node.call
@@ -275,36 +268,19 @@ class Scheduler:
         self.wiring.fresh += units
 
     def _open(self, unit: Opening) -> None:
-        if isinstance(unit.group.over, Fixed):
-            unit.items = dict.fromkeys(unit.group.over.labels, "")
-        else:
-            unit.items = headers.items(self.store.blobs.get, self.wiring.value(unit.group.over, unit))
-        for label in unit.items:
-            if not _LABEL.fullmatch(label):
-                raise RuleError(
-                    f"group `{unit.address}` cannot be opened: `{label}` is not a label",
-                    code="DXB-B306",
-                    facts={"labels": "one character or more, none of them [ ] / \\ or a control character"},
-                )
+        unit.items = self.wiring.items(unit)
         self.listen(events.GroupOpened(time.time(), unit.address, list(unit.items)))
         self._measured = (0, 0)
         self._done(unit)
 
     def _gather(self, unit: Gathering) -> None:
         if unit.collect:
-            parts: dict[str, str] = {}
-            for labels, node in sorted(unit.nodes.items()):
-                assert node.output is not None
-                label = ".".join(labels[len(unit.labels) :])
-                if label in parts:
-                    raise RuleError(f"`{unit.address}` has two copies called `{label}`", code="DXB-B307")
-                parts[label] = headers.project(self.store.blobs.get, node.output, unit.fields)
-            unit.output = self.store.blobs.put(headers.collection_header(parts))
+            unit.output = self.wiring.collection(unit)
         elif not self.policy.dry and self._send_back(unit, [node for node in unit.nodes.values() if node.bare]):
             return
         self._done(unit)
 
-    def _succeed(self, node: Node, status: str, result: ActionResult, *, bare: bool = False) -> None:
+    def _succeed(self, node: Node, status: Status, result: ActionResult, *, bare: bool = False) -> None:
         node.result, node.status, node.error, node.bare = result, status, None, bare
         self._any_bare |= bare
         if status == "ran" and (self.policy.force or self.policy.recall):

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from dextera_build.engine.graph import Call, Group, Leaf, RuleFacts
 from dextera_build.engine.states import NEXT, State
 from dextera_build.errors import DxbError
+from dextera_build.runs.events import Status
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.traces import Steps
 from dextera_build.workers.protocol import Ended
@@ -70,8 +71,8 @@ class Node(Unit):
     """One copy of a call."""
 
     call: Call
-    status: str = ""
-    """What it came to; one of `events.Status`, "" as long as that is open."""
+    status: Status | None = None
+    """What it came to; None as long as that is open."""
     asked: bool = False
     """Somebody reads its bytes or wants them; else it is enough to know its result."""
     bare: bool = False
@@ -192,7 +193,7 @@ class End(NamedTuple):
     """What became of a node elsewhere than in the scheduler: a result or an error; neither, where it has to run."""
 
     node: Node
-    status: str = ""
+    status: Status | None = None
     result: ActionResult | None = None
     bare: bool = False
     error: DxbError | None = None

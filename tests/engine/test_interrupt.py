@@ -33,7 +33,7 @@ with EventLog(store) as log, LocalExecutor(RUNNER, 2) as pool:
     def tell(event):
         if type(event).__name__ == "NodeStarted" and event.node == "slow":
             print(*pool.pids(), flush=True)
-    build(plan, [("end",)], store=store, executor=pool, listen=fan_out(log, tell))
+    build(plan, [("end",)], store=store, executor=pool, listen=fan_out(log, tell), pause=log.flush)
 """
 
 
