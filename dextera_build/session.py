@@ -68,8 +68,8 @@ class Session:
         recipe: The recipe's address.
         added: What the request adds to it.
         makes: Something is to be built, so that the store is made where it is not there.
-        last: Where neither the request adds anything nor a profile is named, the past is that of the request that was
-            built last.
+        last: Where the request adds nothing and no flag names a profile, the past is that of the request that was built
+            last; a profile that the environment names must be its profile.
     """
 
     def __init__(
@@ -92,9 +92,12 @@ class Session:
         """What tells the files and the past of a request from those of the recipe's own: `@gpu-1a2b3c4d`, or ""."""
         project, added = self.project, self.added
         profile = project.profile if project.profile != project.own_profile else ""
+        if self._last and not added and project.config["profile"].origin != "command line":
+            last = self._built_last()
+            if not profile or last.startswith(f"@{profile}+"):
+                return last
         if not (profile or added):
-            named = project.config["profile"].origin == "command line"
-            return self._built_last() if self._last and not named else ""
+            return ""
         inputs = {name: path if ":" in path else os.path.abspath(path) for name, path in added.inputs.items()}
         # Of two values for one option the later one counts, so these stay in their order.
         settings = sorted(added.settings, key=lambda text: text.partition("=")[0])

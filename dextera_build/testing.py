@@ -69,7 +69,7 @@ class RuleRunner:
         rule = found.rule
         reads = ProjectReads(self._files, Store(self._scratch / "store")) if rule.discovers else None
         ctx = Context(
-            chosen.load() if chosen else None, scratch=self._scratch, keep=self._keep, calls=self._calls, reads=reads
+            chosen.module if chosen else None, scratch=self._scratch, keep=self._keep, calls=self._calls, reads=reads
         )
         keyword = {"options": rule.options.model_validate(dict(options or {}))} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)

@@ -170,7 +170,9 @@ class _Build:
                 raise
             # All damaged blobs are set aside, so building again makes them anew.
             for node in result.targets:
-                self.session.store.actions.verify(result.nodes[node].key or "")
+                entry = self.session.store.actions.entry(result.nodes[node].key or "")
+                for file in entry.files if entry else ():
+                    self.session.store.blobs.verify(file.digest)
             built = self.run()
             placed = out.place(built.result)
         return replace(built, placed=placed)

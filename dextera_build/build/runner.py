@@ -40,8 +40,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         emit: Takes progress and log lines as they come.
 
     Returns:
-        `output` (digest), `line`, `previews` ([caption, digest]), `metrics` (name -> [value, unit]), `sizes` (digest ->
-        size [bytes] of what was stored).
+        `output` (digest), `line`, `previews` ([caption, digest]), `metrics` (name -> [value, unit]).
 
     Raises:
         DxbError: The rule refused its inputs, a check failed, a disk is full, or code was edited since it was digested.
@@ -56,7 +55,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     found = _library(task["project"]).find(task["rule"])
     IMPORTER.want(task.get("sources", {}), found.root.name)
     _refuse_other_versions(task.get("packages", {}))
-    backend = found.backends[task["backend"]].load() if task["backend"] else None
+    backend = found.backends[task["backend"]].module if task["backend"] else None
     store = opened(task["store"])
     rule = found.rule
     inputs = {}
@@ -221,7 +220,6 @@ def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[st
         "line": ctx.outcome.line,
         "previews": [[caption, writer(data)] for caption, data in ctx.outcome.previews],
         "metrics": {name: list(value) for name, value in ctx.outcome.metrics.items()},
-        "sizes": writer.sizes,
     }
 
 

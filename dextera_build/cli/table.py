@@ -14,10 +14,6 @@ _BETWEEN = "  "
 HEADERS = {
     "last_seconds": "last run [s]",
     "seconds": "time [s]",
-    "memory_declared": "memory declared [GiB]",
-    "memory_measured": "measured [GiB]",
-    "memory_admitted": "admitted [GiB]",
-    "gpu_memory": "GPU memory [GiB]",
 }
 """Column -> what stands above it, where that is more than its name."""
 

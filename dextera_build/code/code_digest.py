@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build.code import syntax
@@ -14,6 +15,18 @@ RULES = "rules"
 """What stands for the root of a rule in the names of sources."""
 _SOURCE = ".py"
 _PACKAGE = "__init__.py"
+
+
+@dataclass(frozen=True)
+class Code:
+    """The first-party code of a rule and its backend."""
+
+    definitions: Mapping[str, Mapping[str, str]]
+    """Source -> top-level definition, or `<module>` -> digest; what a key holds."""
+    sources: Mapping[str, str]
+    """Source -> digest of its bytes, which a worker compares; "" for one that was looked for and is not there."""
+    foreign: Mapping[str, Path]
+    """Top-level module that is not first-party -> a file that imports it; what dxb itself imports is not named."""
 
 
 class CodeIndex:
@@ -32,36 +45,19 @@ class CodeIndex:
         self._imports: dict[str, tuple[str, ...]] = {}
         self._foreign: dict[Path, set[str]] = {}
 
-    def of(self, *files: Path) -> dict[str, dict[str, str]]:
-        """Source name -> definition -> digest, for `files` and all that they import, transitively."""
-        found = [module for _, module in self._closure(files) if module is not None]
-        named = {self._name(module): self._source(module.file).definitions for module in found if module.file}
-        return dict(sorted(named.items()))
-
-    def sources(self, *files: Path) -> dict[str, str]:
-        """What a worker compares before it runs the code of `files`.
-
-        Source name -> digest of its bytes and of what it says; "" for one that was looked for and is not there.
-        """
-        said = {}
-        for name, module in self._closure(files):
-            if module is None:
-                said[self._spelled(name) + _SOURCE] = ""
-            elif module.file is None:
-                said[f"{self._spelled(name)}/{_PACKAGE}"] = ""
-            else:
-                source = self._source(module.file)
-                said[self._name(module)] = f"{digest_of(read(module.file))} {source.content[:32]}"
-        return dict(sorted(said.items()))
-
-    def foreign(self, *files: Path) -> dict[str, Path]:
-        """Top-level modules that are not first-party -> a file that imports them, for the closure of `files`.
-
-        What dxb itself imports is not named.
-        """
-        closure = [module.file for _, module in self._closure(files) if module is not None and module.file]
-        found = ((top, file) for file in closure for top in self._foreign.get(file, ()))
-        return {top: file for top, file in sorted(found) if not file.is_relative_to(PACKAGE)}
+    def of(self, *files: Path) -> Code:
+        """The code of `files` and of everything that they import, transitively."""
+        definitions, sources, foreign = dict[str, dict[str, str]](), dict[str, str](), dict[str, Path]()
+        for name, module in list(self._closure(files)):
+            if module is None or module.file is None:
+                sources[self._spelled(name) + (_SOURCE if module is None else f"/{_PACKAGE}")] = ""
+                continue
+            source = self._name(module)
+            definitions[source] = self._source(module.file).definitions
+            sources[source] = digest_of(read(module.file))
+            if not module.file.is_relative_to(PACKAGE):
+                foreign |= dict.fromkeys(self._foreign.get(module.file, ()), module.file)
+        return Code(*(dict(sorted(found.items())) for found in (definitions, sources, foreign)))  # type: ignore[arg-type]
 
     def looked_at(self) -> set[str]:
         """Files that were read, folders that were searched, and files that are not there and would come first."""

@@ -11,10 +11,9 @@ from collections.abc import Mapping, Sequence
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from types import CodeType, ModuleType
 
-from dextera_build.code import syntax
 from dextera_build.code.code_digest import RULES
 from dextera_build.code.modules import DXB, digest_of, earlier, find_top, forget_changed, is_first_party, read
-from dextera_build.errors import DxbError, Place, RuleError
+from dextera_build.errors import Place, RuleError
 
 _DIGESTED = tuple(f"{DXB}.{name}" for name in ("artifacts", "geometry", "learning", "policy", "sim"))
 """What of dxb itself enters the keys of rules."""
@@ -33,7 +32,6 @@ class Importer:
         """Whether dxb's own modules are compiled from source as well."""
         self._wanted: dict[str, str] = {}
         self._loaded: dict[str, str] = {}
-        self._told: tuple[str, Mapping[str, str]] = ("", {})
         self._edited: RuleError | None = None
 
     def find_spec(
@@ -57,23 +55,18 @@ class Importer:
         """Take note of what the code of a task was digested from.
 
         Args:
-            sources: What `CodeIndex.sources` gave.
+            sources: See `code_digest.Code`.
             root: The package under which its rule is mounted.
 
         Raises:
             RuleError: A module of it was loaded from another source.
         """
         self._edited = None
-        if self._told == (root, sources):
-            return
         for source, said in sources.items():
             name = _module(source, root)
             self._wanted[name] = said or (_PACKAGE if source.endswith(_PACKAGE) else "")
-            if self._loaded.get(name, said[:32]) != said[:32]:
-                file = sys.modules[name].__file__ or ""
-                if not _says(read(file), file, said):
-                    raise self._refuse(file)
-        self._told = (root, sources)
+            if self._loaded.get(name, said) != said:
+                raise self._refuse(sys.modules[name].__file__ or name)
 
     def verify(self) -> None:
         """Say again what was refused, whatever the rule made of that.
@@ -91,8 +84,8 @@ class Importer:
             RuleError: It was edited, and what was digested is not known here.
         """
         data, wanted = read(file), self._wanted.get(name)
-        if wanted is not None and wanted[:32] != digest_of(data) and not _says(data, file, wanted):
-            known = earlier(wanted[:32])
+        if wanted is not None and wanted != digest_of(data):
+            known = earlier(wanted)
             if known is None:
                 raise self._refuse(file)
             data = known
@@ -108,10 +101,10 @@ class Importer:
 
     def _refuse(self, file: str) -> RuleError:
         self._edited = RuleError(
-            "code was edited while the build ran, and differs from the code in this node's key",
+            "code differs from that in this node's key: it was edited while the build ran, or is another version",
             code="DXB-B315",
             where=Place(file),
-            hint="build again",
+            hint="build again; on a cluster, install the same version of dxb on every machine",
         )
         return self._edited
 
@@ -144,14 +137,6 @@ def _module(source: str, root: str) -> str:
     stem = source.removesuffix(_PACKAGE) if source.endswith(_PACKAGE) else source.rpartition(".")[0]
     top, *rest = stem.split("/")
     return ".".join([root if top == RULES else top, *rest])
-
-
-def _says(data: bytes, file: str, wanted: str) -> bool:
-    """Whether a source differs from the one that was digested in comments and layout alone."""
-    try:
-        return syntax.source(data, file).content[:32] == wanted.partition(" ")[2]
-    except DxbError:
-        return False
 
 
 IMPORTER = Importer()

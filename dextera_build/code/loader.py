@@ -15,15 +15,14 @@ import importlib.util
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest
-from dextera_build.code import importing
-from dextera_build.code.code_digest import RULES, CodeIndex
-from dextera_build.code.declared import undeclared
+from dextera_build.code import import_errors
+from dextera_build.code.code_digest import RULES, Code, CodeIndex
 from dextera_build.code.importer import IMPORTER, install
 from dextera_build.code.modules import PACKAGE as PACKAGE
 from dextera_build.code.modules import read
@@ -34,6 +33,10 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
     from dextera_build.rule import Backend, Rule
+
+
+_WITH_DXB = {"PIL", "annotated_types", "numpy", "pydantic", "pydantic_core", "typing_extensions", "yaml"}
+"""Modules of every installation of dxb."""
 
 
 def bundled(kind: str) -> Path:
@@ -129,12 +132,9 @@ class BackendFile:
     owner: RuleFile
     facts: Backend
 
-    def load(self) -> ModuleType:
-        """The imported module."""
-        return self._module
-
     @cached_property
-    def _module(self) -> ModuleType:
+    def module(self) -> ModuleType:
+        """The imported module."""
         stage = self.owner.path.rpartition(".")[0]
         return _import(self.owner.root, f"{stage}.{self.file.stem}", self.file)
 
@@ -202,10 +202,25 @@ class Library:
                     seen.add(path)
                     yield self.find(path)
 
-    def note_undeclared(self, found: RuleFile, files: Sequence[Path], packages: Sequence[str]) -> None:
-        """Add to `warnings` what a rule, with its backend, imports beside the distributions that it declares."""
-        if found.root.path != bundled(RULES).resolve():
-            self.warnings |= undeclared(found.path, self.code.foreign(*files), packages)
+    def warn_of_undeclared(self, found: RuleFile, code: Code, packages: Sequence[str]) -> None:
+        """Add to `warnings` the modules that a rule's code imports whose version no key holds.
+
+        Args:
+            found: The rule.
+            code: Its code, with that of its backend.
+            packages: Distributions that both declare.
+        """
+        if found.root.path == bundled(RULES).resolve():
+            return
+        known = sys.stdlib_module_names | _WITH_DXB | {package.replace("-", "_").lower() for package in packages}
+        unknown = code.foreign.keys() - known
+        provided = {top for package in packages for top in _modules_of(package)} if unknown else set()
+        for top in sorted(unknown - provided):
+            self.warnings[top] = (
+                f"{found.path} imports `{top}`, which is neither code of the project nor a package that the rule "
+                "declares: another version of it makes nothing stale; add its distribution to `packages` "
+                f"({code.foreign[top]})"
+            )
 
     def looked_at(self) -> set[str]:
         """Files and folders that decided which code the rules found so far run; some of them are not there."""
@@ -307,6 +322,19 @@ def version_of(distribution: str) -> str | None:
         return None
 
 
+@cache
+def _modules_of(package: str) -> frozenset[str]:
+    """Top-level modules of an installed distribution."""
+    import importlib.metadata
+
+    try:
+        found = importlib.metadata.distribution(package)
+    except importlib.metadata.PackageNotFoundError:
+        return frozenset()
+    listed = (found.read_text("top_level.txt") or "").split()
+    return frozenset(listed or [file.parts[0].removesuffix(".py") for file in found.files or ()])
+
+
 def _of_profile(found: RuleFile, profile: str, where: Place | None) -> BackendFile:
     for order in (profile, "cpu"):
         for backend in found.backends.values():
@@ -328,10 +356,10 @@ def _others(found: RuleFile, but: str) -> str:
 def _import(root: Root, path: str, file: Path) -> ModuleType:
     root.mount()
     try:
-        with importing.watched(path, file):
+        with import_errors.watched(path, file):
             return importlib.import_module(root.module(file))
     except Exception as error:
-        raise importing.refused(path, file, error) from error
+        raise import_errors.refused(path, file, error) from error
 
 
 def _holds_rule(file: Path) -> bool:

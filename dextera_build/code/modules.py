@@ -11,7 +11,7 @@ import os
 import pkgutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import ModuleSpec
@@ -72,9 +72,6 @@ def shared() -> Iterator[tuple[dict[str, str], Callable[[], None]]]:
     Yields:
         Variables by which they find it, and what shares all that was read so far; call it once.
     """
-    if not hasattr(os, "memfd_create"):
-        yield {}, lambda: None  # a worker that finds a file edited refuses it
-        return
     with os.fdopen(os.memfd_create("sources"), "w") as opened:
 
         def share() -> None:
@@ -86,20 +83,13 @@ def shared() -> Iterator[tuple[dict[str, str], Callable[[], None]]]:
 
 def earlier(wanted: str) -> bytes | None:
     """The source with this digest as the build read it that this process works for; None where that is not known."""
-    data = _earlier(os.environ.get(_SHARED, "")).get(wanted, "").encode("latin-1")
-    return data if digest_of(data) == wanted else None
-
-
-@cache
-def _earlier(place: str) -> dict[str, str]:
+    place = os.environ.get(_SHARED, "")
     if not os.path.isfile(place):  # the build is gone, and its descriptor may be a pipe's
-        return {}
-    try:
-        with open(place) as opened:
-            found: dict[str, str] = json.load(opened)
-    except (OSError, ValueError):
-        return {}
-    return found
+        return None
+    with suppress(OSError, ValueError), open(place) as opened:
+        data: bytes = json.load(opened).get(wanted, "").encode("latin-1")
+        return data if digest_of(data) == wanted else None
+    return None
 
 
 def digest_of(data: bytes) -> str:

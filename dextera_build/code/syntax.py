@@ -36,11 +36,6 @@ class Source:
     exports: tuple[str, ...] = ()
     """`__all__`, where it is a literal."""
 
-    @property
-    def content(self) -> str:
-        """Digest of everything it says."""
-        return digest.of_value([list(self.definitions.items()), list(self.lines), self.imports, self.exports])
-
 
 def tree(data: bytes, file: str) -> ast.Module:
     """The syntax tree of a source file.
@@ -163,21 +158,19 @@ def _imports(module: ast.Module) -> Iterator[tuple[int, str, tuple[str, ...]]]:
             yield from ((0, alias.name, ()) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             yield node.level, node.module or "", tuple(alias.name for alias in node.names)
-        elif isinstance(node, ast.If) and _is_checking(node.test):
-            todo += node.orelse
-        elif isinstance(node, ast.If) and isinstance(node.test, ast.UnaryOp) and _is_not_checking(node.test):
-            todo += node.body
         else:
-            todo += ast.iter_child_nodes(node)
+            for block in _blocks(node):
+                todo += getattr(node, block, ())
 
 
-def _is_checking(test: ast.expr) -> bool:
-    name = test.attr if isinstance(test, ast.Attribute) else test.id if isinstance(test, ast.Name) else ""
-    return name == "TYPE_CHECKING"
-
-
-def _is_not_checking(test: ast.UnaryOp) -> bool:
-    return isinstance(test.op, ast.Not) and _is_checking(test.operand)
+def _blocks(node: ast.AST) -> tuple[str, ...]:
+    """The fields of a statement that hold statements which may run: what only a type checker sees does not."""
+    if isinstance(node, ast.If):
+        negated = isinstance(node.test, ast.UnaryOp) and isinstance(node.test.op, ast.Not)
+        test = node.test.operand if isinstance(node.test, ast.UnaryOp) and negated else node.test
+        if getattr(test, "attr", getattr(test, "id", "")) == "TYPE_CHECKING":
+            return ("body",) if negated else ("orelse",)
+    return ("body", "orelse", "handlers", "finalbody", "cases")
 
 
 def _exports(node: ast.stmt) -> tuple[str, ...] | None:

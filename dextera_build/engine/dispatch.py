@@ -83,7 +83,7 @@ class Dispatch:
             if node.rests_until > now:
                 self._resting.append(node)
             elif lacking := needs.lacks(self._admission.capacity):
-                yield End(node, error=lacks(lacking, self._admission.capacity))
+                yield End(node, error=lacks(lacking))
             else:
                 peak_gb = self.history.peak_gb(node.address) if self.history else None
                 self._admission.wait(node, estimate(needs, peak_gb))
@@ -130,7 +130,7 @@ class Dispatch:
             key = node.key
             assert key is not None
             if not self.store.locks.take(key):
-                self._log(node, self._who_builds(key))
+                self._log(node, "another process builds the same key")
                 self.states.set(node, State.LOCKED)
                 return None
             forced = self.forced(node)
@@ -218,7 +218,3 @@ class Dispatch:
         rule, last = node.rule, self.history.get(node.address) if self.history else None
         seconds = last.seconds if last else None
         self.listen(events.NodeStarted(time.time(), node.address, rule.path, rule.backend, node.key or "", seconds))
-
-    def _who_builds(self, key: str) -> str:
-        pid = self.store.locks.holder(key)
-        return f"process {pid} builds the same key" if pid else "another process builds the same key"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
 
-from dextera_build.engine.graph import Address, Graph, RuleFacts, parse_address
+from dextera_build.engine.graph import Address, Call, Graph, RuleFacts, parse_address
 from dextera_build.engine.policy import Policy
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
@@ -28,12 +28,12 @@ class Planned:
     """None where it is not known; that of a stale node which reads by itself is right if it reads what it read last."""
     seconds_last: float | None
     """How long it ran the last time [s], where that is known."""
+    rule: RuleFacts = field(repr=False, compare=False)
+    """Of its call."""
     output: str | None = None
     """Digest of the output of a cached node."""
     bare: bool = False
     """Its result is known, its bytes are absent: cached as long as nobody needs them, stale where somebody does."""
-    rule: RuleFacts | None = field(default=None, repr=False, compare=False)
-    """Of its call; None for copies that are not known yet."""
     spell: Callable[[], bytes] = field(default=bytes, repr=False, compare=False)
 
     @property
@@ -71,11 +71,11 @@ def plan(
     for node in scheduler.wiring.nodes.values():
         nodes.setdefault(node.path, []).append(node)
     needed, found = set(calls), list[Planned]()
-    for path, _ in graph.calls():
+    for path, call in graph.calls():
         if path in nodes:
             found += [_planned(node, scheduler, history) for node in nodes[path]]
         elif path in needed:
-            found.append(_unopened(path, history))
+            found.append(_unopened(path, call, history))
     return found
 
 
@@ -88,22 +88,22 @@ def _planned(node: Node, scheduler: Scheduler, history: History | None) -> Plann
             "stale" if stale else "cached",
             node.key,
             node.result.seconds if node.result else None,
+            node.rule,
             output=None if stale else node.output,
             bare=node.bare,
-            rule=node.rule,
             spell=spell,
         )
     last = history.get(node.address) if history else None
     seconds = last.seconds if last else None
     if node.state is not State.STALE:
-        return Planned(node.address, "unknown", None, seconds, rule=node.rule)
+        return Planned(node.address, "unknown", None, seconds, node.rule)
     if node.rule.discovers:
         scheduler.reading.suppose(node, last.key if last else "")
-    return Planned(node.address, "stale", node.key, seconds, bare=node.bare, rule=node.rule, spell=spell)
+    return Planned(node.address, "stale", node.key, seconds, node.rule, bare=node.bare, spell=spell)
 
 
-def _unopened(path: Path, history: History | None) -> Planned:
+def _unopened(path: Path, call: Call, history: History | None) -> Planned:
     """Copies that are not known yet."""
     known = history.all() if history else {}
     past = [entry.seconds for address, entry in known.items() if parse_address(address).call == path]
-    return Planned(".".join(path), "unknown", None, sum(past) if past else None)
+    return Planned(".".join(path), "unknown", None, sum(past) if past else None, call.rule)

@@ -64,7 +64,7 @@ class Change:
 def compare(old: Document, new: Document) -> list[Change]:
     """Every difference that makes two keys differ, the nearest to what a person edits first."""
     changes = [
-        *_rows("option", _flat(old["options"]), _flat(new["options"])),
+        *_rows("option", flat(old["options"]), flat(new["options"])),
         # Before the code: another backend is other code.
         *_rows("backend", {"backend": old["backend"]}, {"backend": new["backend"]}),
         *_rows("code", _code(old), _code(new)),
@@ -101,7 +101,8 @@ def _rows(kind: Kind, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterato
             yield Change(kind, name, before, after)
 
 
-def _flat(options: Mapping[str, Any]) -> dict[str, Any]:
+def flat(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options with those of groups as `group.option`."""
     found: dict[str, Any] = {}
     stack: list[tuple[str, Any]] = [*options.items()]
     while stack:

@@ -1,20 +1,20 @@
 """Why a node is stale, followed from reader to source down to the option, function or file that changed.
 
-A node whose inputs are known has a key document, and the one of its last build tells what changed. Where an input
-changed the question goes on to the node that made it: its document now, against the one that it had when the reader was
-built. A node whose inputs are not known yet waits, and the question goes on to what it waits for.
+A node whose inputs are known has a key document, and that of its last build tells what changed. Where an input changed,
+the question goes on to the nodes that made it: their documents now, against those that the log of that build names. A
+node whose inputs are not known yet waits, and the question goes on to what it waits for.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.engine.graph import Call, Gather, Graph, Input, Leaf, parse_address
+from dextera_build.engine.graph import Call, Gather, Graph, Leaf, parse_address
 from dextera_build.engine.key import Change, compare
-from dextera_build.explain.origins import Origins
+from dextera_build.explain.origins import Event, Origins, document
 from dextera_build.explain.reads import Reads
 from dextera_build.explain.upstream import Upstream
 from dextera_build.report.wording import count, some
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from dextera_build.session import Session
 
 _OPEN = "judged when its inputs are known"
-_SEEN = ", see above"
 
 
 @dataclass
@@ -33,12 +32,12 @@ class Cause:
     """One reason; what stands behind it follows with a greater depth."""
 
     kind: str
-    """Of `key.Kind`, or `waits for`, `node`, `copies`, `file`, `lost`."""
+    """Of `key.Kind`, or `waits for`, `node`, `file`, `lost`."""
     name: str
     change: str
     place: str = ""
     depth: int = 0
-    behind: list[_Question] = field(default_factory=list, repr=False)
+    behind: _Question | None = field(default=None, repr=False)
     inside: list[Cause] = field(default_factory=list, repr=False)
     """What stands behind it and is known already."""
 
@@ -67,8 +66,8 @@ class Causes:
 
     def __init__(self, session: Session, graph: Graph, states: Mapping[str, Planned]) -> None:
         self._session, self._states = session, states
-        self._upstream = Upstream(session.project, graph, states)
-        self._origins = Origins(session)
+        self._upstream = Upstream(graph, states)
+        self._origins = Origins(session.store)
         self._reads = Reads(session)
 
     def of(self, node: str) -> list[Cause]:
@@ -89,14 +88,15 @@ class Causes:
         stack = [(0, cause) for cause in reversed(self._answer(asking))]
         while stack:
             depth, cause = stack.pop()
-            cause.depth = depth
+            cause.depth, deeper = depth, list(cause.inside)
+            if cause.behind is not None and cause.behind.node in asked:
+                if cause.kind == "waits for":
+                    continue
+                cause.change += ", see above"
+            elif cause.behind is not None:
+                asked.add(cause.behind.node)
+                deeper += self._answer(cause.behind)
             found.append(cause)
-            for question in cause.behind:
-                if question.node in asked:
-                    cause.change += _SEEN
-            fresh = [question for question in cause.behind if question.node not in asked]
-            asked |= {question.node for question in fresh}
-            deeper = [*cause.inside, *(inner for question in fresh for inner in self._answer(question))]
             stack += [(depth + 1, inner) for inner in reversed(deeper)]
         return _telling(found)
 
@@ -113,24 +113,20 @@ class Causes:
             return list(self._waits(question.node))
         if not question.old:
             return []
-        old = self._origins.document(question.old)
+        old = document(self._session.store, question.old)
         if old is None:
             then = f"of run {question.run} is no longer" if question.run else f"{question.old[:12]} is not"
-            lost = f"its key document {then} in the store"
-            return [Cause("lost", question.node, lost)]
-        call = self._upstream.call(question.node)
-        changes = compare(old, self._document(state, old))
-        return [self._cause(question, call, change) for change in changes]
+            return [Cause("lost", question.node, f"its key document {then} in the store")]
+        return [self._cause(question, old, change) for change in compare(old, self._document(state, old))]
 
     def _document(self, state: Planned, old: Mapping[str, Any]) -> dict[str, Any]:
         """The key document of a node now; where it is not known what a stale one would read, it asks what it asked."""
-        document: dict[str, Any] = json.loads(state.key_document)
-        if state.status == "cached" or READ not in document:
-            return document
-        return self._reads.asked_now(document, old)
+        now: dict[str, Any] = json.loads(state.key_document)
+        return now if state.status == "cached" or READ not in now else self._reads.asked_now(now, old)
 
-    def _cause(self, question: _Question, call: Call, change: Change) -> Cause:
+    def _cause(self, question: _Question, old: Mapping[str, Any], change: Change) -> Cause:
         cause = Cause(change.kind, change.name, f"{short(change.old)} -> {short(change.new)}")
+        call = self._upstream.call(question.node)
         if change.kind == "option":
             cause.place = str(call.option_places.get(change.name.partition(".")[0], call.where))
         elif change.kind == "code":
@@ -141,7 +137,6 @@ class Causes:
         elif change.kind == "input":
             self._follow(cause, question, call, change)
         elif change.kind == "read":
-            old = self._origins.document(question.old) or {}
             cause.change, files = self._reads.change(change.name, old, change.old, change.new)
             cause.inside = [Cause("file", name, what) for name, what in files.items()]
         elif change.kind in ("backend", "salt", "version"):
@@ -151,45 +146,46 @@ class Causes:
     def _follow(self, cause: Cause, question: _Question, call: Call, change: Change) -> None:
         """Say where a changed input comes from, and ask on there."""
         source = call.inputs.get(change.name)
-        cause.place = self._upstream.shown(source, call)
-        if change.old is None or change.new is None or source is None:
-            return
-        was = self._origins.of(question.old, change.name, str(change.old), question.run)
         if isinstance(source, Leaf):
-            old, new = was.files, self._origins.contents(str(change.new))
+            cause.place = self._session.project.shown(source.path)
+            old, new = self._origins.contents(str(change.old)), self._origins.contents(str(change.new))
             cause.inside = list(_files(old, new, cause.place)) if "" not in new else []
             return
-        made = {origin.node: origin.key for origin in was.nodes() if origin.node}
-        before = self._origins.read_by(question.old, question.run) | made
-        now = self._upstream.nodes(question.node, source)
-        nameless = [origin.key for origin in was.nodes()]
-        if not before and len(now) == len(nameless) == 1:  # the log of the run is gone, but the store has the result
-            before = {now[0]: nameless[0]}
+        now = self._upstream.nodes(question.node, source) if source is not None else []
+        cause.place = some(dict.fromkeys(".".join(parse_address(node).call) for node in now), 3) or str(call.where)
+        event = self._origins.event(question.old, question.run)
+        if change.old is None or change.new is None or event is None:
+            return
+        before = self._origins.made_for(event)
+        made = self._made(event, change.name)
         if made and not set(now) & set(before):
             cause.change += f", from `{min(made)}` before"
-        groups = self._alike([ask for node in now if (ask := self._changed(node, before, question.run))])
-        copies = _copies(now, made, source)
-        if copies is not None:
-            openers = self._upstream.openers(question.node, source)
-            copies.behind = [ask for node in openers if (ask := self._changed(node, before, question.run))]
-            cause.inside.append(copies)
+        if isinstance(source, Gather):
+            cause.change += _copies(now, made, source)
+        changed = [
+            _Question(node, before[node]["key"], event["run"])
+            for node in now
+            if node in before and node in self._states and self._states[node].key != before[node]["key"]
+        ]
+        groups = self._alike(changed)
         if len(groups) == 1:
-            cause.behind = groups[0][:1]
+            cause.behind = groups[0][0]
         else:
-            cause.inside += [Cause("node", _names(group), "changed", behind=group[:1]) for group in groups]
+            cause.inside = [Cause("node", _names(group), "changed", behind=group[0]) for group in groups]
 
-    def _changed(self, node: str, before: Mapping[str, str], run: str) -> _Question | None:
-        """The question of a node that had another key then."""
-        state = self._states.get(node)
-        if state is None or node not in before or state.key == before[node]:
-            return None
-        return _Question(node, before[node], run)
+    def _made(self, event: Event, slot: str) -> list[str]:
+        """The nodes that one input of a node came from."""
+        found = (origin for origin in self._origins.of(event) if origin.slot.partition("[")[0] == slot)
+        return [origin.maker["node"] for origin in found if origin.maker is not None]
 
     def _alike(self, questions: Sequence[_Question]) -> list[list[_Question]]:
         """Copies of one call for which the same things changed stand together."""
         groups: dict[tuple[object, ...], list[_Question]] = {}
         for question in questions:
-            state, old = self._states[question.node], self._origins.document(question.old) if question.old else None
+            state, old = (
+                self._states[question.node],
+                document(self._session.store, question.old) if question.old else None,
+            )
             changes = compare(old, self._document(state, old)) if old and state.key_document else []
             shape = [(c.kind, c.name, "" if c.kind == "input" else [c.old, c.new]) for c in changes]
             call = parse_address(question.node).call
@@ -197,19 +193,14 @@ class Causes:
         return list(groups.values())
 
     def _waits(self, node: str) -> Iterator[Cause]:
-        """What a node waits for: inputs, and the collection that its group opens over."""
-        read = {f"input `{slot}`": source for slot, source in self._upstream.call(node).inputs.items()}
-        read |= {f"`each` of {group}": over for group, over in self._upstream.groups(node).items()}
+        """What a node waits for: its inputs, and what says which copies its group has."""
+        read = {f"input `{slot}`": sources for slot, sources in self._upstream.read_by(node).items()}
         told: set[str] = set()
-        for place, source in read.items():
-            waiting = [
-                self._question(address)
-                for address in self._upstream.nodes(node, source)
-                if address in self._states and self._states[address].status != "cached" and address not in told
-            ]
-            told |= {question.node for question in waiting}
-            for group in self._alike(waiting):
-                yield Cause("waits for", _names(group), self._status(group[0].node), place, behind=group[:1])
+        for place, sources in (read | {"its group": self._upstream.openers(node)}).items():
+            waiting = [name for name in sources if name not in told and self._states[name].status != "cached"]
+            told.update(waiting)
+            for group in self._alike(list(map(self._question, waiting))):
+                yield Cause("waits for", _names(group), self._status(group[0].node), place, behind=group[0])
 
     def _status(self, node: str) -> str:
         state, entry = self._states[node], self._session.past_builds.get(node)
@@ -225,8 +216,7 @@ def _telling(causes: Sequence[Cause]) -> list[Cause]:
     kept: list[Cause] = []
     for cause in reversed(causes):
         leads_on = bool(kept) and cause.depth < kept[-1].depth
-        seen = cause.change.endswith(_SEEN)
-        if leads_on or cause.kind != "waits for" or not (seen or cause.change == _OPEN):
+        if leads_on or cause.kind != "waits for" or cause.change != _OPEN:
             kept.append(cause)
     return kept[::-1]
 
@@ -239,16 +229,11 @@ def _files(old: Mapping[str, str], new: Mapping[str, str], folder: str) -> Itera
             yield Cause("file", name, change or ("added" if name in new else "removed"), f"{folder}/{name}")
 
 
-def _copies(now: Sequence[str], made: Mapping[str, str], source: Input) -> Cause | None:
-    """Which copies a gathered input has now and had not, or the other way round; None where they are the same."""
-    if not isinstance(source, Gather):
-        return None
-    then = [node for node in made if parse_address(node).call == source.call]
-    fresh, gone = sorted(set(now) - set(then)), sorted(set(then) - set(now))
-    if not then or not (fresh or gone):
-        return None
-    told = [f"{word}: {some(nodes, 3)}" for word, nodes in (("new", fresh), ("gone", gone)) if nodes]
-    return Cause("copies", ".".join(source.call), "; ".join(told))
+def _copies(now: Iterable[str], made: Iterable[str], source: Gather) -> str:
+    """Which copies a gathered input has now and had not, or the other way round."""
+    fresh, then = ({node for node in nodes if parse_address(node).call == source.call} for nodes in (now, made))
+    told = {"new": sorted(fresh - then), "gone": sorted(then - fresh)} if then else {}
+    return "".join(f"; {word}: {some(nodes, 3)}" for word, nodes in told.items() if nodes)
 
 
 def _names(questions: Sequence[_Question]) -> str:

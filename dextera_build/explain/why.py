@@ -6,10 +6,10 @@ import time
 from typing import TYPE_CHECKING
 
 from dextera_build.errors import UsageError
+from dextera_build.report.wording import count
+from dextera_build.session import NO_BYTES, addresses
 
 if TYPE_CHECKING:
-    from dextera_build.engine.dry import Planned
-    from dextera_build.engine.graph import Graph
     from dextera_build.explain.causes import Cause
     from dextera_build.session import Session
 
@@ -21,38 +21,29 @@ def explain(session: Session, node: str) -> tuple[str, list[Cause]]:
         UsageError: `node` is not known yet.
     """
     from dextera_build.engine.dry import plan
-    from dextera_build.session import addresses
+    from dextera_build.explain.causes import Causes
 
-    recipe = session.recipe
-    graph = session.plan().graph
+    graph, entry = session.plan().graph, session.past_builds.get(node)
     found = plan(graph, addresses(graph, node), session.store, history=session.past_builds)
     states = {planned.address: planned for planned in found}
-    if node not in states and session.past_builds.get(node) is None:
+    state = states.get(node)
+    if state is None and entry is None:
         raise UsageError(
-            f"`{recipe}:{node}` is not known yet: its group is not open",
+            f"`{session.recipe}:{node}` is not known yet: its group is not open",
             code="DXB-U114",
             facts={"stale": ", ".join(name for name, planned in states.items() if planned.status == "stale")},
-            hint=f"`dxb build '{recipe}:{node}'`",
+            hint=f"`dxb build '{session.recipe}:{node}'`",
         )
-    return _explain(session, graph, states, node)
-
-
-def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: str) -> tuple[str, list[Cause]]:
-    from dextera_build.explain.causes import Causes
-    from dextera_build.session import NO_BYTES
-
-    state = states.get(node)
-    entry = session.past_builds.get(node)
     when = f"run {entry.run} ({_ago(entry.time)})" if entry else ""
-    if state is not None and state.status == "cached":
+    if state is not None and (state.status == "cached" or state.bare):
         # The run in which it got this key: there it ran, was fetched, or was in the store already.
         since = f"since {when}" if entry and entry.key == state.key else "built by an earlier run or another recipe"
+        key = (state.key or "")[:12]
+        if state.status != "cached":
+            return f"bare: key {key}, {since}; {NO_BYTES}; the next build fetches or rebuilds them", []
         again = session.store.divergent.get(state.key or "")
         outputs = f"; a later run gave another output, {again.again[-1][:12]} for {again.first[:12]}" if again else ""
-        return f"up to date: key {(state.key or '')[:12]}, {since}{outputs}", []
-    if state is not None and state.bare:
-        maker = f", since {when}" if entry and entry.key == state.key else ""
-        return f"bare: key {(state.key or '')[:12]}{maker}; {NO_BYTES}; the next build fetches or rebuilds them", []
+        return f"up to date: key {key}, {since}{outputs}", []
     causes = Causes(session, graph, states).of(node)
     if entry is None:
         return "never built", causes
@@ -60,8 +51,7 @@ def _explain(session: Session, graph: Graph, states: dict[str, Planned], node: s
         return f"may be stale: that is judged when its inputs are known; it was up to date in {when}", causes
     if state.key == entry.key:
         return f"up to date in {when}, but the store no longer holds it", []
-    direct = sum(cause.depth == 0 for cause in causes)
-    things = "1 thing it depends on" if direct == 1 else f"{direct} things it depends on"
+    things = count(sum(cause.depth == 0 for cause in causes), "thing it depends on", "things it depends on")
     return f"stale: {things} changed since {when}", causes
 
 
@@ -69,6 +59,5 @@ def _ago(when: float) -> str:
     seconds = time.time() - when
     for size, name in ((86400, "day"), (3600, "hour"), (60, "minute")):
         if seconds >= size:
-            count = int(seconds // size)
-            return f"{count} {name}{'s' if count > 1 else ''} ago"
+            return f"{count(int(seconds // size), name)} ago"
     return "a moment ago"

@@ -65,7 +65,7 @@ class Choice:
         """
         used = self._chosen()[1]
         for spec in used:
-            refuse_clear(spec.address)
+            refuse_clear(spec.address, spec.options)
         return used
 
     @property
@@ -118,22 +118,18 @@ def choose(text: str, known: Mapping[str, Spec]) -> tuple[str, list[Spec]]:
                 hint=f"`{use}:r` reads from it",
             )
         what, mode = match["what"], match["mode"]
+        if what == LOCAL and mode not in ("r", "rw"):
+            raise UsageError(
+                f"`local:{mode}`: a build needs its store",
+                code="DXB-U134",
+                facts={"modes": "`local:rw`; `local:r` uses only results in the store and runs nothing"},
+                hint="`--force NODE` runs a cached node; `DXB_CACHE` sets another folder",
+            )
         if what == LOCAL:
-            local = _local(mode)
+            local = mode
         elif what == EVERY:
             chosen |= {name: replace(spec, mode=mode) for name, spec in known.items()}
         else:
             spec = named(what, known)
             chosen[spec.name] = replace(spec, mode=mode)
     return local, [spec for spec in chosen.values() if spec.mode != "off"]
-
-
-def _local(mode: str) -> str:
-    if mode not in ("r", "rw"):
-        raise UsageError(
-            f"`local:{mode}`: a build needs its store",
-            code="DXB-U134",
-            facts={"modes": "`local:rw`; `local:r` uses only results in the store and runs nothing"},
-            hint="`--force NODE` runs a cached node; `DXB_CACHE` sets another folder",
-        )
-    return mode

@@ -198,12 +198,13 @@ def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> 
             hint=install_extra("all"),
         )
     files = [found.file] + ([backend.file] if backend else [])
-    library.note_undeclared(found, files, names)
+    code = library.code.of(*files)
+    library.warn_of_undeclared(found, code, names)
     types = {name: _schema(slot.annotation) for name, slot in rule.slots.items()}
     return RuleFacts(
         path=found.path,
         version=rule.version,
-        code=library.code.of(*files),
+        code=code.definitions,
         packages={name: str(version) for name, version in versions.items()},
         backend=backend.name if backend else None,
         weights=backend.facts.weights if backend else (),
@@ -215,7 +216,7 @@ def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> 
         named=tuple(sorted(rule.resources.items())),
         retries=Retries(rule.retries, tuple(_spelled(kind) for kind in rule.retry_on), rule.retry_wait_s),
         discovers=str(library.project) if rule.discovers else "",
-        sources=library.code.sources(*files),
+        sources=code.sources,
     )
 
 

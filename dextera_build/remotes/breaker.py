@@ -6,12 +6,10 @@ build, and that is reported once. Reading and writing are given up separately: a
 
 from __future__ import annotations
 
-import itertools
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import BinaryIO, Literal, TypeVar
+from collections.abc import Callable, Iterator
+from typing import BinaryIO, Literal, NamedTuple, TypeVar
 
 from dextera_build.errors import DxbError, StoreError
 from dextera_build.remotes.remote import Digest, Remote, RemoteFault
@@ -19,18 +17,15 @@ from dextera_build.store.backoff import backoff
 
 T = TypeVar("T")
 Doing = Literal["read", "write"]
+_BOTH: tuple[Doing, ...] = ("read", "write")
 
 _DAMAGED = 3  # blobs with other bytes, after which nothing is read any more
 _PAUSE_S = 0.2
 _SLOWEST = 16 << 10  # bytes a second; slower transfers count as stalled
-_UNDER_WAY = 4 << 20  # bytes that parallel transfers may hold before the first piece of any is handed on
 _PATIENCE = 3  # an answer may take so many times the time-out, however it drips
-_EACH_S = 0.05  # more for each blob of a long list
-_OPENING_S = 30.0  # more before the first answer: a busy machine is slow to load what speaks to a remote
 
 
-@dataclass(frozen=True)
-class GivenUp:
+class GivenUp(NamedTuple):
     """A remote is no longer used."""
 
     remote: str
@@ -54,102 +49,86 @@ class Guarded:
     def __init__(
         self, name: str, address: str, opener: Callable[[], Remote], *, timeout_s: float = 10.0, mode: str = "rw"
     ) -> None:
-        self.name, self.address, self._timeout_s = name, address, timeout_s
+        self.name, self.address = name, address
         self.given_up: list[GivenUp] = []
         self.reasons: dict[Doing, str] = {}
-        self._may: dict[Doing, bool] = {"read": "r" in mode, "write": "w" in mode}
+        """Why the remote is no longer read or written."""
+        self._mode, self._patience_s = mode, _PATIENCE * timeout_s
         self._damaged = 0
         self._opener, self._remote = opener, None
         self._guard, self._opening = threading.Lock(), threading.Lock()
-        self._under_way: dict[int, float] = {}
-        self._numbers = itertools.count()
+        self._deadlines: dict[int, float] = {}
+        """Thread -> when the call that it makes counts as stalled."""
 
     _remote: Remote | None
 
     def may(self, doing: Doing) -> bool:
         """Whether the remote is still asked."""
-        return self._may[doing]
+        return doing[0] in self._mode and doing not in self.reasons
 
     def get_entry(self, key: str) -> bytes | None:
         """As `Remote`."""
-        return self._call("read", lambda remote, _: remote.get_entry(key))
+        return self._call("read", lambda remote: remote.get_entry(key))
 
     def put_entry(self, key: str, message: bytes) -> None:
         """As `Remote`."""
-        self._call("write", lambda remote, _: remote.put_entry(key, message), len(message))
+        self._call("write", lambda remote: remote.put_entry(key, message), len(message))
 
-    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
+    def has(self, digest: Digest) -> bool:
         """As `Remote`; asked before writing."""
-        return self._call("write", lambda remote, _: remote.missing(digests), 0, len(digests))
+        return self._call("write", lambda remote: remote.has(digest))
 
-    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
-        """As `Remote`; the second try asks for what has not come.
+    def fetch(self, digest: Digest, take: Callable[[Iterator[bytes]], bool]) -> bool | None:
+        """As `Remote`; after a few blobs that came with other bytes nothing is read any more.
 
         Sizes are claims of the remote, so its time grows with the bytes that came, not with those it announced.
         """
-        came: set[Digest] = set()
+        right = self._call("read", lambda remote: remote.fetch(digest, lambda pieces: take(self._timed(pieces))))
+        if right is False:
+            with self._guard:
+                self._damaged += 1
+                if self._damaged >= _DAMAGED:
+                    self._give_up("read", f"blob `{digest.hash[:12]}` came with other bytes")
+        return right
 
-        def work(remote: Remote, number: int) -> None:
-            def note(digest: Digest, pieces: Iterator[bytes]) -> None:
-                take(digest, self._timed(number, pieces))
-                came.add(digest)
-
-            remote.fetch([digest for digest in digests if digest not in came], note)
-
-        octets = sum(digest.size for digest in digests)
-        self._call("read", work, min(octets, _UNDER_WAY), len(digests))
-
-    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
+    def send(self, digest: Digest, file: BinaryIO) -> None:
         """As `Remote`."""
-        octets = sum(digest.size for digest in digests)
-        self._call("write", lambda remote, _: remote.send(digests, give), octets, len(digests))
 
-    def aside(self, work: Callable[[Remote], T]) -> T | None:
-        """The answer to a question that precedes an upload; None if it fails, since an upload can do without."""
-        if not self._may["write"]:
-            return None
-        try:
-            return self._watched(lambda remote, _: work(remote), _PATIENCE * self._timeout_s)
-        except RemoteFault:
-            return None
+        def work(remote: Remote) -> None:
+            file.seek(0)
+            remote.send(digest, file)
+
+        self._call("write", work, digest.size)
 
     def close(self) -> None:
         """Stop using the remote, and close its connections."""
-        self._may = {"read": False, "write": False}
+        for doing in _BOTH:
+            self.reasons.setdefault(doing, "it is not used")
         if self._remote is not None:
             self._remote.close()
-
-    def blame(self, fault: RemoteFault) -> None:
-        """Count a blob that came with other bytes; after a few of them nothing is read any more."""
-        with self._guard:
-            self._damaged += 1
-            if self._damaged >= _DAMAGED:
-                self._give_up("read", fault.reason)
 
     def watch(self) -> None:
         """Give the remote up if a call takes longer than it may, and end that call."""
         now = time.monotonic()
         with self._guard:
-            late = any(now > deadline for deadline in self._under_way.values()) and any(self._may.values())
+            late = any(now > deadline for deadline in self._deadlines.values()) and len(self.reasons) < 2
             if late:
                 self._give_up("both", "it answers too slowly")
         if late:
             self.close()
 
-    def _timed(self, number: int, pieces: Iterator[bytes]) -> Iterator[bytes]:
+    def _timed(self, pieces: Iterator[bytes]) -> Iterator[bytes]:
         for piece in pieces:
             with self._guard:
-                if number in self._under_way:  # else the call was given up meanwhile
-                    self._under_way[number] += len(piece) / _SLOWEST
+                self._deadlines[threading.get_ident()] += len(piece) / _SLOWEST
             yield piece
 
-    def _call(self, doing: Doing, work: Callable[[Remote, int], T], octets: int = 0, parts: int = 1) -> T:
-        patience = _PATIENCE * self._timeout_s + octets / _SLOWEST + parts * _EACH_S
+    def _call(self, doing: Doing, work: Callable[[Remote], T], octets: int = 0) -> T:
         for last in (False, True):
-            if not self._may[doing]:
-                raise RemoteFault(self.address, self.reasons.get(doing, "it is not used"))
+            if doing in self.reasons:
+                raise RemoteFault(self.address, self.reasons[doing])
             try:
-                return self._watched(work, patience)
+                return self._watched(work, self._patience_s + octets / _SLOWEST)
             except RemoteFault as fault:
                 if last or fault.refused:
                     # A server that says no to one may say yes to the other; one that is away is away for both.
@@ -159,15 +138,13 @@ class Guarded:
                 time.sleep(backoff(1, _PAUSE_S))
         raise AssertionError("a second try returns or raises")
 
-    def _watched(self, work: Callable[[Remote, int], T], patience_s: float) -> T:
-        number = next(self._numbers)
-        with self._guard:
-            self._under_way[number] = time.monotonic() + patience_s + _OPENING_S
+    def _watched(self, work: Callable[[Remote], T], patience_s: float) -> T:
+        thread = threading.get_ident()
         try:
-            remote = self._connected()
+            remote = self._connected()  # not timed: a busy machine is slow to load what speaks to a remote
             with self._guard:
-                self._under_way[number] = time.monotonic() + patience_s
-            return work(remote, number)
+                self._deadlines[thread] = time.monotonic() + patience_s
+            return work(remote)
         except (RemoteFault, StoreError, KeyboardInterrupt, SystemExit, GeneratorExit):
             raise
         # An undeclared exception of a library must not end a build; panics of Rust are no `Exception`.
@@ -176,7 +153,7 @@ class Guarded:
             raise RemoteFault(self.address, reason) from error
         finally:
             with self._guard:
-                del self._under_way[number]
+                self._deadlines.pop(thread, None)
 
     def _connected(self) -> Remote:
         with self._opening:
@@ -190,9 +167,8 @@ class Guarded:
             return self._remote
 
     def _give_up(self, doing: Literal["read", "write", "both"], reason: str) -> None:
-        each: tuple[Doing, ...] = ("read", "write") if doing == "both" else (doing,)
-        if any(self._may[one] for one in each):
+        each = _BOTH if doing == "both" else (doing,)
+        if any(map(self.may, each)):
             self.given_up.append(GivenUp(self.name, self.address, doing, reason))
         for one in each:
-            self._may[one] = False
             self.reasons.setdefault(one, reason)

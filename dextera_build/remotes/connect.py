@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
 from dextera_build.errors import MachineError, UsageError, install_extra
 from dextera_build.remotes.breaker import Guarded
+from dextera_build.remotes.folder import Directory
 from dextera_build.remotes.remote import Remote
-from dextera_build.remotes.spec import Spec, checked, refuse_clear
+from dextera_build.remotes.spec import BUCKETS, Spec, checked, refuse_clear
 
 
 def open_remote(spec: Spec) -> Remote:
@@ -22,10 +22,19 @@ def open_remote(spec: Spec) -> Remote:
         UsageError: The address holds a variable that is not set, is malformed, or would send a password in the clear.
     """
     address = checked(_filled(spec.address, spec.name))  # a variable may have brought anything
-    refuse_clear(address)
+    options = {name: _filled(value, spec.name) for name, value in spec.options.items()}
+    refuse_clear(address, options)
     scheme = address.partition("://")[0] if "://" in address else "file"
     try:
-        return _OPENERS[scheme](address, spec)
+        if scheme in ("http", "https"):
+            from dextera_build.remotes.http import HttpCache
+
+            return HttpCache(address, timeout_s=spec.timeout_s)
+        if scheme in BUCKETS:
+            from dextera_build.remotes.s3 import ObjectStore
+
+            return ObjectStore(address, options, timeout_s=spec.timeout_s)
+        return Directory(Path(os.path.expanduser(address.removeprefix("file://"))).absolute())
     except ImportError as error:
         raise MachineError(
             f"remote `{spec.name}` needs a package that is not installed",
@@ -45,35 +54,6 @@ def guarded(spec: Spec) -> Guarded:
     """The remote with its circuit breaker; connects when it is first needed."""
     opener = partial(open_remote, spec)
     return Guarded(spec.name, spec.shown, opener, timeout_s=spec.timeout_s, mode=spec.mode)
-
-
-def _directory(address: str, spec: Spec) -> Remote:
-    from dextera_build.remotes.folder import Directory
-
-    return Directory(Path(os.path.expanduser(address.removeprefix("file://"))).absolute())
-
-
-def _http(address: str, spec: Spec) -> Remote:
-    from dextera_build.remotes.http import HttpCache
-
-    return HttpCache(address, timeout_s=spec.timeout_s)
-
-
-def _objects(address: str, spec: Spec) -> Remote:
-    from dextera_build.remotes.s3 import ObjectStore
-
-    options = {name: _filled(value, spec.name) for name, value in spec.options.items()}
-    return ObjectStore(address, options, timeout_s=spec.timeout_s)
-
-
-_OPENERS: Mapping[str, Callable[[str, Spec], Remote]] = {
-    "file": _directory,
-    "http": _http,
-    "https": _http,
-    "s3": _objects,
-    "gs": _objects,
-    "az": _objects,
-}
 
 
 def _filled(text: str, name: str) -> str:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 
 from dextera_build.errors import StoreError
 from dextera_build.remotes.breaker import GivenUp, Guarded
-from dextera_build.remotes.remote import DamagedBlob, RemoteFault
+from dextera_build.remotes.remote import RemoteFault
 from dextera_build.remotes.threads import Crew
 from dextera_build.remotes.transfer import Transfer
 from dextera_build.store.entry import ActionResult
@@ -17,6 +19,7 @@ from dextera_build.store.store import Store
 
 _READERS = 16
 _WRITERS = 4
+_TICK_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -57,14 +60,14 @@ class Exchange:
 
     def __init__(self, store: Store, remotes: Sequence[Guarded]) -> None:
         self.remotes = list(remotes)
-        self._transfer = Transfer(store)
         self._writing = [remote for remote in self.remotes if remote.may("write")]
         self._readers, self._writers = Crew(_READERS, "dxb fetch"), Crew(_WRITERS, "dxb upload")
+        self._transfer = Transfer(store, self._readers)
         self._asked: set[str] = set()
         self._answers: SimpleQueue[Arrival] = SimpleQueue()
-        self._sent: SimpleQueue[tuple[Guarded, str, int, str]] = SimpleQueue()
+        self._guard = threading.Lock()
         self._uploads = {remote.name: Upload(remote.name) for remote in self._writing}
-        self._to_send: dict[tuple[str, str], None] = {}
+        self._to_send: dict[tuple[Guarded, str], None] = {}
         self.offered = 0
         """How many uploads were begun."""
 
@@ -72,12 +75,6 @@ class Exchange:
     def reads(self) -> bool:
         """Whether a remote may still be read."""
         return any(remote.may("read") for remote in self.remotes)
-
-    @property
-    def uploading(self) -> int:
-        """How many uploads are not over."""
-        self._hear()
-        return len(self._to_send)
 
     def ask(self, key: str, *, whole: bool = True) -> None:
         """Look for a result in the background, with or without its bytes; `arrived` returns the answer later."""
@@ -87,12 +84,10 @@ class Exchange:
     def arrived(self, patience_s: float) -> list[Arrival]:
         """Answers that have come, or come within `patience_s` [s]."""
         found = []
-        try:
+        with suppress(Empty):
             found.append(self._answers.get(timeout=patience_s) if patience_s else self._answers.get_nowait())
             while True:
                 found.append(self._answers.get_nowait())
-        except Empty:
-            pass
         for remote in self.remotes:
             remote.watch()
         if not self.reads:
@@ -105,7 +100,8 @@ class Exchange:
     def offer(self, key: str) -> None:
         """Upload a result of the store in the background."""
         for remote in self._writing:
-            self._to_send[remote.name, key] = None
+            with self._guard:
+                self._to_send[remote, key] = None
             self.offered += 1
             self._writers.start(lambda remote=remote: self._send(remote, key))  # type: ignore[misc]
 
@@ -119,31 +115,27 @@ class Exchange:
     def wait(self, patience_s: float) -> int:
         """Wait at most so long [s] for uploads, and return how many are not over."""
         end = time.monotonic() + patience_s
-        while self.uploading and (left := end - time.monotonic()) > 0:
+        while True:
             for remote in self._writing:
                 remote.watch()
-            self._drop_hopeless()
-            time.sleep(min(left, 0.02))
-        return self.uploading
+            with self._guard:
+                # Threads may hang in a remote that was given up.
+                under_way = sum(remote.may("write") for remote, _ in self._to_send)
+            if not under_way or time.monotonic() > end:
+                return under_way
+            time.sleep(_TICK_S)
 
     def close(self) -> list[Upload]:
         """Close connections, and return what was uploaded; uploads that are not over are abandoned."""
-        self._hear()
-        for name, key in self._to_send:
-            self._leave(name, key, "the build ended before")
-        self._to_send = {}
+        with self._guard:
+            for remote, key in self._to_send:
+                self._leave(remote, key, remote.reasons.get("write", "the build ended before"))
+            self._to_send = {}
         for remote in self.remotes:
             remote.close()
         self._readers.dismiss()
         self._writers.dismiss()
         return [upload for upload in self._uploads.values() if upload.results or upload.left]
-
-    def _answer(self, key: str, whole: bool) -> None:
-        answer = Arrival(key, None)
-        try:
-            answer = self.fetch(key, whole=whole)
-        finally:
-            self._answers.put(answer)
 
     def fetch(self, key: str, *, whole: bool = True) -> Arrival:
         """Look for a result in this thread."""
@@ -153,51 +145,40 @@ class Exchange:
                 continue
             try:
                 found = self._transfer.fetch(remote, key, whole=whole)
-            except DamagedBlob as fault:
-                remote.blame(fault)
             except RemoteFault:
-                pass  # counted where it came up
+                continue  # counted where it came up
             except StoreError:
                 break  # a full disk; the node finds out itself
-            else:
-                if found is not None:
-                    seconds = time.monotonic() - began
-                    return Arrival(key, found.result, found.is_whole, remote.name, seconds)
+            if found is not None:
+                return Arrival(key, found.result, found.is_whole, remote.name, time.monotonic() - began)
         return Arrival(key, None)
 
+    def _answer(self, key: str, whole: bool) -> None:
+        answer = Arrival(key, None)
+        try:
+            answer = self.fetch(key, whole=whole)
+        finally:
+            self._answers.put(answer)
+
     def _send(self, remote: Guarded, key: str) -> None:
-        octets, reason = -1, ""
+        octets, reason = 0, ""
         try:
             octets = self._transfer.send(remote, key)
         except RemoteFault as fault:
             reason = fault.reason
         except StoreError as error:
             reason = error.message
-        self._sent.put((remote, key, octets, reason))
+        with self._guard:
+            if (remote, key) not in self._to_send:
+                return  # abandoned meanwhile
+            del self._to_send[remote, key]
+            if reason:
+                self._leave(remote, key, reason)
+            else:
+                self._uploads[remote.name].results += 1
+                self._uploads[remote.name].octets += octets
 
-    def _hear(self) -> None:
-        try:
-            while True:
-                remote, key, octets, reason = self._sent.get_nowait()
-                if (remote.name, key) not in self._to_send:
-                    continue
-                del self._to_send[remote.name, key]
-                if octets < 0:
-                    self._leave(remote.name, key, reason)
-                else:
-                    self._uploads[remote.name].results += 1
-                    self._uploads[remote.name].octets += octets
-        except Empty:
-            pass
-
-    def _drop_hopeless(self) -> None:
-        for remote in self._writing:
-            if not remote.may("write"):
-                for name, key in [each for each in self._to_send if each[0] == remote.name]:
-                    del self._to_send[name, key]
-                    self._leave(name, key, remote.reasons.get("write", ""))
-
-    def _leave(self, name: str, key: str, reason: str) -> None:
-        upload = self._uploads[name]
+    def _leave(self, remote: Guarded, key: str, reason: str) -> None:
+        upload = self._uploads[remote.name]
         upload.left.append(key)
         upload.reason = upload.reason or reason

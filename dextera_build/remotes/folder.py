@@ -8,24 +8,23 @@ from __future__ import annotations
 import os
 import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
 from dextera_build.errors import StoreError
-from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault, SingleBlobs
+from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault
 from dextera_build.store import failpoints, files
 
 _CHUNK = 1 << 20
-_THREADS = 8
 _ABSENT = (FileNotFoundError, IsADirectoryError)
 """A folder in the place of a file is damage, and is replaced with the next upload."""
 _ABANDONED_S = 86400.0
 """Age from which what somebody did not write to its end counts as left by a killed process [s]."""
 
 
-class Directory(SingleBlobs):
+class Directory:
     """Blobs under `cas/ab/cdef...` and results under `ac/ab/cdef...` of one folder.
 
     Args:
@@ -33,12 +32,12 @@ class Directory(SingleBlobs):
     """
 
     def __init__(self, root: Path) -> None:
-        super().__init__(str(root), _THREADS)
+        self.address = str(root)
         self._root = root
         self._tidied = False
 
     def get_entry(self, key: str) -> bytes | None:
-        """The entry under a key, or None."""
+        """As `Remote`."""
         try:
             with open(self._file("ac", key), "rb") as file:
                 size = os.fstat(file.fileno()).st_size
@@ -51,12 +50,13 @@ class Directory(SingleBlobs):
             raise self._fault(error) from None
 
     def put_entry(self, key: str, message: bytes) -> None:
-        """Publish a result, all of whose blobs the folder holds."""
+        """As `Remote`."""
         with self._writing("ac", key) as target:
             failpoints.reach("remote.entry")
             files.write_all(target, message)
 
-    def _has(self, digest: Digest) -> bool:
+    def has(self, digest: Digest) -> bool:
+        """As `Remote`."""
         try:
             state = os.stat(self._file("cas", digest.hash))
         except _ABSENT:
@@ -65,22 +65,25 @@ class Directory(SingleBlobs):
             raise self._fault(error) from None
         return state.st_size == digest.size and stat.S_ISREG(state.st_mode)
 
-    @contextmanager
-    def _reading(self, digest: Digest) -> Iterator[Iterator[bytes] | None]:
+    def fetch(self, digest: Digest, take: Callable[[Iterator[bytes]], bool]) -> bool | None:
+        """As `Remote`."""
         try:
             file = open(self._file("cas", digest.hash), "rb")  # noqa: SIM115 - closed below; only opening may find nothing
         except _ABSENT:
-            yield None
-            return
+            return None
         except OSError as error:
             raise self._fault(error) from None
         with file:
-            yield self._pieces(file)
+            return take(self._pieces(file))
 
-    def _write(self, digest: Digest, file: BinaryIO) -> None:
+    def send(self, digest: Digest, file: BinaryIO) -> None:
+        """As `Remote`."""
         with self._writing("cas", digest.hash) as target, open(target, "wb", closefd=False) as to:
             failpoints.reach("remote.blob")
             shutil.copyfileobj(file, to, _CHUNK)
+
+    def close(self) -> None:
+        """As `Remote`; there are no connections."""
 
     def _pieces(self, file: BinaryIO) -> Iterator[bytes]:
         try:

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import BinaryIO
 
 import httpx
 
-from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault, SingleBlobs
+from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault
 from dextera_build.remotes.spec import is_loopback
 
 _CHUNK = 1 << 18
-_CONNECTIONS = 16
+_CONNECTIONS = 32
 _CONNECT_S = 5.0
 _REFUSED = {
     401: "it wants a name and a password",
@@ -27,7 +27,7 @@ _REFUSED = {
 }
 
 
-class HttpCache(SingleBlobs):
+class HttpCache:
     """One server.
 
     Args:
@@ -44,7 +44,7 @@ class HttpCache(SingleBlobs):
         except httpx.InvalidURL:  # its message quotes the address
             raise ValueError("a password has `/`, `?`, `#`, `@` and `:` as %2F, %3F, %23, %40 and %3A") from None
         shown = parsed.copy_with(username=None, password=None, query=None)
-        super().__init__(str(shown).rstrip("/"), _CONNECTIONS - 1)
+        self.address = str(shown).rstrip("/")
         self._timeout_s = timeout_s
         self._client = httpx.Client(
             auth=(parsed.username, parsed.password) if parsed.username else _netrc(parsed),
@@ -52,12 +52,12 @@ class HttpCache(SingleBlobs):
             # A compressed body would have another size than its digest says.
             headers={"Accept-Encoding": "identity"},
             timeout=httpx.Timeout(timeout_s, connect=min(_CONNECT_S, timeout_s), pool=None),
-            limits=httpx.Limits(max_connections=_CONNECTIONS * 2, max_keepalive_connections=_CONNECTIONS),
+            limits=httpx.Limits(max_connections=_CONNECTIONS, max_keepalive_connections=_CONNECTIONS),
             follow_redirects=True,
         )
 
     def get_entry(self, key: str) -> bytes | None:
-        """The entry under a key, or None."""
+        """As `Remote`."""
         with self._faults(), self._client.stream("GET", self._url("ac", key)) as answer:
             if answer.status_code == 404:
                 return None
@@ -70,10 +70,11 @@ class HttpCache(SingleBlobs):
             return bytes(found)
 
     def put_entry(self, key: str, message: bytes) -> None:
-        """Publish a result, all of whose blobs the server holds."""
+        """As `Remote`."""
         self._put("ac", key, message, {})
 
-    def _has(self, digest: Digest) -> bool:
+    def has(self, digest: Digest) -> bool:
+        """As `Remote`."""
         with self._faults():
             answer = self._client.head(self._url("cas", digest.hash))
         if answer.status_code == 404 or answer.headers.get("Content-Length", str(digest.size)) != str(digest.size):
@@ -81,24 +82,24 @@ class HttpCache(SingleBlobs):
         self._expect(answer, 200, 204)
         return True
 
-    @contextmanager
-    def _reading(self, digest: Digest) -> Iterator[Iterator[bytes] | None]:
+    def fetch(self, digest: Digest, take: Callable[[Iterator[bytes]], bool]) -> bool | None:
+        """As `Remote`."""
         with self._faults(), self._client.stream("GET", self._url("cas", digest.hash)) as answer:
             if answer.status_code == 404:
-                yield None
-            else:
-                self._expect(answer, 200)
-                yield self._pieces(answer)
+                return None
+            self._expect(answer, 200)
+            # Not decoded: nothing unpacks to more than was sent.
+            return take(answer.iter_raw(_CHUNK))
 
-    def _write(self, digest: Digest, file: BinaryIO) -> None:
+    def send(self, digest: Digest, file: BinaryIO) -> None:
+        """As `Remote`."""
         # With its length said, so that it is not sent in chunks, which not every server takes.
         size = {"Content-Length": str(digest.size)}
         self._put("cas", digest.hash, iter(lambda: file.read(_CHUNK), b""), size)
 
     def close(self) -> None:
-        """Let connections go."""
+        """As `Remote`."""
         self._client.close()
-        super().close()
 
     def _put(self, kind: str, digest: str, content: bytes | Iterator[bytes], headers: Mapping[str, str]) -> None:
         url = self._url(kind, digest)
@@ -109,11 +110,6 @@ class HttpCache(SingleBlobs):
                 said += len(piece)
                 if said > _CHUNK:
                     break
-
-    def _pieces(self, answer: httpx.Response) -> Iterator[bytes]:
-        # Not decoded: nothing unpacks to more than was sent.
-        with self._faults():
-            yield from answer.iter_raw(_CHUNK)
 
     def _url(self, kind: str, digest: str) -> str:
         return f"{self.address}/{kind}/{digest}"

@@ -6,13 +6,10 @@ never wrong, and never makes it fail.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
 from typing import BinaryIO, NamedTuple, Protocol
 
 from dextera_build.redact import redact
-from dextera_build.remotes.threads import Crew
 
 MOST_ENTRY = 64 << 20
 """A result under a key that is longer is not taken [bytes]; one blob takes about 150 bytes there."""
@@ -42,10 +39,6 @@ class RemoteFault(Exception):  # noqa: N818 - says what happened, as `MissingBlo
         self.refused = refused
 
 
-class DamagedBlob(RemoteFault):
-    """A remote gave other bytes than those that it was asked for."""
-
-
 class Remote(Protocol):
     """Two maps. Every method may be called from several threads, and raises `RemoteFault` and nothing else."""
 
@@ -63,82 +56,21 @@ class Remote(Protocol):
         """Publish a result, all of whose blobs the remote holds."""
         ...
 
-    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
-        """Those that the remote lacks."""
+    def has(self, digest: Digest) -> bool:
+        """Whether the remote holds a blob, with this size."""
         ...
 
-    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
-        """Hand `take` the bytes of every blob that the remote holds, in pieces; those that it lacks are left out.
+    def fetch(self, digest: Digest, take: Callable[[Iterator[bytes]], bool]) -> bool | None:
+        """Hand `take` the bytes of a blob in pieces, and return what it returns; None if the remote lacks the blob.
 
-        The remote chooses batches and parallel transfers; `take` may be called from several threads at once. `take`
-        checks size and bytes, may stop before the last piece, and lets no error of its own out; a `RemoteFault` that
-        the pieces raise passes through it.
+        `take` checks size and bytes, and may stop before the last piece. Its errors pass through.
         """
         ...
 
-    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
-        """Upload blobs; `give` opens one, and the remote closes it."""
+    def send(self, digest: Digest, file: BinaryIO) -> None:
+        """Upload a blob, from the place where the file stands."""
         ...
 
     def close(self) -> None:
         """Let connections go; calls that wait for an answer end with a `RemoteFault`."""
         ...
-
-
-class SingleBlobs(ABC):
-    """The half of a `Remote` that is about blobs, for remotes that know one blob at a time.
-
-    Args:
-        address: See `Remote`.
-        threads: How many more than the calling one ask at once.
-    """
-
-    def __init__(self, address: str, threads: int) -> None:
-        self.address = address
-        self._crew = Crew(threads, f"dxb {address}")
-
-    def missing(self, digests: Sequence[Digest]) -> set[Digest]:
-        """Those that the remote lacks, or holds with another size."""
-        lacking: set[Digest] = set()
-
-        def look(digest: Digest) -> None:
-            if not self._has(digest):
-                lacking.add(digest)
-
-        self._crew.each(look, digests)
-        return lacking
-
-    def fetch(self, digests: Sequence[Digest], take: Callable[[Digest, Iterator[bytes]], None]) -> None:
-        """Hand `take` the bytes of every blob that the remote holds."""
-
-        def fetch_one(digest: Digest) -> None:
-            with self._reading(digest) as pieces:
-                if pieces is not None:
-                    take(digest, pieces)
-
-        self._crew.each(fetch_one, digests)
-
-    def send(self, digests: Sequence[Digest], give: Callable[[Digest], BinaryIO]) -> None:
-        """Upload blobs."""
-
-        def send_one(digest: Digest) -> None:
-            with give(digest) as file:
-                self._write(digest, file)
-
-        self._crew.each(send_one, digests)
-
-    def close(self) -> None:
-        """Let the threads go."""
-        self._crew.dismiss()
-
-    @abstractmethod
-    def _has(self, digest: Digest) -> bool:
-        """Whether the remote holds a blob with this size."""
-
-    @abstractmethod
-    def _reading(self, digest: Digest) -> AbstractContextManager[Iterator[bytes] | None]:
-        """The pieces of a blob, or None where the remote lacks it."""
-
-    @abstractmethod
-    def _write(self, digest: Digest, file: BinaryIO) -> None:
-        """Upload one blob."""

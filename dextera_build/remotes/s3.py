@@ -7,8 +7,8 @@ serves other tools, too.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from datetime import timedelta
 from typing import Any, BinaryIO
 
@@ -16,11 +16,10 @@ import obstore
 from obstore import exceptions
 from obstore.store import from_url
 
-from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault, SingleBlobs
+from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault
 
 _CHUNK = 1 << 20
 _PART = 8 << 20
-_THREADS = 15
 _METADATA = "169.254.169.254"
 """Where a machine of the cloud is asked for credentials, when nothing else has any."""
 _REQUEST = re.compile(r"^(Generic \w+ error: )?(Error performing \w+ \S+ in [\d.]+\w+(, after \d+ retries.*?)? +- )?")
@@ -45,7 +44,7 @@ _CLIENT = (
 """What obstore's configuration says of the connection."""
 
 
-class ObjectStore(SingleBlobs):
+class ObjectStore:
     """One bucket, or what lies under a prefix of it.
 
     Args:
@@ -59,23 +58,24 @@ class ObjectStore(SingleBlobs):
     """
 
     def __init__(self, url: str, options: Mapping[str, str] | None = None, *, timeout_s: float = 10.0) -> None:
-        super().__init__(url.rstrip("/"), _THREADS)
+        self.address = url.rstrip("/")
         patience = timedelta(seconds=timeout_s)
         said = options or {}
         # Among the settings of the bucket these make the library panic.
         config: Any = {name: value for name, value in said.items() if name not in _CLIENT}
         # The library must not retry ten times on its own: a build retries once, or goes on without the remote.
         retry: Any = {"max_retries": 1, "retry_timeout": patience}
-        plain = any(value.startswith("http://") for name, value in config.items() if "endpoint" in name)
         client: Any = {"timeout": f"{max(timeout_s * 6, 60.0):g}s", "connect_timeout": f"{min(timeout_s, 5.0):g}s"}
-        client |= {"allow_http": plain} | {name: value for name, value in said.items() if name in _CLIENT}
+        client |= {name: value for name, value in said.items() if name in _CLIENT}
+        # Credentials go over TLS, or to a server of this machine, as `refuse_clear` has made sure.
+        client["allow_http"] = any(value.startswith("http://") for name, value in config.items() if "endpoint" in name)
         try:
             self._store = from_url(self.address, config=config, client_options=client, retry_config=retry)
         except exceptions.BaseError as error:
             raise ValueError(str(error)) from None
 
     def get_entry(self, key: str) -> bytes | None:
-        """The entry under a key, or None."""
+        """As `Remote`."""
         with self._faults():
             try:
                 found = obstore.get(self._store, f"ac/{key}")
@@ -86,32 +86,34 @@ class ObjectStore(SingleBlobs):
             return bytes(found.bytes())
 
     def put_entry(self, key: str, message: bytes) -> None:
-        """Publish a result, all of whose blobs the bucket holds."""
+        """As `Remote`."""
         with self._faults():
             obstore.put(self._store, f"ac/{key}", message)
 
-    def _has(self, digest: Digest) -> bool:
+    def has(self, digest: Digest) -> bool:
+        """As `Remote`."""
         with self._faults():
             try:
                 return int(obstore.head(self._store, f"cas/{digest.hash}")["size"]) == digest.size
             except FileNotFoundError:
                 return False
 
-    @contextmanager
-    def _reading(self, digest: Digest) -> Iterator[Iterator[bytes] | None]:
-        found = None
-        with self._faults(), suppress(FileNotFoundError):
-            found = obstore.get(self._store, f"cas/{digest.hash}")
-        yield None if found is None else self._pieces(found)
+    def fetch(self, digest: Digest, take: Callable[[Iterator[bytes]], bool]) -> bool | None:
+        """As `Remote`."""
+        with self._faults():
+            try:
+                found = obstore.get(self._store, f"cas/{digest.hash}")
+            except FileNotFoundError:
+                return None
+            return take(map(bytes, found.stream(min_chunk_size=_CHUNK)))
 
-    def _write(self, digest: Digest, file: BinaryIO) -> None:
+    def send(self, digest: Digest, file: BinaryIO) -> None:
+        """As `Remote`."""
         with self._faults():
             obstore.put(self._store, f"cas/{digest.hash}", file, chunk_size=_PART, max_concurrency=4)
 
-    def _pieces(self, found: obstore.GetResult) -> Iterator[bytes]:
-        with self._faults():
-            for piece in found.stream(min_chunk_size=_CHUNK):
-                yield bytes(piece)
+    def close(self) -> None:
+        """As `Remote`; the library closes connections that nobody uses."""
 
     @contextmanager
     def _faults(self) -> Iterator[None]:

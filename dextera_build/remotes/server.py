@@ -235,7 +235,7 @@ def _publish(store: Store, key: str, message: bytes) -> str:
         return f"blob {lacking.digest} is not here; blobs come first"
     try:
         if store.actions.get(key) is None or traces.listed(store, entry.result):
-            traces.publish(store, key, entry.result, entry.document)
+            traces.publish(store, key, entry.result)
     except MissingBlob as error:
         return f"blob {error.digest} is not here; blobs come first"
     except StoreError:

@@ -16,7 +16,7 @@ from dextera_build.redact import redact
 
 MODES = ("r", "rw", "w", "off")
 SCHEMES = ("http", "https", "s3", "gs", "az", "file")
-_BUCKETS = ("s3", "gs", "az")
+BUCKETS = ("s3", "gs", "az")
 _SETTINGS = ("address", "mode", "timeout_s")
 """Of any remote; object stores have more, which their library knows."""
 LOCAL, EVERY = "local", "remote"
@@ -58,25 +58,26 @@ class Spec:
         return " ".join([self.shown, self.mode, *(f"{name}={value}" for name, value in more.items())])
 
 
-def refuse_clear(address: str) -> None:
-    """Refuse an address whose password or token would go to another machine over plain HTTP.
+def refuse_clear(address: str, options: Mapping[str, str]) -> None:
+    """Refuse a remote whose password or token would go to another machine over plain HTTP.
 
     Raises:
         UsageError: It would.
     """
-    if not address.startswith("http://") or not {"@", "?"} & set(address):
-        return
-    try:
-        host = urlsplit(address).hostname or ""
-    except ValueError:
-        host = ""  # whoever opens it says what is wrong
-    if not is_loopback(host):
-        raise UsageError(
-            f"`{address}` would send a password or token in the clear",
-            code="DXB-U137",
-            facts={"allowed": "`https://` to any machine, `http://` to this one (localhost, 127.0.0.1, ::1)"},
-            hint=f"`https://{address.removeprefix('http://')}`, or a tunnel: `ssh -L 8098:localhost:8098 HOST`",
-        )
+    for url in (address if {"@", "?"} & set(address) else "", *options.values()):
+        if not url.startswith("http://"):
+            continue
+        try:
+            host = urlsplit(url).hostname or ""
+        except ValueError:
+            host = ""  # whoever opens it says what is wrong
+        if not is_loopback(host):
+            raise UsageError(
+                f"`{url}` would send a password or token in the clear",
+                code="DXB-U137",
+                facts={"allowed": "`https://` to any machine, `http://` to this one (localhost, 127.0.0.1, ::1)"},
+                hint=f"`https://{url.removeprefix('http://')}`, or a tunnel: `ssh -L 8098:localhost:8098 HOST`",
+            )
 
 
 def is_loopback(host: str) -> bool:
@@ -103,21 +104,22 @@ def from_table(table: Mapping[str, Any], where: str) -> dict[str, Spec]:
             )
         body = dict(value) if isinstance(value, Mapping) else {"address": value}
         address, mode, patience = body.pop("address", None), body.pop("mode", "r"), body.pop("timeout_s", _TIMEOUT_S)
-        if not isinstance(address, str) or not address:
-            raise UsageError(f"remote `{name}` has no address", code="DXB-U131", facts={"from": where})
-        if not isinstance(patience, int | float) or isinstance(patience, bool) or not 0 < patience < _LONGEST_S:
-            raise UsageError(f"`timeout_s` of remote `{name}` is not a time", code="DXB-U131", facts={"from": where})
         options = {option: str(setting) for option, setting in body.items()}
-        if options and address.partition("://")[0] not in _BUCKETS:
-            option = next(iter(options))
-            raise UsageError(
-                f"remote `{name}` has no setting `{option}`",
-                code="DXB-U131",
-                facts={"from": where, "settings": listing(_SETTINGS), "more": f"for {listing(_BUCKETS)} alone"},
-                hint=did_you_mean(option, _SETTINGS),
-            )
-        found[name] = Spec(name, checked(address), _mode(str(mode), name), float(patience), options)
+        if not isinstance(address, str) or not address:
+            raise _wrong(f"remote `{name}` has no address", where)
+        if not isinstance(patience, int | float) or isinstance(patience, bool) or not 0 < patience < _LONGEST_S:
+            raise _wrong(f"`timeout_s` of remote `{name}` is not a time", where)
+        if mode not in MODES:
+            raise _wrong(f"`{mode}` is not a mode of remote `{name}`", where, "DXB-U132", modes=listing(MODES))
+        if options and address.partition("://")[0] not in BUCKETS:
+            known = {"settings": listing(_SETTINGS), "more": f"for {listing(BUCKETS)} alone"}
+            raise _wrong(f"remote `{name}` has no setting `{next(iter(options))}`", where, **known)
+        found[name] = Spec(name, checked(address), mode, float(patience), options)
     return found
+
+
+def _wrong(message: str, where: str, code: str = "DXB-U131", **facts: str) -> UsageError:
+    return UsageError(message, code=code, facts={"from": where, **facts})
 
 
 def named(what: str, known: Mapping[str, Spec]) -> Spec:
@@ -126,10 +128,8 @@ def named(what: str, known: Mapping[str, Spec]) -> Spec:
     Raises:
         UsageError: It is none of these.
     """
-    return known.get(what) or _by_address(what, known)
-
-
-def _by_address(what: str, known: Mapping[str, Spec]) -> Spec:
+    if what in known:
+        return known[what]
     if "://" in what or what.startswith(("/", "./", "../", "~")):
         return Spec(redact(what), checked(what))
     raise UsageError(
@@ -138,12 +138,6 @@ def _by_address(what: str, known: Mapping[str, Spec]) -> Spec:
         facts={"remotes": listing(known), "or": "a URL, or a folder that begins with `/`, `./` or `~`"},
         hint=did_you_mean(what, known) or f'in `dxb.toml`: [remotes] {what} = "https://host/prefix"',
     )
-
-
-def _mode(mode: str, name: str) -> str:
-    if mode not in MODES:
-        raise UsageError(f"`{mode}` is not a mode of remote `{name}`", code="DXB-U132", facts={"modes": listing(MODES)})
-    return mode
 
 
 def checked(address: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections import deque
 from collections.abc import Callable, Sequence
 from queue import SimpleQueue
 from typing import TypeVar
@@ -22,50 +21,45 @@ class Crew:
     """
 
     def __init__(self, size: int, name: str) -> None:
-        self.size = size
-        self._name = name
+        self._size, self._name = size, name
         self._jobs: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._guard = threading.Lock()
-        self._threads = 0
-        self._idle = 0
+        self._threads = self._idle = 0
 
     def start(self, job: Callable[[], None]) -> None:
         """Carry out `job` when a thread is free; it must not raise."""
         with self._guard:
             if self._idle > 0:
                 self._idle -= 1
-            elif self._threads < self.size:
+            elif self._threads < self._size:
                 self._threads += 1
                 threading.Thread(target=self._work, name=self._name, daemon=True).start()
         self._jobs.put(job)
 
     def each(self, work: Callable[[T], None], items: Sequence[T]) -> None:
         """Do `work` for every item, in this thread and those that are free; the first error ends it and is raised."""
-        todo, errors = deque(items), list[BaseException]()
-        changed, active = threading.Condition(), [0]
-
-        def next_of() -> tuple[T] | None:
-            with changed:
-                return (todo.popleft(),) if todo else None
+        todo, errors = iter(items), list[BaseException]()
+        changed, active = threading.Condition(), set[int]()
 
         def drain() -> None:
             with changed:
-                active[0] += 1
+                active.add(threading.get_ident())
             try:
-                while not errors and (item := next_of()) is not None:
-                    work(item[0])
+                for item in todo:
+                    if errors:
+                        break
+                    work(item)
             except BaseException as error:
                 errors.append(error)
-            finally:
-                with changed:
-                    active[0] -= 1
-                    changed.notify_all()
+            with changed:
+                active.remove(threading.get_ident())
+                changed.notify_all()
 
-        for _ in range(min(self.size, len(items) - 1)):
+        for _ in range(min(self._size, len(items) - 1)):
             self.start(drain)
         drain()
         with changed:
-            changed.wait_for(lambda: active[0] == 0)
+            changed.wait_for(lambda: not active)
         if errors:
             raise errors[0]
 

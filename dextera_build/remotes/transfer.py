@@ -8,29 +8,23 @@ from __future__ import annotations
 
 import threading
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any, BinaryIO
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from typing import Any
 
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
-from dextera_build.remotes.breaker import Guarded
-from dextera_build.remotes.remote import MOST_ENTRY, DamagedBlob, Digest, Remote
+from dextera_build.remotes.remote import MOST_ENTRY, Digest, Remote, RemoteFault
+from dextera_build.remotes.threads import Crew
 from dextera_build.store import disk_full, failpoints, headers, traces
 from dextera_build.store import entry as entries
 from dextera_build.store.blobs import MissingBlob
-from dextera_build.store.entry import ActionResult, Entry, File
+from dextera_build.store.entry import Entry, File
 from dextera_build.store.references import UNREADABLE
+from dextera_build.store.results import Found
 from dextera_build.store.store import Store
 
-
-@dataclass(frozen=True)
-class Fetched:
-    """A result that a remote had."""
-
-    result: ActionResult
-    is_whole: bool
-    """Whether its bytes are here; if not, its entry and the headers of its output are."""
+_AT_ONCE = 16
 
 
 class Transfer:
@@ -38,23 +32,24 @@ class Transfer:
 
     Args:
         store: The local end.
+        crew: Transfers the blobs of a result.
     """
 
-    def __init__(self, store: Store) -> None:
-        self._store = store
+    def __init__(self, store: Store, crew: Crew | None = None) -> None:
+        self._store, self._crew = store, crew or Crew(_AT_ONCE, "dxb blobs")
         self._guard = threading.Lock()
         self._held: defaultdict[str, set[Digest]] = defaultdict(set)
         """Remote -> blobs that it is known to have."""
         self._damaged: defaultdict[str, set[Digest]] = defaultdict(set)
         """Remote -> blobs that came from it with other bytes; uploaded again although it claims to have them."""
 
-    def fetch(self, remote: Remote, key: str, *, whole: bool = True) -> Fetched | None:
+    def fetch(self, remote: Remote, key: str, *, whole: bool = True) -> Found | None:
         """Download the result of `key`; None if the remote lacks it or a part of it.
 
         Args:
             remote: Where from.
             key: Digest of the key document.
-            whole: With every blob that it names; otherwise without its bytes.
+            whole: With every blob that it names; otherwise the key document and the headers of its output.
 
         Raises:
             RemoteFault: The remote did not answer rightly.
@@ -64,10 +59,10 @@ class Transfer:
         if entry is None:
             return None
         try:
-            if not (self._bring(remote, entry.files) if whole else self._headers(remote, entry)):
+            if not self._bring(remote, [file for file in entry.files if whole or file.role in entries.HEADERS]):
                 return None
             failpoints.reach("fetch.blobs")
-            is_whole = traces.publish(self._store, key, entry.result, entry.document, may_lack=not whole)
+            is_whole = traces.publish(self._store, key, entry.result, may_lack=not whole)
         except UNREADABLE:
             # A header is malformed, or names a blob that the entry does not name.
             return None
@@ -75,21 +70,7 @@ class Transfer:
             if error.code != headers.ESCAPES:
                 raise
             return None
-        return Fetched(entry.result, is_whole)
-
-    def _headers(self, remote: Remote, entry: Entry) -> bool:
-        """Download the key document of an entry and the headers of its output, level by level."""
-        known = {file.digest: file for file in entry.files}
-        front = [entry.result.output]
-        seen = set(front)
-        came = self._bring(remote, [file for file in entry.files if file.role == entries.KEY])
-        while front and came:
-            if not self._bring(remote, [known[digest] for digest in front]):
-                return False
-            below = [ref for digest in front for ref in self._store.actions.references.directly(digest)[0]]
-            front = [ref for ref in dict.fromkeys(below) if ref not in seen]
-            seen.update(front)
-        return came
+        return Found(entry.result, is_whole)
 
     def _bring(self, remote: Remote, files: Iterable[File]) -> bool:
         """Download the blobs that are not here; returns False if the remote lacks one.
@@ -98,31 +79,22 @@ class Transfer:
             RemoteFault: The remote did not answer rightly, or gave other bytes.
             StoreError: The local disk is full, or the store cannot be written.
         """
-        blobs = dict.fromkeys(Digest(file.digest, file.size) for file in files)
-        wanted = [blob for blob in blobs if self._store.blobs.size(blob.hash) != blob.size]
+        wanted = [blob for blob in _blobs(files) if self._store.blobs.size(blob.hash) != blob.size]
         if sum(blob.size for blob in wanted) > disk_full.free_bytes(str(self._store.root)):
             return False  # an entry may claim any size; a download that cannot fit is not started
-        came: set[Digest] = set()
-        wrong: list[Digest] = []
-        troubles: list[StoreError] = []
+        right: dict[Digest, bool | None] = {}
 
-        def take(digest: Digest, pieces: Iterator[bytes]) -> None:
-            try:
-                if not troubles:
-                    (came.add if self._store.blobs.receive(*digest, pieces) else wrong.append)(digest)
-            except StoreError as error:
-                troubles.append(error)
+        def bring(blob: Digest) -> None:
+            right[blob] = remote.fetch(blob, lambda pieces: self._store.blobs.receive(*blob, pieces))
 
-        if wanted:
-            remote.fetch(wanted, take)
-        if troubles:
-            raise troubles[0]
+        self._crew.each(bring, wanted)
+        wrong = [blob for blob in wanted if right[blob] is False]
         with self._guard:
-            self._held[remote.address] |= came
+            self._held[remote.address].update(blob for blob in wanted if right[blob])
             self._damaged[remote.address].update(wrong)
         if wrong:
-            raise DamagedBlob(remote.address, f"blob `{wrong[0].hash[:12]}` came with other bytes")
-        return came.issuperset(wanted)
+            raise RemoteFault(remote.address, f"blob `{wrong[0].hash[:12]}` came with other bytes")
+        return all(right.values())
 
     def send(self, remote: Remote, key: str) -> int:
         """Upload the result of `key`: blobs first, the entry last and only if all of them arrived.
@@ -139,7 +111,7 @@ class Transfer:
         for call, _ in entry.result.calls:  # first, so that nodes with other keys find the answer, too
             self.send(remote, call)
         octets = self._deliver(remote, entry)
-        parts = traces.parts_of(entry.document or self._store.blobs.get(key))
+        parts = traces.parts_of(self._store.blobs.get(key))
         if parts is not None and parts[1] is not None:
             self._send_traces(remote, parts[0])
         return octets
@@ -147,37 +119,43 @@ class Transfer:
     def _send_traces(self, remote: Remote, static: Mapping[str, Any]) -> None:
         """Add the traces of a call that reads by itself to those that the remote has."""
         key = digests.of_bytes(traces.spelled(static, None))
-        here = traces.known(self._store, key)
-        asked = remote.aside if isinstance(remote, Guarded) else lambda work: work(remote)
-        there = asked(lambda other: self._traces(other, key)) or []
-        found = traces.merged(here, there)
+        there: list[traces.Steps] = []
+        with suppress(RemoteFault):  # an upload can do without
+            entry = entry_at(remote, key)
+            is_short = entry is not None and (entry.files[0].size or 0) <= MOST_ENTRY
+            if entry is not None and is_short and self._bring(remote, entry.files[:1]):
+                there = traces.listed(self._store, entry.result)
+        found = traces.merged(traces.known(self._store, key), there)
         if found != there:
             self._deliver(remote, self._store.actions.made(traces.made(self._store, static, found)))
 
-    def _traces(self, remote: Remote, key: str) -> list[traces.Steps]:
-        entry = entry_at(remote, key)
-        if entry is None or entry.files[0].size > MOST_ENTRY:
-            return []
-        return traces.listed(self._store, entry.result) if self._bring(remote, entry.files[:1]) else []
-
     def _deliver(self, remote: Remote, entry: Entry) -> int:
-        blobs = list(dict.fromkeys(Digest(file.digest, file.size) for file in entry.files))
+        blobs = _blobs(entry.files)
+        sent: list[int] = []
+
+        def deliver(blob: Digest) -> None:
+            if blob not in damaged and remote.has(blob):
+                return
+            if not self._store.blobs.verify(blob.hash):
+                raise MissingBlob(blob.hash)
+            with self._store.blobs.open(blob.hash) as file:
+                remote.send(blob, file)
+            sent.append(blob.size)
+
         with self._guard:
             damaged = self._damaged[remote.address].intersection(blobs)
-            asked = [blob for blob in blobs if blob not in self._held[remote.address] and blob not in damaged]
-        wanted = [*damaged, *(remote.missing(asked) if asked else ())]
-        if wanted:
-            remote.send(sorted(wanted), self._open)
+            asked = [blob for blob in blobs if blob not in self._held[remote.address] or blob in damaged]
+        self._crew.each(deliver, asked)
         with self._guard:
             self._held[remote.address].update(blobs)
-            self._damaged[remote.address].difference_update(wanted)
+            self._damaged[remote.address] -= damaged
         remote.put_entry(entry.key, entry.spell())
-        return sum(blob.size for blob in wanted)
+        return sum(sent)
 
-    def _open(self, digest: Digest) -> BinaryIO:
-        if not self._store.blobs.verify(digest.hash):
-            raise MissingBlob(digest.hash)
-        return self._store.blobs.open(digest.hash)
+
+def _blobs(files: Iterable[File]) -> list[Digest]:
+    """The blobs of a whole entry, all of whose sizes are known."""
+    return list(dict.fromkeys(Digest(file.digest, file.size or 0) for file in files))
 
 
 def entry_at(remote: Remote, key: str) -> Entry | None:

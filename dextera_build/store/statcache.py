@@ -63,10 +63,6 @@ class StatCache:
         tree = {inner[start:].replace(os.sep, "/"): found[inner] for inner, _ in inside}
         return self._blobs.put(headers.folder_header(tree))
 
-    def paths(self, blob: str) -> list[str]:
-        """Project files that had these bytes when they were last read."""
-        return sorted(path for path, row in self._load().items() if row[5] == blob)
-
     def save(self) -> None:
         """Write down what was read, all or nothing; a store that cannot be written keeps what it has."""
         if self._fresh:

@@ -1,7 +1,7 @@
 """Nodes on a Ray cluster: the scheduler decides what may start, Ray decides where.
 
-A call is a Ray task that reserves what its rule asks for. A call whose worker is lost fails with `retries.LOST`, and
-the scheduler tries it again.
+A call is a Ray task that reserves what its rule asks for. A call whose worker is lost fails, and the scheduler
+tries it again (`workers/retries.py`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.protocol import Ended, Report, Task
 from dextera_build.workers.ray_cluster import RayCluster
 from dextera_build.workers.ray_worker import Setup
-from dextera_build.workers.retries import LOST
 from dextera_build.workers.staging import Staging
 
 _LOOK_S = 2.0
@@ -135,7 +134,7 @@ def _lost(error: Exception) -> MachineError:
     reason = (str(error).strip() or type(error).__name__).splitlines()[0]
     return MachineError(
         "its worker was lost",
-        code=LOST,
+        code="DXB-E354",
         facts={"ray says": reason},
         hint="`ray status` shows which nodes are left; build again",
     )

@@ -80,8 +80,7 @@ class NodeWorker:
             return replace(end, reply=None, error=error)
         if task.key:
             self._store.keep.drop(task.key)
-        # Sizes are of what this store took in, and the driver may have had it before.
-        return replace(end, reply={name: told for name, told in end.reply.items() if name != "sizes"})
+        return end
 
 
 _here: list[NodeWorker] = []

@@ -9,8 +9,8 @@ from dextera_build.errors import DxbError, MachineError
 from dextera_build.store.backoff import backoff
 
 _DIED = "DXB-B301"
-LOST, UNREACHABLE = "DXB-E354", "DXB-E355"
-"""A cluster lost the worker of a call; a remote that its machines share does not work."""
+_OF_CLUSTERS = ("DXB-E354", "DXB-E355")
+"""A cluster lost the worker of a call; the remote that its machines share does not work."""
 _MOST_LOST = 2
 """Tries after the first for these two, whatever the rule declares."""
 
@@ -34,7 +34,7 @@ class Retries:
             error: What it failed of the last time.
             raised: The exception that the rule let escape, with its bases; empty where it was a `DxbError`.
         """
-        if error.code in (LOST, UNREACHABLE) and tries <= _MOST_LOST:
+        if error.code in _OF_CLUSTERS and tries <= _MOST_LOST:
             return True
         if tries > self.most:
             return False

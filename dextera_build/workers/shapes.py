@@ -9,7 +9,6 @@ from typing import TypeAlias
 
 from dextera_build.errors import MachineError
 from dextera_build.workers.capacity import MEASURED, Capacity, Gpu, Needs
-from dextera_build.workers.retries import LOST
 
 Amounts: TypeAlias = Mapping[str, float]
 """What a node has or a call reserves, by Ray's names: `CPU`, `GPU`, `memory` [bytes], or one that nodes declare."""
@@ -35,7 +34,7 @@ def capacity(nodes: Collection[Amounts], said: Mapping[str, float]) -> Capacity:
     # Ray itself adds resources for addresses and kinds of devices.
     own = [name for name in totals if ":" in name and not name.startswith(("node:", "accelerator_type:"))]
     named = {name: totals[name] for name in own} | {n: amount for n, amount in said.items() if n not in MEASURED}
-    return Capacity(max(cpus, 1), max(totals["memory"] / _GIB, 0.25), gpus, named, is_cluster=True)
+    return Capacity(max(cpus, 1), max(totals["memory"] / _GIB, 0.25), gpus, named)
 
 
 def shape(needs: Needs, nodes: Collection[Amounts], gpu_memory_gb: float = 0.0) -> Amounts:
@@ -52,7 +51,7 @@ def shape(needs: Needs, nodes: Collection[Amounts], gpu_memory_gb: float = 0.0) 
     if not nodes:
         raise MachineError(
             "no machine of the cluster is left",
-            code=LOST,
+            code="DXB-E354",
             hint="`ray status` lists nodes; finished results are kept, build again",
         )
     # Resources that only the configuration names are counted by the driver; Ray knows nothing of them.

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from io import BytesIO
-from typing import Any, BinaryIO
+from typing import Any
 
-from dextera_build.errors import MachineError, StoreError
+from dextera_build.errors import MachineError
 from dextera_build.remotes.remote import Digest, Remote, RemoteFault
+from dextera_build.remotes.threads import Crew
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
-from dextera_build.workers.retries import UNREACHABLE
+
+_AT_ONCE = 16
 
 
 class Staging:
@@ -26,6 +28,7 @@ class Staging:
     def __init__(self, store: Store, shared: Remote) -> None:
         self._blobs, self._references = store.blobs, store.actions.references
         self._shared = shared
+        self._crew = Crew(_AT_ONCE, "dxb blobs")
         self._there: set[str] = set()
         """Artifacts that the remote is known to hold, with everything below them."""
 
@@ -40,8 +43,7 @@ class Staging:
         below = (digest for artifact in fresh for digest in (*self._references.below(artifact), artifact))
         wanted = [self._sized(digest) for digest in dict.fromkeys((*blobs, *below))]
         with _faults_told():
-            if lacking := self._shared.missing(wanted) if wanted else set():
-                self._shared.send(sorted(lacking), self._open)
+            self._crew.each(self._send, wanted)
         self._there.update(fresh)
 
     def bring(self, artifacts: Iterable[str], blobs: Iterable[str] = ()) -> None:
@@ -78,20 +80,12 @@ class Staging:
 
     def _fetch(self, digests: Iterable[str]) -> None:
         lacking = [digest for digest in dict.fromkeys(digests) if not self._holds(digest)]
-        troubles: list[StoreError] = []
 
-        def take(wanted: Digest, pieces: Iterator[bytes]) -> None:
-            try:
-                if not troubles:
-                    self._blobs.receive(wanted.hash, None, pieces)
-            except StoreError as error:
-                troubles.append(error)
+        def bring(digest: str) -> None:
+            self._shared.fetch(Digest(digest, 0), lambda pieces: self._blobs.receive(digest, None, pieces))
 
-        if lacking:
-            with _faults_told():
-                self._shared.fetch([Digest(digest, 0) for digest in lacking], take)
-        if troubles:
-            raise troubles[0]
+        with _faults_told():
+            self._crew.each(bring, lacking)
         for digest in lacking:
             if not self._blobs.has(digest):
                 raise MissingBlob(digest, f"the remote `{self._shared.address}` does not hold it")
@@ -106,9 +100,11 @@ class Staging:
             raise MissingBlob(digest)
         return Digest(digest, size)
 
-    def _open(self, digest: Digest) -> BinaryIO:
-        whole = self._blobs.verify(digest.hash)
-        return self._blobs.open(digest.hash) if whole else BytesIO(self._blobs.get(digest.hash))
+    def _send(self, digest: Digest) -> None:
+        if not self._shared.has(digest):
+            whole = self._blobs.verify(digest.hash)
+            with self._blobs.open(digest.hash) if whole else BytesIO(self._blobs.get(digest.hash)) as file:
+                self._shared.send(digest, file)
 
 
 @contextmanager
@@ -119,7 +115,7 @@ def _faults_told() -> Iterator[None]:
     except RemoteFault as fault:
         raise MachineError(
             f"the remote that the cluster shares does not work: {fault.reason}",
-            code=UNREACHABLE,
+            code="DXB-E355",
             facts={"remote": fault.address},
             hint="every machine of the cluster must be able to read and write it under this address",
         ) from None

@@ -50,7 +50,6 @@ class Worker:
         self._writing = threading.Lock()
         self._last_progress = 0.0
         self._libc = ctypes.CDLL(None)
-        self._meter = Meter()
 
     def serve(self) -> None:
         """Answer every task, one after another."""
@@ -67,23 +66,10 @@ class Worker:
         if os.fstat(1).st_size:
             os.ftruncate(1, 0)
         self._last_progress = 0.0
-        self._meter.begin()
-        began = time.perf_counter()
-        answer: dict[str, object]
-        try:
-            reply = self._load()(task, self._emit)
-            answer = {"reply": dict(reply)}
-        except DxbError as error:
-            answer = {"error": error.to_json()}
-        except Exception as error:
-            with contextlib.suppress(OSError):  # where the log's disk is full the error still goes out
-                traceback.print_exc()
-            answer = {"error": escaped(error, task["project"]).to_json(), "raised": names_of(error)}
-        answer["seconds"] = time.perf_counter() - began
+        answer = attempt(lambda: self._load()(task, self._emit), task["project"])
         self._flush()
-        if log := printed(1):
-            answer["log"] = log.decode("latin-1")  # any bytes; the next task writes over them
-        answer["usage"] = self._meter.end()
+        answer["error"] = answer["error"] and answer["error"].to_json()
+        answer["log"] = printed(1).decode("latin-1")  # any bytes; the next task writes over them
         self._write(answer)
 
     def _load(self) -> Callable[..., Mapping[str, Any]]:
@@ -118,6 +104,29 @@ class Worker:
     def _write(self, answer: Mapping[str, object]) -> None:
         with self._writing:
             self._pool.sendall(json.dumps(answer, default=str).encode() + b"\n")
+
+
+def attempt(call: Callable[[], Mapping[str, Any]], project: str) -> dict[str, Any]:
+    """Carry out a call in this process; returns what an `Ended` says of it, without its log.
+
+    Args:
+        call: Gives the reply.
+        project: The project's folder, see `escaped`.
+    """
+    reply: Mapping[str, Any] | None = None
+    error: DxbError | None = None
+    raised: list[str] = []
+    meter, began = Meter(), time.perf_counter()
+    try:
+        reply = dict(call())
+    except DxbError as known:
+        error = known
+    except Exception as unknown:
+        with contextlib.suppress(OSError):  # where the log's disk is full the error still goes out
+            traceback.print_exc()
+        error, raised = escaped(unknown, project), names_of(unknown)
+    seconds = time.perf_counter() - began
+    return {"reply": reply, "error": error, "raised": raised, "seconds": seconds, "usage": meter.end()}
 
 
 def load(named: str) -> Callable[..., Any]:

@@ -18,7 +18,7 @@ from dextera_build.build.runner import run_task
 from dextera_build.cli.main import main
 from dextera_build.store import failpoints
 from dextera_build.workers import pool
-from dextera_build.workers.inline import InlineExecutor
+from tests.engine.inline import InlineExecutor
 
 for _name in (
     "cli.build.build",

@@ -8,10 +8,9 @@ import time
 
 from rich.console import Console as Terminal
 
-from dextera_build.cli.consoles.foot import counted
 from dextera_build.cli.consoles.live import LiveConsole
 from dextera_build.cli.consoles.plain import PlainConsole
-from dextera_build.cli.consoles.record import Record
+from dextera_build.cli.consoles.record import Record, counted
 from dextera_build.runs.events import NodeFinished, NodeProgress, NodeStarted, RunSized, RunStarted
 from tests.cli.test_consoles import Tty, until
 
@@ -57,10 +56,10 @@ def test_plain_says_of_a_long_node_how_far_it_is_and_no_more_often_than_asked() 
         for second in range(1, 91):
             clock_now[0] = 1000.0 + second
             shown(NodeProgress(clock_now[0], "train", second * 10, 4000, "steps"))
-            shown.beat()
+            shown.tick()
         shown(NodeFinished(1090.0, "train", "learn.act", "cpu", "ran", "k", "o", 90.0))
         clock_now[0] = 1130.0
-        shown.beat()
+        shown.tick()
     beats = [line.strip() for line in stream.getvalue().splitlines() if "▸" in line]
     assert beats == [
         "▸  train  30 s of ~20 min  300/4,000 steps   (1 of 12+ nodes, 2 running)",

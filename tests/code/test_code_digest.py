@@ -39,7 +39,7 @@ def stage(tmp_path: Path) -> Path:
 
 
 def code(stage: Path) -> dict[str, dict[str, str]]:
-    return Library(stage.parents[1]).code.of(stage / "mesh.py")
+    return Library(stage.parents[1]).code.of(stage / "mesh.py").definitions
 
 
 def test_the_closure_holds_what_runs(stage):
@@ -176,14 +176,15 @@ def test_what_a_rule_imports_and_does_not_declare_is_named(stage):
     text = "import json, numpy, yaml, scipy.spatial, cv2, rich\ndef mesh():\n    import trimesh, own_missing\n"
     write(stage, {"mesh.py": text})
     library = Library(stage.parents[1])
-    library.note_undeclared(RuleFile("toy.mesh", stage / "mesh.py", library.roots[0]), [stage / "mesh.py"], ("rich",))
+    found, code = RuleFile("toy.mesh", stage / "mesh.py", library.roots[0]), library.code.of(stage / "mesh.py")
+    library.warn_of_undeclared(found, code, ("rich",))
     assert set(library.warnings) == {"cv2", "scipy", "trimesh"}
     assert library.warnings["cv2"].startswith(
         "toy.mesh imports `cv2`, which is neither code of the project nor a package"
     )
     library.warnings.clear()
     packages = ("opencv-python-headless", "scipy", "trimesh", "rich")
-    library.note_undeclared(RuleFile("toy.mesh", stage / "mesh.py", library.roots[0]), [stage / "mesh.py"], packages)
+    library.warn_of_undeclared(found, code, packages)
     assert library.warnings == {}
 
 

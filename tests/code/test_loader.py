@@ -51,13 +51,13 @@ def test_a_rule_in_a_folder_of_its_stage_keeps_its_address(tmp_path):
     assert found.file == tmp_path / "rules" / "toy" / "shapes" / "mesh.py"
     assert found.rule.returns.__name__ == "File"
     assert list(found.backends) == ["fast"]
-    assert found.backends["fast"].load().BACKEND.summary == "fast"
+    assert found.backends["fast"].module.BACKEND.summary == "fast"
     assert "toy.mesh" in [rule.path for rule in library.rules()]
-    assert set(library.code.of(found.file)) == {
+    assert set(library.code.of(found.file).definitions) == {
         "rules/toy/numbers.py",
         "rules/toy/shapes/large.py",
         "rules/toy/shapes/mesh.py",
-    } | {name for name in library.code.of(found.file) if name.startswith("dextera_build/")}
+    } | {name for name in library.code.of(found.file).definitions if name.startswith("dextera_build/")}
 
 
 def test_folders_of_a_stage_are_no_part_of_an_address(tmp_path):

@@ -156,6 +156,14 @@ def test_get_show_and_report_answer_for_the_request_that_was_built_last(counts: 
     assert "request   a0.add=7-" in never.err
 
 
+def test_a_profile_of_the_environment_does_not_hide_what_was_built_with_it(counts: Space) -> None:
+    env = {"DXB_PROFILE": "stub"}
+    assert counts.dxb("build", "g:a0", "--set", "a0.add=5", env=env).code == 0
+    there = counts.dxb("get", "g:a0", "-o", "got", "--json", env=env)
+    assert there.code == 0, there.err
+    assert counts.dxb("get", "g:a0", "-o", "got", env={"DXB_PROFILE": "gpu"}).code == 2
+
+
 @pytest.mark.parametrize("name", ["a0", "more/x"])
 def test_a_change_that_keeps_size_and_time_is_seen(counts: Space, name: str) -> None:
     counts.write("rules/toy/tree.py", TREE.lstrip())

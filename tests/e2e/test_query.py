@@ -28,18 +28,15 @@ def test_globs_over_recipes_and_nodes(built: Space) -> None:
     assert names(built, "say/words:word.loud") == names(built, "say/words:word[*].loud")
     assert names(built, "say/words:word[one].*") == ["say/words:word[one].loud", "say/words:word[one].louder"]
     assert len(names(built, "say/words:*")) == 7
-    assert built.dxb("ls", "say/words:all").out == "say/words:all\ttoy.join\t-\tran\n"
+    assert built.dxb("ls", "say/words:all").out == "say/words:all\tcached\ttoy.join\t-\t0.0\n"
 
 
-def test_what_it_reads_and_what_reads_it(built: Space) -> None:
-    louder = ["say/words:word[one].louder", "say/words:word[two].louder"]
+def test_what_nodes_depend_on_and_what_depends_on_them(built: Space) -> None:
+    loud, louder = ([f"say/words:word[{word}].{name}" for word in ("one", "two")] for name in ("loud", "louder"))
     # A collection depends on what its group was opened over, too.
-    assert names(built, "say/words:all", "--deps") == ["say/words:words", *louder]
-    assert names(built, "say/words:word[one].loud", "--rdeps") == louder[:1]
-    assert names(built, "say/words:word[one].loud", "--rdeps", "--depth", "2") == [louder[0], "say/words:all"]
-    assert len(names(built, "say/words:all", "--deps", "--depth", "all")) == 6
-    assert names(built, "say/words:all", "--deps", "--depth", "all", "--rule", "toy.s?lit") == ["say/words:words"]
-    assert names(built, "say/words", "--rule", "toy.start") == ["say/words:start"]
+    assert names(built, "say/words:all", "--deps") == ["say/words:words", *louder, "say/words:start", *loud]
+    assert names(built, "say/words:word[one].loud", "--rdeps") == [louder[0], "say/words:all"]
+    assert names(built, "say/words:word[one].louder", "--deps") == [loud[0], "say/words:words", "say/words:start"]
 
 
 def test_stale_and_cached(built: Space) -> None:
@@ -54,10 +51,18 @@ def test_stale_and_cached(built: Space) -> None:
     }
 
 
-def test_a_recipe_that_was_never_built_has_its_calls(space: Space) -> None:
-    assert names(space, "say/words:word.*") == ["say/words:word[*].loud", "say/words:word[*].louder"]
-    assert names(space, "say/words:all", "--deps") == ["say/words:word[*].louder"]
-    assert names(space, "say/words:word.loud", "--deps", "--depth", "all") == ["say/words:words", "say/words:start"]
+def test_copies_that_are_not_known_yet_are_one_row(space: Space) -> None:
+    assert names(space, "say/words:word.*") == ["say/words:word.loud", "say/words:word.louder"]
+    assert names(space, "say/words:word.loud", "--deps") == ["say/words:words", "say/words:start"]
+    assert names(space, "say/words:word.loud", "--rdeps") == ["say/words:word.louder", "say/words:all"]
+
+
+def test_of_many_recipes_one_may_need_an_input(built: Space) -> None:
+    built.write(
+        "recipes/say/asking.yaml", "inputs: {note: {help: A file.}}\nnodes:\n  a: {rule: toy.split, text: $note}\n"
+    )
+    assert len(names(built, "say/*:*")) == len(names(built, "say/words"))
+    assert "error[DXB-U105]" in built.dxb("ls", "say/asking").err
 
 
 @pytest.mark.parametrize(
@@ -70,8 +75,6 @@ def test_a_recipe_that_was_never_built_has_its_calls(space: Space) -> None:
             "DXB-U173",
             "no node is called `say/*:lod`\n   nodes   all, start, word.loud, word.louder, words",
         ),
-        (("say/words:all", "--deps", "--depth", "0"), "DXB-U174", "`--depth` is a number of steps or `all`, not `0`"),
-        (("say/words:all", "--depth", "2"), "DXB-U174", "`--depth` counts the steps of `--deps` or `--rdeps`"),
     ],
 )
 def test_what_does_not_exist_is_named(built: Space, words: tuple[str, ...], code: str, said: str) -> None:
@@ -114,7 +117,7 @@ def test_the_graph_of_a_target_and_collapsed(space: Space) -> None:
 def test_copies_that_are_new_stand_beside_those_that_were_built(built: Space) -> None:
     built.edit("recipes/say/words.yaml", "  all:", "  more: {rule: toy.join, texts: $word.loud}\n  all:")
     edges = json.loads(built.dxb("show", "--graph", "say/words", "--json").out)["edges"]
-    assert {edge["from"] for edge in edges if edge["to"] == "more"} == {"word[one].loud", "word[two].loud"}
+    assert {edge["from"] for edge in edges if edge["to"] == "more"} == {"words", "word[one].loud", "word[two].loud"}
 
 
 def test_the_trace_of_a_run(built: Space) -> None:

@@ -55,7 +55,7 @@ def hungry(space: Space) -> Space:
 def test_what_the_machine_lacks_is_said_at_once(hungry: Space) -> None:
     answer = hungry.dxb("build", "toy/needs:a", "--console", "plain", "--resources", "gpu=0")
     assert answer.code == 1
-    assert "it needs 1 of `gpu`, 1 of `licence:solver`, which this machine does not have" in answer.err
+    assert "it needs 1 of `gpu`, 1 of `licence:solver`, which is more than there is" in answer.err
     assert "error[DXB-E345]" in answer.err
     assert "`gpu` here              0" in answer.err
     assert "--resources gpu=1" in answer.err
@@ -85,16 +85,6 @@ def test_editing_resources_and_retries_rebuilds_nothing(hungry: Space) -> None:
     assert (answer.code, answer.nodes("cached")) == (0, {"a", "b"})
     hungry.edit("rules/toy/hungry.py", "version=1", "version=2")
     assert hungry.dxb("plan", "toy/needs").out.splitlines()[0].split("\t")[:2] == ["a", "stale"]
-
-
-def test_plan_says_what_nodes_are_admitted_by(hungry: Space) -> None:
-    rows = {row["node"]: row for row in json.loads(hungry.dxb("plan", "toy/needs", "--resources", "--json").out)}
-    assert (rows["b"]["memory_declared"], rows["b"]["memory_measured"], rows["b"]["memory_admitted"]) == ("1", "-", "1")
-    assert rows["a"]["named"] == "licence:solver=1"
-    assert "licence:solver=1" in rows["a"]["lacks"]
-    hungry.build("toy/needs", "--resources", "gpu=2,licence:solver=1")
-    (row,) = json.loads(hungry.dxb("plan", "toy/needs:b", "--resources", "gpu=1", "--json").out)
-    assert 0 < float(row["memory_measured"]) < float(row["memory_admitted"]) < 1
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def test_ls(built):
     assert "say/words\tWords, louder." in built.dxb("ls").out
     assert "toy.start\tReturn the text." in built.dxb("ls", "rules").out
     assert "toy.spoken\tcloud\tcloud\tno: no-such-distribution" in built.dxb("ls", "backends").out
-    assert "word[*].loud\ttoy.shout\t-\trecipes/say/words.yaml:9:20" in built.dxb("ls", "say/words").out
+    assert "say/words:word[one].loud\tcached\ttoy.shout\t-\t" in built.dxb("ls", "say/words").out
     (run,) = json.loads(built.dxb("ls", "--json", "runs").out)
     assert (run["run"], run["recipe"], run["ended"]) == ("0001", "say/words", "done")
 

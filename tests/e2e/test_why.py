@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 
 import pytest
 
@@ -170,18 +169,17 @@ def test_a_node_that_waits_shows_the_way_to_the_changed_file(notes):
     answer = notes.dxb("why", "--json", "say/notes:end")
     assert causes(answer) == [
         (0, "waits for", "all"),
-        (1, "waits for", "word.loud"),
-        (2, "waits for", "words"),
-        (3, "waits for", "text"),
-        (4, "input", "notes"),
-        (5, "file", "b.txt"),
-        (5, "file", "c.txt"),
+        (1, "waits for", "words"),
+        (2, "waits for", "text"),
+        (3, "input", "notes"),
+        (4, "file", "b.txt"),
+        (4, "file", "c.txt"),
     ]
     rows = json.loads(answer.out)["causes"]
-    assert (rows[3]["change"], rows[3]["place"]) == ("stale", "input `text`")
-    assert rows[4]["place"] == "notes"
-    assert rows[5]["place"] == "notes/b.txt"
-    assert rows[6]["change"] == "added"
+    assert (rows[2]["change"], rows[2]["place"]) == ("stale", "input `text`")
+    assert rows[3]["place"] == "notes"
+    assert rows[4]["place"] == "notes/b.txt"
+    assert rows[5]["change"] == "added"
 
 
 def test_what_was_built_meanwhile_is_followed_to_its_first_cause(notes):
@@ -193,12 +191,11 @@ def test_what_was_built_meanwhile_is_followed_to_its_first_cause(notes):
     assert causes(answer) == [
         (0, "input", "text"),
         (1, "input", "texts"),
-        (2, "copies", "word.loud"),
-        (3, "input", "text"),
-        (4, "input", "notes"),
-        (5, "file", "b.txt"),
+        (2, "input", "text"),
+        (3, "input", "notes"),
+        (4, "file", "b.txt"),
     ]
-    assert json.loads(answer.out)["causes"][2]["change"] == "new: word[three].loud; gone: word[two].loud"
+    assert json.loads(answer.out)["causes"][1]["change"].endswith("; new: word[three].loud; gone: word[two].loud")
 
 
 def test_copies_that_changed_alike_stand_together(built):
@@ -248,32 +245,19 @@ def test_an_input_that_comes_from_elsewhere_says_from_where_before(built):
     assert line.endswith(", from `start` before\tother")
 
 
-def test_the_way_is_found_without_the_log_of_the_run(built):
-    built.edit("recipes/say/words.yaml", "text: one two", "text: three")
-    assert built.build("say/words:start").code == 0
-    shutil.rmtree(built.root / "cache" / "runs")
-    # No record has the name of what made the old text, but its result is in the store.
-    line, cause = built.dxb("why", "say/words:words").out.splitlines()[1:]
-    assert line.endswith("\tstart")
-    assert cause.startswith("    option\ttext\tone two -> three\t")
-
-
 def test_what_was_never_built_names_what_it_waits_for(space):
     answer = space.dxb("why", "--json", "say/words:all")
     assert json.loads(answer.out)["answer"] == "never built"
     assert causes(answer) == [
-        (0, "waits for", "word.louder"),
-        (1, "waits for", "word.loud"),
-        (2, "waits for", "words"),
-        (3, "waits for", "start"),
+        (0, "waits for", "words"),
+        (1, "waits for", "start"),
     ]
 
 
 def test_a_lost_key_document_is_said(built):
     built.edit("recipes/say/words.yaml", "text: one two", "text: three")
     key = json.loads(built.dxb("show", "--json", "say/words:start").out)["key"]
-    entry = built.root / "cache" / "ac" / key[:2] / key[2:]
-    entry.unlink()
+    (built.root / "cache" / "cas" / key[:2] / key[2:]).unlink()
     answer = built.dxb("why", "say/words:start")
     assert answer.code == 0
     assert "  lost\tstart\tits key document of run 0001 is no longer in the store" in answer.out

@@ -272,11 +272,11 @@ class Histories(RuleBasedStateMachine):
         """Take over what was published; all of it must be what the reference makes."""
         actions = Store(self.root).actions
         for name, key in found.calls.items():
-            outline = actions.outline(key)
+            known = actions.known(key)
             # A flipped bit may have made another digest of an entry that no build has looked at since.
-            assert outline is None or outline[0] == found.cache.get(name) or self.is_damaged
-            if outline is not None and outline[0] == found.cache.get(name):
-                self.cache[name], self.keys[name] = outline[0], key
+            assert known is None or known.output == found.cache.get(name) or self.is_damaged
+            if known is not None and known.output == found.cache.get(name):
+                self.cache[name], self.keys[name] = known.output, key
             else:
                 assert name not in self.cache or self.is_damaged
                 self.cache.pop(name, None)

@@ -14,7 +14,7 @@ TABLE = {
     "bucket": {
         "address": "s3://twins/dxb",
         "mode": "rw",
-        "endpoint": "http://minio:9000",
+        "endpoint": "https://minio:9000",
         "secret_access_key": "geheim",
     },
     "share": "../share",
@@ -91,7 +91,7 @@ def test_nothing_secret_is_shown() -> None:
     shown = str(made.rows()) + "".join(map(str, made.used))
     assert "geheim" not in shown
     assert made.rows()["remotes.bucket"] == (
-        "s3://twins/dxb rw endpoint=http://minio:9000 secret_access_key=***",
+        "s3://twins/dxb rw endpoint=https://minio:9000 secret_access_key=***",
         "layer 0",
     )
     assert made.rows()["use"] == ("https://***@host:r,https://host/y?***:w", "layer 1")
@@ -125,6 +125,11 @@ def test_nothing_secret_is_shown() -> None:
         ({"cache": "u:geheim@h:r"}, "DXB-U133", "no remote is called `***@h`"),
         ({"cache": "http://u:geheim@h:r"}, "DXB-U137", "`http://***@h` would send a password or token in the clear"),
         ({"cache": "http://h?t=geheim:r"}, "DXB-U137", "`http://h?***` would send a password or token in the clear"),
+        (
+            {"remotes": {"lab": {"address": "s3://twins/dxb", "endpoint": "http://minio:9000"}}},
+            "DXB-U137",
+            "`http://minio:9000` would send a password or token in the clear",
+        ),
         ({"cache": "lob:r"}, "DXB-U133", "no remote is called `lob`"),
         ({"cache": "local:off"}, "DXB-U134", "`local:off`: a build needs its store"),
     ],

@@ -50,14 +50,22 @@ def digest(data: bytes) -> Digest:
 
 
 def send(remote: Remote, *blobs: bytes) -> list[Digest]:
-    known = {digest(data): data for data in blobs}
-    remote.send(list(known), lambda one: io.BytesIO(known[one]))
-    return list(known)
+    for data in blobs:
+        remote.send(digest(data), io.BytesIO(data))
+    return [digest(data) for data in blobs]
 
 
 def fetch(remote: Remote, *digests: Digest) -> dict[Digest, bytes]:
     found: dict[Digest, bytes] = {}
-    remote.fetch(digests, lambda one, pieces: found.update({one: b"".join(pieces)}))
+
+    def fetch_one(wanted: Digest) -> bool | None:
+        def take(pieces: Iterator[bytes]) -> bool:
+            found[wanted] = b"".join(pieces)
+            return True
+
+        return remote.fetch(wanted, take)
+
+    assert [fetch_one(wanted) for wanted in digests] == [True if wanted in found else None for wanted in digests]
     return found
 
 
@@ -70,9 +78,8 @@ def test_blobs_come_back_as_they_went(remote: Remote) -> None:
 def test_what_is_lacking_is_said_and_left_out(remote: Remote) -> None:
     (there,) = send(remote, b"there")
     lacking = digest(b"lacking")
-    assert remote.missing([there, lacking]) == {lacking}
+    assert (remote.has(there), remote.has(lacking)) == (True, False)
     assert fetch(remote, there, lacking) == {there: b"there"}
-    assert remote.missing([]) == set()
 
 
 def test_results_come_back_as_they_went(remote: Remote, tmp_path: Path) -> None:
@@ -88,7 +95,7 @@ def test_results_come_back_as_they_went(remote: Remote, tmp_path: Path) -> None:
 
 def test_a_blob_of_another_size_counts_as_missing(remote: Remote) -> None:
     (blob,) = send(remote, b"blob")
-    assert remote.missing([Digest(blob.hash, 5)]) == {Digest(blob.hash, 5)}
+    assert not remote.has(Digest(blob.hash, 5))
 
 
 def test_sending_twice_does_no_harm(remote: Remote) -> None:
@@ -100,7 +107,7 @@ def test_sending_twice_does_no_harm(remote: Remote) -> None:
 def test_a_reader_that_stops_early_harms_nobody(remote: Remote) -> None:
     (blob,) = send(remote, os.urandom(5_000_000))
     for _ in range(30):
-        remote.fetch([blob], lambda _, pieces: next(pieces, None))
+        assert remote.fetch(blob, lambda pieces: not next(pieces)) is False
     assert digest(fetch(remote, blob)[blob]) == blob
 
 

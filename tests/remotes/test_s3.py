@@ -48,3 +48,16 @@ def test_a_setting_that_is_none_is_named(nowhere: str) -> None:
     remote = guarded(bucket(nowhere, aws_regoin="x"))
     with pytest.raises(RemoteFault, match="aws_regoin"):
         remote.get_entry(KEY)
+
+
+@pytest.mark.parametrize("more", [{}, {"allow_http": "true"}])
+def test_credentials_do_not_go_to_another_machine_in_the_clear(monkeypatch, nowhere: str, more: dict[str, str]) -> None:
+    with pytest.raises(UsageError) as caught:
+        open_remote(bucket("http://minio.lab:9000", **more))
+    assert caught.value.code == "DXB-U137"
+    # An address of the environment is not seen here, so it is held to TLS, whatever else is set.
+    for name, value in (("AWS_ENDPOINT_URL", nowhere), ("AWS_ALLOW_HTTP", "true")):
+        monkeypatch.setenv(name, value)
+    remote = open_remote(Spec("lab", "s3://twins/dxb", "rw", options={"region": "us-east-1", **more}))
+    with pytest.raises(RemoteFault, match="builder error"):
+        remote.get_entry(KEY)

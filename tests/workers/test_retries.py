@@ -15,9 +15,9 @@ from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import ArtifactError, MachineError, RuleError
 from dextera_build.runs.events import Event, NodeFinished, NodeRetried, NodeStarted
 from dextera_build.store.store import Store
-from dextera_build.workers.inline import Emit, InlineExecutor
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.retries import Retries, name_of, names_of
+from tests.engine.inline import Emit, InlineExecutor
 from tests.engine.tiny import RUNNER, Record, call, facts, graph, inline, out, run_task
 
 QUICK = 0.01

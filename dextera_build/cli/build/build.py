@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from dextera_build.build import build
 from dextera_build.build.build import Order
 from dextera_build.cli import options
-from dextera_build.cli.build.shown import Shown, lines, tell
+from dextera_build.cli.build.shown import lines, tell
+from dextera_build.cli.consoles import console
 from dextera_build.runs import snapshot
 from dextera_build.runs.snapshot import Recipe
 from dextera_build.session import Session, addresses
@@ -65,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         if args.check:
             code = max(code, _check(session, order, locking))
             continue
-        with Shown(project.console, verbose=args.verbose) as shown:
+        with console(project.console, sys.stderr, verbose=args.verbose) as shown:
             built = build.build(session, order, locking, shown, watch)
         tell(built, quiet=project.console in ("none", "jsonl"))
         answers += lines(built.placed.paths)

@@ -1,58 +1,14 @@
-"""What a verb that builds shows: events on the console while it runs, then what it placed."""
+"""What a verb that builds says beside what its console shows: what it placed, and warnings."""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections.abc import Mapping
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
-
-from dextera_build.cli.streams import StreamError
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dextera_build.build.build import Built
-    from dextera_build.cli.consoles import Console
-    from dextera_build.runs.events import Event
-
-
-class Shown:
-    """A console that is opened with the first event: most builds have none.
-
-    Args:
-        kind: One of `project.CONSOLES`, or `auto`.
-        verbose: Show the lines that nodes log, too.
-    """
-
-    def __init__(self, kind: str, *, verbose: bool) -> None:
-        self._kind, self._verbose = "live" if kind == "auto" else kind, verbose
-        self._console: Console | None = None
-
-    def __call__(self, event: Event) -> None:
-        """Show one event."""
-        if self._console is None:
-            from dextera_build.cli.consoles import console
-
-            self._console = console(self._kind, sys.stderr, verbose=self._verbose)
-        try:
-            self._console(event)
-        except OSError as error:
-            raise StreamError(str(error)) from error
-
-    def __enter__(self) -> Self:
-        """Itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Leave the terminal as it was."""
-        if self._console is not None:
-            try:
-                self._console.close()
-            except OSError:
-                if error is None:
-                    raise
 
 
 def tell(built: Built, *, quiet: bool = False) -> None:

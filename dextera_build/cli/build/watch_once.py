@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING
 from dextera_build.build.build import Order, build, note_packages
 from dextera_build.build.lock import Locking
 from dextera_build.cli import options
-from dextera_build.cli.build.shown import Shown, tell, warn
+from dextera_build.cli.build.shown import tell, warn
+from dextera_build.cli.consoles import console
 from dextera_build.cli.errors import render, wants_colour
 from dextera_build.errors import DxbError, MachineError, UsageError
 from dextera_build.project.project import LOCK
@@ -70,7 +71,7 @@ def _one(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch: W
         session = Session(project, recipe, added, makes=True)
         locking = Locking(project, lock=False, locked=False, added=added)
         order = Order(targets, keep_going=args.keep_going, argv=tuple(sys.argv[1:]))
-        with Shown(project.console, verbose=args.verbose) as shown:
+        with console(project.console, sys.stderr, verbose=args.verbose) as shown:
             built = build(session, order, locking, shown, watch)
     except DxbError as error:
         return _refused(project, error, watch)

@@ -3,54 +3,90 @@
 from __future__ import annotations
 
 import os
+import threading
 from types import TracebackType
 from typing import Self, TextIO
 
-from dextera_build.runs.events import Event
+from dextera_build.cli.consoles.record import Record
+from dextera_build.cli.errors import wants_colour
+from dextera_build.cli.streams import StreamError
+from dextera_build.runs.events import Event, RunFinished
 
 _NARROW = 40  # columns below which a foot that moves has no room for a name, a clock and a bar
 
 
 class Console:
-    """A listener that may hold the terminal until it is closed; used as a context manager, which closes it."""
+    """A listener that may hold the terminal until it is closed; used as a context manager, which closes it.
+
+    Alone it is the console `none`, which says nothing of a build that succeeds.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._colour = wants_colour(stream)
+        self._lock = threading.RLock()
+        self._record = Record()
 
     def __call__(self, event: Event) -> None:
-        """Show one event."""
-        raise NotImplementedError
+        """Show one event.
+
+        Raises:
+            StreamError: The stream cannot be written.
+        """
+        try:
+            self._show(event)
+        except OSError as error:
+            raise StreamError(str(error)) from error
 
     def close(self) -> None:
         """Write what is held back and leave the terminal as it was; may be called twice."""
 
     def __enter__(self) -> Self:
-        """Itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close."""
-        self.close()
+        try:
+            self.close()
+        except OSError:
+            if error is None:
+                raise
+
+    def _show(self, event: Event) -> None:
+        self._record.follow(event)
+        if isinstance(event, RunFinished):
+            for block in self._record.failures(colour=self._colour):
+                self._stream.write(block + "\n")
+            self._stream.flush()
+
+
+class JsonlConsole(Console):
+    """Writes events as they are, one JSON object a line."""
+
+    def _show(self, event: Event) -> None:
+        with self._lock:
+            self._stream.write(event.to_line() + "\n")
+            self._stream.flush()
 
 
 def console(kind: str, stream: TextIO, *, verbose: bool = False) -> Console:
-    """The console called `kind`; `live` becomes `plain` where `stream` cannot show a foot that moves.
+    """The console called `kind`; `live` and `auto` become `plain` where `stream` cannot show a foot that moves.
 
     Args:
-        kind: One of `project.CONSOLES`.
+        kind: One of `project.CONSOLES`, or `auto`.
         stream: Standard error, as a rule; standard output is for results.
         verbose: Show the lines that nodes log, too.
     """
-    if kind == "live" and can_move(stream):
+    if kind in ("none", "jsonl"):
+        return JsonlConsole(stream) if kind == "jsonl" else Console(stream)
+    if kind != "plain" and can_move(stream):
         from dextera_build.cli.consoles.live import LiveConsole
 
         return LiveConsole(stream, verbose=verbose)
-    if kind in ("live", "plain"):
-        from dextera_build.cli.consoles.plain import PlainConsole
+    from dextera_build.cli.consoles.plain import PlainConsole
 
-        return PlainConsole(stream, verbose=verbose)
-    from dextera_build.cli.consoles.quiet import JsonlConsole, QuietConsole
-
-    return JsonlConsole(stream) if kind == "jsonl" else QuietConsole(stream)
+    return PlainConsole(stream, verbose=verbose)
 
 
 def can_move(stream: TextIO) -> bool:

@@ -1,13 +1,14 @@
-"""What a console remembers of the run that it shows."""
+"""What a console remembers of the run that it shows, and the lines of the nodes that run now."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dextera_build.cli.consoles import lines
 from dextera_build.cli.consoles.lines import Line, printable
 from dextera_build.cli.errors import render_node
-from dextera_build.report.wording import duration
+from dextera_build.report.wording import count, duration
 from dextera_build.runs.events import (
     Event,
     NodeFinished,
@@ -18,7 +19,11 @@ from dextera_build.runs.events import (
     RunSized,
     RunStarted,
     Uploaded,
+    Uploading,
 )
+
+_BAR = 16  # characters
+_WIDE = 72  # columns from which a bar is shown
 
 
 @dataclass
@@ -71,7 +76,8 @@ class Record:
         self.nodes = 0
         self.unopened = 0
         self._done: set[str] = set()
-        self._uploads: list[Uploaded] = []
+        self.uploading: Uploading | None = None
+        self._uploaded: list[Uploaded] = []
         self.running: dict[str, Running] = {}
         self.failed: list[NodeFinished] = []
         self.left_over: list[NodeFinished] = []
@@ -94,22 +100,26 @@ class Record:
             self.run, self.recipe, self.nodes = event.run, event.recipe, event.calls
         elif isinstance(event, RunSized):
             self.nodes, self.unopened = event.nodes, event.unopened
+        elif isinstance(event, Uploading):
+            self.uploading = event
         elif isinstance(event, Uploaded):
-            self._uploads.append(event)
+            self._uploaded.append(event)
         elif isinstance(event, NodeStarted):
             self.running[event.node] = Running(event)
         elif isinstance(event, NodeProgress) and event.node in self.running:
             self.running[event.node].progress = event
-        elif isinstance(event, NodeRetried):
+        elif isinstance(event, NodeRetried | NodeFinished):
             self.running.pop(event.node, None)
-        elif isinstance(event, NodeFinished):
-            self.running.pop(event.node, None)
-            if event.status in ("cached", "ran", "fetched"):
-                self._done.add(event.node)
-            elif event.status == "failed":
-                self.failed.append(event)
-            else:
-                self.left_over.append(event)
+            if isinstance(event, NodeFinished):
+                self._end(event)
+
+    def _end(self, event: NodeFinished) -> None:
+        if event.status in ("cached", "ran", "fetched"):
+            self._done.add(event.node)
+        elif event.status == "failed":
+            self.failed.append(event)
+        else:
+            self.left_over.append(event)
 
     def failures(self, *, colour: bool) -> list[str]:
         """One block of text per failed node."""
@@ -122,6 +132,59 @@ class Record:
 
     def closing(self, event: RunFinished) -> list[Line]:
         """The last lines of a run."""
-        last = [lines.summary(self.recipe, event), *(line for sent in self._uploads for line in lines.uploaded(sent))]
+        last = [lines.summary(self.recipe, event), *(line for sent in self._uploaded for line in lines.uploaded(sent))]
         fresh = event.ok and event.counts.get("cached", 0) != sum(event.counts.values())
         return [*last, lines.next_steps(self.recipe)] if fresh else last
+
+
+def beat(node: Running, record: Record, now: float) -> Line:
+    """A line that says of a long node that it still runs: clock, expected time, how far it and the run are."""
+    name, doing = node.started.node, node.doing()
+    return [
+        ("  ▸  ", "fetched"),
+        (f"{name}  ", "name"),
+        (node.clock(now), ""),
+        (f"  {doing}" if doing else "", ""),
+        (f"   ({counted(record)})", "dim"),
+    ]
+
+
+def foot(running: Sequence[Running], now: float, columns: int, rows: int) -> list[Line]:
+    """Lines for the running nodes, oldest first, as many as fit into `rows`, each cut to `columns` by the caller.
+
+    Args:
+        running: Nodes that run.
+        now: Seconds since the epoch.
+        columns: Width of the terminal.
+        rows: Most lines to return.
+    """
+    shown = list(running[: max(rows, 1)])
+    hidden = len(running) - len(shown)
+    if hidden:
+        shown, hidden = shown[:-1], hidden + 1
+    width = min(max((len(r.started.node) for r in shown), default=0), max(12, columns // 2 - 6))
+    out = [_line(r, now, width, columns) for r in shown]
+    return [*out, [(f"     and {count(hidden, 'node')} more", "dim")]] if hidden else out
+
+
+def counted(record: Record) -> str:
+    """`12 of 40+ nodes, 2 running, 1 failed`."""
+    failed = f", {len(record.failed):,} failed" if record.failed else ""
+    nodes = "node" if record.total == "1" else "nodes"
+    return f"{record.done:,} of {record.total} {nodes}, {len(record.running)} running{failed}"
+
+
+def _line(node: Running, now: float, width: int, columns: int) -> Line:
+    name = node.started.node
+    name = name if len(name) <= width else name[: width - 1] + "…"
+    out: Line = [("  ▸  ", "fetched"), (f"{name:<{width}}  ", "name"), (f"{node.clock(now):<14} ", "")]
+    done = node.fraction(max(0.0, now - node.started.time))
+    if columns >= _WIDE:
+        filled = round(_BAR * (done or 0.0))
+        bar = [("━" * filled, "fetched"), ("━" * (_BAR - filled), "dim")] if done is not None else [(" " * _BAR, "")]
+        out += [*bar, ("  ", "")]
+    if node.progress is not None:
+        out.append((node.doing(), "dim"))
+    elif node.started.backend:
+        out.append((node.started.backend, "dim"))
+    return out

@@ -1,12 +1,11 @@
-"""`dxb ls`: what there is."""
+"""`dxb ls`: recipes, rules, backends, runs, recorded calls, nodes."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
 
-from dextera_build.cli import options, table
-from dextera_build.cli.look import query
+from dextera_build.cli import nodes, options, table
 from dextera_build.project.project import Project
 
 Row = dict[str, str]
@@ -22,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="recipes (default), rules, backends, runs, divergent, calls, a recipe's address for its nodes, or nodes "
         "by a glob: 'twin/*:body[*].mesh'",
     )
-    query.arguments(parser)
+    nodes.arguments(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)
     options.json_argument(parser)
@@ -40,10 +39,7 @@ def run(args: argparse.Namespace) -> int:
         found = list(calls.rows(project))
         return table.give(found, as_json=args.json, cells=[calls.cells(row) for row in found])
     listing = listings.get(args.what)
-    if query.wants(args) and listing is None:
-        rows = list(query.rows(project, args))
-    else:
-        rows = list(listing(project) if listing else _nodes(project, args))
+    rows = list(listing(project) if listing else nodes.rows(project, args))
     return table.give(rows, as_json=args.json)
 
 
@@ -86,18 +82,4 @@ def _divergent(project: Project) -> Iterator[Row]:
             "first": found.first[:12],
             "again": ",".join(output[:12] for output in found.again),
             "when": time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(found.time)),
-        }
-
-
-def _nodes(project: Project, args: argparse.Namespace) -> Iterator[Row]:
-    from dextera_build.session import Session
-
-    graph = Session(project, args.what, options.added(args)).plan().graph
-    for address, call in graph.calls():
-        copies = [f"{name}[*]" for name in address[:-1]]
-        yield {
-            "node": ".".join([*copies, address[-1]]),
-            "rule": call.rule.path,
-            "backend": call.rule.backend or "-",
-            "place": str(call.where),
         }

@@ -1,6 +1,6 @@
 """What may stand at the end of a command line; argcomplete asks, in the shell's name.
 
-No rule is imported and nothing is planned: recipes are listed, one is read, and nodes come from the logs of its runs.
+No rule is imported and nothing is planned: recipes are listed, one is read, and nodes come from its past builds.
 """
 
 from __future__ import annotations
@@ -11,9 +11,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from dextera_build.project.project import Project, find
-
-_RUNS = 3
-"""So many runs of a recipe are read for the names of its nodes."""
 
 
 def answer() -> None:
@@ -50,14 +47,13 @@ def _targets(prefix: str, **_: Any) -> list[str]:
 
 
 def _nodes(project: Project, address: str) -> list[str]:
-    """Targets and nodes that a recipe declares, and copies of calls as its last runs saw them."""
-    from dextera_build.explain import nodes
-    from dextera_build.session import reading
+    """Targets and nodes that a recipe declares, and nodes that were built."""
+    from dextera_build.session import Session
 
     recipe = project.recipe(address)
     if recipe is None:
         return []
-    built = nodes.of_runs(reading(project), address, most=_RUNS)
+    built = {**Session(project, address).history, **Session(project, address, last=True).history}
     own = [name for name in built if name.split(".")[0].split("[")[0] in recipe.nodes]
     return list(dict.fromkeys((*recipe.targets, *recipe.nodes, *own)))
 
@@ -76,10 +72,11 @@ def _runs(**_: Any) -> dict[str, str]:
 
 
 def _in_run(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
-    from dextera_build.explain import nodes, runs
+    from dextera_build.explain import runs
 
     # argcomplete asks for both words of `dxb log` while the first is typed.
-    return list(nodes.of_events(runs.find(find(), parsed_args.run)[1])) if parsed_args.run else []
+    events = runs.find(find(), parsed_args.run)[1] if parsed_args.run else []
+    return [event["node"] for event in events if event["event"] == "node_finished"]
 
 
 def _listed(prefix: str, **_: Any) -> list[str]:
@@ -124,10 +121,9 @@ _COMPLETERS: dict[str, Callable[..., object]] = {
     "BUNDLE|RECIPE[:TARGET]": _targets,
     "RUN|RECIPE": _runs,
     "NODE": _in_run,
-    "GLOB": _rules,
     "RULE=NAME": _backends,
     "force": _forced,
-    "what": _listed,
+    "WHAT": _listed,
     "by": _words("node", "group", "rule", "recipe"),
     "calls": _words("record", "replay", "refresh", "replace", "off"),
     "console": _words("live", "plain", "jsonl", "none"),

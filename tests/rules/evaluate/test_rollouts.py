@@ -171,7 +171,7 @@ def test_the_stub_needs_neither_simulator_nor_network(runner, tmp_path):
     code = (
         "import sys\nfrom dextera_build.code.loader import Library, choose_backend\n"
         "for path in ('evaluate.rollouts', 'evaluate.replay'):\n"
-        "    choose_backend(Library().find(path), None, 'stub').load()\n"
+        "    choose_backend(Library().find(path), None, 'stub').module\n"
         "print([name for name in ('torch', 'mujoco') if name in sys.modules])"
     )
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -104,7 +104,7 @@ def interrupted(folder: Path, data: Episodes, stop: int | None, monkeypatch: pyt
     found = runner.find("learn.act")
     chosen = choose_backend(found, "torch", "cpu")
     assert chosen
-    module = chosen.load()
+    module = chosen.module
     monkeypatch.setattr(module, "SAVE_EVERY_S", 0.0)
     lines: list[str] = []
 

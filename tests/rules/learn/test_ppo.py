@@ -44,7 +44,7 @@ def interrupted(
     found = RuleRunner(folder).find("learn.ppo")
     chosen = choose_backend(found, "sb3", "cpu")
     assert chosen
-    module = chosen.load()
+    module = chosen.module
     monkeypatch.setattr(f"{module.Watch.__module__}.SAVE_EVERY_S", 0.0, raising=True)
     lines: list[str] = []
 
