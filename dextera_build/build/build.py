@@ -89,6 +89,8 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, wa
     store.leaves.watch = watch
     # Until its results are placed nobody may collect them.
     with executor(session, idle=order.bring_from is not None) as ready, store.running.announced():
+        if watch is not None:
+            note_packages(watch)
         plan = session.plan()
         if watch is not None:
             _note(session, watch, plan)
@@ -199,16 +201,19 @@ class _Build:
 
 def _note(session: Session, watch: Watch, plan: Plan) -> None:
     """Note what planning read: recipes, code, configuration, and folders in which a new one would lie."""
-    for path in (*map(str, plan.recipes), *session.project.looked_at()):
+    from dextera_build.code.modules import was_read
+
+    recipes = {str(path) for path in plan.recipes}
+    for path in (*recipes, *session.project.looked_at()):
         if os.path.isdir(path):
             watch.folder(path)
         else:
             watch.file(path)
-    note_packages(watch)
+        watch.doubt(path, was_read=path in recipes or was_read(path))
 
 
 def note_packages(watch: Watch) -> None:
-    """Note what can be imported, and which packages are installed."""
+    """Note what can be imported, and which packages are installed; before anything is looked for."""
     for entry in sys.path:
         watch.modules(entry or os.getcwd())
 

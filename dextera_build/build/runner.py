@@ -170,12 +170,11 @@ class _Calls:
     def __call__(self, *words: Any, **manner: Any) -> bytes:
         """The answer of a service; `DXB_CALLS` says where from, and profile `stub` never calls."""
         if self._recorder is None:
-            from dextera_build.calls.modes import mode
             from dextera_build.calls.recorder import Recorder
 
             wanted = "off" if self._task.get("profile") == "stub" else os.environ.get("DXB_CALLS") or "record"
             fetch = _fetcher(self._task, self._store)
-            recorder = Recorder(self._store, mode(wanted), fetch, lambda text: self._emit("log", {"text": text}))
+            recorder = Recorder(self._store, wanted, fetch, lambda text: self._emit("log", {"text": text}))
             self._recorder, self.made = recorder, recorder.made
         return self._recorder(*words, **manner)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from importlib import invalidate_caches
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from types import CodeType, ModuleType
 
@@ -93,7 +94,8 @@ class Importer:
         return data
 
     def forget_changed(self) -> None:
-        """Have modules imported anew of which a source file was changed since."""
+        """Have modules imported anew of which a source file was changed since, and new ones found."""
+        invalidate_caches()  # Python notes which folders of the search path are there, and what they hold
         if forget_changed():
             for name in self._loaded:
                 sys.modules.pop(name, None)

@@ -49,6 +49,11 @@ def read(file: str | os.PathLike[str]) -> bytes:
     return _READ[name]
 
 
+def was_read(name: str) -> bool:
+    """Whether this process read a source file of this name."""
+    return name in _READ
+
+
 def forget_changed() -> bool:
     """Forget what was read of files that hold something else now; whether there were any."""
     changed = [name for name, data in _READ.items() if _now(name) != data]

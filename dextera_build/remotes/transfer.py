@@ -6,8 +6,6 @@ headers that arrived. Uploads are checked, too, since many remotes check nothing
 
 from __future__ import annotations
 
-import threading
-from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from typing import Any
@@ -37,11 +35,8 @@ class Transfer:
 
     def __init__(self, store: Store, crew: Crew | None = None) -> None:
         self._store, self._crew = store, crew or Crew(_AT_ONCE, "dxb blobs")
-        self._guard = threading.Lock()
-        self._held: defaultdict[str, set[Digest]] = defaultdict(set)
-        """Remote -> blobs that it is known to have."""
-        self._damaged: defaultdict[str, set[Digest]] = defaultdict(set)
-        """Remote -> blobs that came from it with other bytes; uploaded again although it claims to have them."""
+        self._right: dict[tuple[str, Digest], bool] = {}
+        """(remote, blob) -> whether the remote has it, or gave other bytes, although it claims to have it."""
 
     def fetch(self, remote: Remote, key: str, *, whole: bool = True) -> Found | None:
         """Download the result of `key`; None if the remote lacks it or a part of it.
@@ -82,19 +77,19 @@ class Transfer:
         wanted = [blob for blob in _blobs(files) if self._store.blobs.size(blob.hash) != blob.size]
         if sum(blob.size for blob in wanted) > disk_full.free_bytes(str(self._store.root)):
             return False  # an entry may claim any size; a download that cannot fit is not started
-        right: dict[Digest, bool | None] = {}
+        lacking: list[Digest] = []
 
         def bring(blob: Digest) -> None:
-            right[blob] = remote.fetch(blob, lambda pieces: self._store.blobs.receive(*blob, pieces))
+            right = remote.fetch(blob, lambda pieces: self._store.blobs.receive(*blob, pieces))
+            if right is None:
+                lacking.append(blob)
+                return
+            self._right[remote.address, blob] = right
+            if not right:
+                raise RemoteFault(remote.address, f"blob `{blob.hash[:12]}` came with other bytes")
 
         self._crew.each(bring, wanted)
-        wrong = [blob for blob in wanted if right[blob] is False]
-        with self._guard:
-            self._held[remote.address].update(blob for blob in wanted if right[blob])
-            self._damaged[remote.address].update(wrong)
-        if wrong:
-            raise RemoteFault(remote.address, f"blob `{wrong[0].hash[:12]}` came with other bytes")
-        return all(right.values())
+        return not lacking
 
     def send(self, remote: Remote, key: str) -> int:
         """Upload the result of `key`: blobs first, the entry last and only if all of them arrived.
@@ -130,25 +125,21 @@ class Transfer:
             self._deliver(remote, self._store.actions.made(traces.made(self._store, static, found)))
 
     def _deliver(self, remote: Remote, entry: Entry) -> int:
-        blobs = _blobs(entry.files)
         sent: list[int] = []
 
         def deliver(blob: Digest) -> None:
-            if blob not in damaged and remote.has(blob):
-                return
-            if not self._store.blobs.verify(blob.hash):
-                raise MissingBlob(blob.hash)
-            with self._store.blobs.open(blob.hash) as file:
-                remote.send(blob, file)
-            sent.append(blob.size)
+            right = self._right.get((remote.address, blob))
+            if right is None:
+                right = remote.has(blob)
+            if not right:
+                if not self._store.blobs.verify(blob.hash):
+                    raise MissingBlob(blob.hash)
+                with self._store.blobs.open(blob.hash) as file:
+                    remote.send(blob, file)
+                sent.append(blob.size)
+            self._right[remote.address, blob] = True
 
-        with self._guard:
-            damaged = self._damaged[remote.address].intersection(blobs)
-            asked = [blob for blob in blobs if blob not in self._held[remote.address] or blob in damaged]
-        self._crew.each(deliver, asked)
-        with self._guard:
-            self._held[remote.address].update(blobs)
-            self._damaged[remote.address] -= damaged
+        self._crew.each(deliver, _blobs(entry.files))
         remote.put_entry(entry.key, entry.spell())
         return sum(sent)
 

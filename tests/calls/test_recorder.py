@@ -13,10 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dextera_build.calls import asking
+from dextera_build.calls import Response, asking
 from dextera_build.calls.question import question
 from dextera_build.calls.recorder import Recorder
-from dextera_build.calls.response import Response
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
