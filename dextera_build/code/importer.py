@@ -10,6 +10,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from importlib import invalidate_caches
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from pathlib import Path
 from types import CodeType, ModuleType
 
 from dextera_build.code.code_digest import RULES
@@ -27,8 +28,8 @@ class Importer:
     is_of_dxb = True
 
     def __init__(self) -> None:
-        self.roots: set[str] = set()
-        """Packages under which rules are mounted."""
+        self.roots: dict[str, Path] = {}
+        """Packages under which rules are mounted -> their folders."""
         self.takes_dxb = False
         """Whether dxb's own modules are compiled from source as well."""
         self._wanted: dict[str, str] = {}

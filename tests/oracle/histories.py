@@ -32,6 +32,7 @@ from dextera_build.runs.events import fan_out
 from dextera_build.runs.log import EventLog
 from dextera_build.store import failpoints
 from dextera_build.store.store import Store
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.protocol import Executor
 from tests.chaos.clocks import clock
@@ -286,4 +287,4 @@ class HistoriesWithWorkers(Histories):
     """Undisturbed builds run in processes of their own, which publish what they make."""
 
     def executor(self, jobs: int, seed: int) -> Executor:
-        return LocalExecutor(RUNNER, jobs, environment={"TINY_DICE": str(self.dice)})
+        return LocalExecutor(RUNNER, Capacity(jobs, 4.0), {"TINY_DICE": str(self.dice)})

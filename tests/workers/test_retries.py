@@ -15,6 +15,7 @@ from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import ArtifactError, MachineError, RuleError
 from dextera_build.runs.events import Event, NodeFinished, NodeRetried, NodeStarted
 from dextera_build.store.store import Store
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.retries import Retries, name_of, names_of
 from tests.engine.inline import Emit, InlineExecutor
@@ -95,7 +96,7 @@ def test_retries_are_in_no_key(store: Store) -> None:
 
 @pytest.fixture
 def pool() -> Iterator[LocalExecutor]:
-    with LocalExecutor(RUNNER, 2, memory_gb=4.0) as executor:
+    with LocalExecutor(RUNNER, Capacity(2, 4.0)) as executor:
         yield executor
 
 

@@ -16,6 +16,7 @@ from dextera_build.engine.run import build
 from dextera_build.runs.history import History
 from dextera_build.runs.log import EventLog, read
 from dextera_build.store.store import Store
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.usage import Meter
 from tests.engine.tiny import RUNNER, Record, call, graph
@@ -56,7 +57,7 @@ def test_bytes_and_time_are_differences() -> None:
 
 @pytest.fixture
 def pool() -> Iterator[LocalExecutor]:
-    with LocalExecutor(RUNNER, 1) as executor:
+    with LocalExecutor(RUNNER, Capacity(1, 4.0)) as executor:
         yield executor
 
 
