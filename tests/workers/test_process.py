@@ -127,7 +127,6 @@ def test_workers_share_nothing() -> None:
     with LocalExecutor(HERE, Capacity(2, 4.0)) as pool:
         first, second = seen(pool, task(0, devices=("0",)), task(1, devices=("1",)))
     assert first["pid"] != second["pid"]
-    assert first["token"] != second["token"]  # names of files that are being written
     assert (first["devices"], second["devices"]) == ("0", "1")
 
 
