@@ -28,7 +28,6 @@ for _name in (
     "cli.build.check",
     "build.build",
     "build.export",
-    "build.snapshots",
 ):
     importlib.import_module(f"dextera_build.{_name}")  # here, once, rather than in every child
 for _name in ("numpy", "pydantic", "dextera_build.engine.run", "dextera_build.recipe.plan"):
