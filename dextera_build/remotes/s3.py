@@ -25,23 +25,8 @@ _METADATA = "169.254.169.254"
 _REQUEST = re.compile(r"^(Generic \w+ error: )?(Error performing \w+ \S+ in [\d.]+\w+(, after \d+ retries.*?)? +- )?")
 _CAUSE = re.compile(r'(?:message|error): "([^"]+)"')
 _REFUSALS = (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError, exceptions.NotSupportedError)
-_CLIENT = (
-    "allow_http",
-    "allow_invalid_certificates",
-    "connect_timeout",
-    "default_content_type",
-    "http1_only",
-    "http2_only",
-    "http2_keep_alive_interval",
-    "http2_keep_alive_timeout",
-    "http2_keep_alive_while_idle",
-    "pool_idle_timeout",
-    "pool_max_idle_per_host",
-    "proxy_url",
-    "timeout",
-    "user_agent",
-)
-"""What obstore's configuration says of the connection."""
+_CLIENT = re.compile("allow_|connect_timeout|default_content_type|http[12]_|pool_|proxy_|timeout|user_agent")
+"""Beginnings of the options that obstore takes for the connection."""
 
 
 class ObjectStore:
@@ -62,11 +47,11 @@ class ObjectStore:
         patience = timedelta(seconds=timeout_s)
         said = options or {}
         # Among the settings of the bucket these make the library panic.
-        config: Any = {name: value for name, value in said.items() if name not in _CLIENT}
+        config: Any = {name: value for name, value in said.items() if not _CLIENT.match(name)}
         # The library must not retry ten times on its own: a build retries once, or goes on without the remote.
         retry: Any = {"max_retries": 1, "retry_timeout": patience}
         client: Any = {"timeout": f"{max(timeout_s * 6, 60.0):g}s", "connect_timeout": f"{min(timeout_s, 5.0):g}s"}
-        client |= {name: value for name, value in said.items() if name in _CLIENT}
+        client |= {name: value for name, value in said.items() if _CLIENT.match(name)}
         # Credentials go over TLS, or to a server of this machine, as `refuse_clear` has made sure.
         client["allow_http"] = any(value.startswith("http://") for name, value in config.items() if "endpoint" in name)
         try:
