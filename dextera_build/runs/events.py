@@ -57,12 +57,11 @@ class RunStarted(Event):
 
 @dataclass(frozen=True)
 class GroupOpened(Event):
-    """A group's collection is known; `nodes` copies of its calls were made."""
+    """A group's collection is known; its calls have one copy for each label."""
 
     kind: ClassVar[str] = "group_opened"
     group: str
     labels: list[str]
-    nodes: int
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import selectors
 import time
 from collections.abc import Mapping
@@ -11,7 +10,7 @@ from types import TracebackType
 from typing import Self
 
 from dextera_build.errors import MachineError, from_json
-from dextera_build.workers.capacity import Capacity, available_gb
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.process import Process
 from dextera_build.workers.protocol import Ended, Report, Said, Task
 
@@ -27,23 +26,12 @@ class LocalExecutor:
 
     Args:
         runner: `module:function` that carries out a task in a worker.
-        jobs: Cores to share out among tasks, each of which takes as many as its rule keeps busy; None is all cores that
-            this process may use.
-        memory_gb: Memory to share out [GiB]; None is what is available now.
+        capacity: What tasks share.
         environment: Variables that workers see beside those of this process.
-        capacity: What to share out, over `jobs` and `memory_gb`.
     """
 
-    def __init__(
-        self,
-        runner: str,
-        jobs: int | None = None,
-        *,
-        memory_gb: float | None = None,
-        environment: Mapping[str, str] | None = None,
-        capacity: Capacity | None = None,
-    ) -> None:
-        self.capacity = capacity or Capacity(jobs or _cores(), memory_gb or available_gb())
+    def __init__(self, runner: str, capacity: Capacity, environment: Mapping[str, str] | None = None) -> None:
+        self.capacity = capacity
         self._runner = runner
         self._environment = dict(environment or {})
         self._selector = selectors.DefaultSelector()
@@ -168,7 +156,3 @@ class LocalExecutor:
         self._workers.remove(process)
         self._selector.unregister(process.descriptor)
         process.end(patience_s)
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -21,7 +21,7 @@ from dextera_build.workers import worker
 from dextera_build.workers.protocol import Task, printed
 
 _TAIL_LINES = 12
-_ROOT = Path(__file__).resolve().parents[3]
+_ROOT = Path(__file__).resolve().parents[2]
 """Where this package lies."""
 _LOOK_S = 0.001
 
@@ -110,23 +110,12 @@ class Process:
     def hear(self) -> tuple[list[dict[str, Any]], bool]:
         """(what it said, whether it is dead)."""
         ended = self.has_ended
-        with contextlib.suppress(BlockingIOError):
-            while part := self._receive():
+        with contextlib.suppress(BlockingIOError, ConnectionResetError):  # a reset: it died with a task unread
+            while part := self._socket.recv(1 << 16, socket.MSG_DONTWAIT):
                 self._buffer += part
             ended = True
         *lines, self._buffer = self._buffer.split(b"\n")
         return [json.loads(line) for line in lines], ended
-
-    def _receive(self) -> bytes:
-        """What has arrived, b"" at the end.
-
-        Raises:
-            BlockingIOError: Nothing has.
-        """
-        try:
-            return self._socket.recv(1 << 16, socket.MSG_DONTWAIT)
-        except ConnectionResetError:  # it died with a task unread
-            return b""
 
     def ask_to_end(self) -> None:
         """Ask it to clean up and end."""

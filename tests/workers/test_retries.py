@@ -10,10 +10,12 @@ from typing import Any
 import pytest
 
 from dextera_build.engine.graph import Graph
+from dextera_build.engine.policy import Policy
 from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import ArtifactError, MachineError, RuleError
 from dextera_build.runs.events import Event, NodeFinished, NodeRetried, NodeStarted
 from dextera_build.store.store import Store
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.retries import Retries, name_of, names_of
 from tests.engine.inline import Emit, InlineExecutor
@@ -43,7 +45,8 @@ def shaky(retries: Retries, **more: Any) -> Graph:
 
 def run(plan: Graph, store: Store, executor: Any, **flags: Any) -> tuple[RunResult, Record]:
     record = Record()
-    return build(plan, plan.targets["default"], store=store, executor=executor, listen=record, **flags), record
+    policy = Policy(**flags)
+    return build(plan, plan.targets["default"], store=store, executor=executor, listen=record, policy=policy), record
 
 
 @pytest.mark.parametrize(
@@ -93,7 +96,7 @@ def test_retries_are_in_no_key(store: Store) -> None:
 
 @pytest.fixture
 def pool() -> Iterator[LocalExecutor]:
-    with LocalExecutor(RUNNER, 2, memory_gb=4.0) as executor:
+    with LocalExecutor(RUNNER, Capacity(2, 4.0)) as executor:
         yield executor
 
 

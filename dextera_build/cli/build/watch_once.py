@@ -17,8 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dextera_build.build import snapshots
-from dextera_build.build.build import Order, build
+from dextera_build.build.build import Order, build, note_packages
 from dextera_build.build.lock import Locking
 from dextera_build.cli import options
 from dextera_build.cli.build.shown import tell, warn
@@ -79,7 +78,7 @@ def _one(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch: W
     finally:
         warn()
     tell(built, quiet=True)
-    return None, states(Counter(node.status for node in built.run_result.nodes.values()))
+    return None, states(Counter(node.status for node in built.result.nodes.values()))
 
 
 def _refused(project: Project | None, error: DxbError, watch: Watch) -> tuple[DxbError, str]:
@@ -98,7 +97,7 @@ def _refused(project: Project | None, error: DxbError, watch: Watch) -> tuple[Dx
         if text:
             watch.folder(_nearest(Path(text).absolute()))
     if isinstance(error, MachineError):
-        snapshots.note_packages(watch)
+        note_packages(watch)
     return error, f"error {error.code}"
 
 

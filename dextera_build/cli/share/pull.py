@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     for text in args.targets:
         session, target = options.session(args, text, project, makes=True)
         built = _bring(session, target, args)
-        lacking += [f"{session.recipe}:{place}" for place in built.run_result.errors]
+        lacking += [f"{session.recipe}:{place}" for place in built.result.errors]
         rows += [{"node": node, "file": shown(path)} for node, path in built.placed.paths.items()]
     table.give(rows, as_json=args.json)
     if lacking:
