@@ -50,8 +50,7 @@ def _explain(said: Collection, limit: int | None, *, dry: bool) -> None:
     for workspace in said.vanished:
         print(f"`{workspace}` no longer exists: its results are not kept", file=sys.stderr)
     if said.running:
-        who = "a running build" if said.running == 1 else f"{said.running} running builds"
-        print(f"results that {who} may need are kept", file=sys.stderr)
+        print("results that running builds may need are kept", file=sys.stderr)
     before, after = wording.size(said.before), wording.size(said.after)
     if said.gone:
         print(f"the store {'would shrink' if dry else 'shrank'} from {before} to {after}", file=sys.stderr)
