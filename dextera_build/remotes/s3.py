@@ -16,7 +16,7 @@ import obstore
 from obstore import exceptions
 from obstore.store import from_url
 
-from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault
+from dextera_build.remotes.remote import Digest, Kind, Remote, RemoteFault, T
 
 _CHUNK = 1 << 20
 _PART = 8 << 20
@@ -29,7 +29,7 @@ _CLIENT = re.compile("allow_|connect_timeout|default_content_type|http[12]_|pool
 """Beginnings of the options that obstore takes for the connection."""
 
 
-class ObjectStore:
+class ObjectStore(Remote):
     """One bucket, or what lies under a prefix of it.
 
     Args:
@@ -59,22 +59,6 @@ class ObjectStore:
         except exceptions.BaseError as error:
             raise ValueError(str(error)) from None
 
-    def get_entry(self, key: str) -> bytes | None:
-        """As `Remote`."""
-        with self._faults():
-            try:
-                found = obstore.get(self._store, f"ac/{key}")
-            except FileNotFoundError:
-                return None
-            if found.meta["size"] > MOST_ENTRY:
-                raise RemoteFault(self.address, f"the entry of `{key[:12]}` has {found.meta['size']:,} bytes")
-            return bytes(found.bytes())
-
-    def put_entry(self, key: str, message: bytes) -> None:
-        """As `Remote`."""
-        with self._faults():
-            obstore.put(self._store, f"ac/{key}", message)
-
     def has(self, digest: Digest) -> bool:
         """As `Remote`."""
         with self._faults():
@@ -83,22 +67,17 @@ class ObjectStore:
             except FileNotFoundError:
                 return False
 
-    def fetch(self, digest: Digest, take: Callable[[Iterator[bytes]], bool]) -> bool | None:
-        """As `Remote`."""
+    def _get(self, kind: Kind, name: str, take: Callable[[Iterator[bytes]], T]) -> T | None:
         with self._faults():
             try:
-                found = obstore.get(self._store, f"cas/{digest.hash}")
+                found = obstore.get(self._store, f"{kind}/{name}")
             except FileNotFoundError:
                 return None
             return take(map(bytes, found.stream(min_chunk_size=_CHUNK)))
 
-    def send(self, digest: Digest, file: BinaryIO) -> None:
-        """As `Remote`."""
+    def _put(self, kind: Kind, digest: Digest, file: BinaryIO) -> None:
         with self._faults():
-            obstore.put(self._store, f"cas/{digest.hash}", file, chunk_size=_PART, max_concurrency=4)
-
-    def close(self) -> None:
-        """As `Remote`; the library closes connections that nobody uses."""
+            obstore.put(self._store, f"{kind}/{digest.hash}", file, chunk_size=_PART, max_concurrency=4)
 
     @contextmanager
     def _faults(self) -> Iterator[None]:
