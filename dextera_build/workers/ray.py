@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from dextera_build.errors import DxbError, MachineError
-from dextera_build.remotes.connect import open_remote
+from dextera_build.remotes.spec import open_remote
 from dextera_build.store.store import Store
 from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.protocol import Ended, Report, Task

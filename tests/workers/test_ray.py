@@ -13,8 +13,7 @@ import pytest
 
 from dextera_build.engine.policy import Policy
 from dextera_build.errors import MachineError
-from dextera_build.remotes.connect import open_remote
-from dextera_build.remotes.spec import Spec
+from dextera_build.remotes.spec import Spec, open_remote
 from dextera_build.runs.events import NodeRetried
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.store import Store

@@ -66,7 +66,7 @@ def test_events_and_history_hold_it(store: Store, pool: LocalExecutor) -> None:
     plan = graph(call("a", "sleep", 0.4))
     with EventLog(store) as log:
         build(plan, plan.targets["default"], store=store, executor=pool, listen=log, policy=Policy(run=log.run))
-        (finished,) = (event for event in read(store, log.run) if event["event"] == "node_finished")
+    (finished,) = (event for event in read(store, log.run) if event["event"] == "node_finished")
     assert set(finished["usage"]) == {"cpu_seconds", "memory_bytes", "read_bytes", "written_bytes"}
     assert 5 * MIB < finished["usage"]["memory_bytes"] < 500 * MIB
     peak = History(store, "tiny/graph").peak_gb("a")
