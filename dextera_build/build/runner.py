@@ -193,8 +193,8 @@ def _fetcher(task: Mapping[str, Any], store: Store) -> Callable[[str], ActionRes
 def _exchange(store: Store, project: str, listed: str) -> Exchange | None:
     """The remotes of this worker, opened once; `listed` is what the environment says of them."""
     from dextera_build.project.project import Project
-    from dextera_build.remotes.connect import guarded
     from dextera_build.remotes.exchange import Exchange
+    from dextera_build.remotes.spec import guarded
 
     known = Project(Path(project))
     used = known.used_remotes

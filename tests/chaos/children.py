@@ -52,7 +52,7 @@ Workers = pool.LocalExecutor
 
 
 class _Inline(InlineExecutor):
-    def __init__(self, runner: str, **settings: object) -> None:
+    def __init__(self, runner: str, *settings: object) -> None:
         super().__init__(run_task)
 
     def warm(self) -> None:

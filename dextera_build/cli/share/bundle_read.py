@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest
-from dextera_build.bundle import importer, layout, oci, sign, trust
+from dextera_build.bundle import importer, layout, oci, sign
 from dextera_build.cli import options, table
 from dextera_build.errors import UsageError, did_you_mean, listing
 from dextera_build.report.wording import count
@@ -46,7 +46,7 @@ def source_of(text: str) -> layout.Layout:
     return layout.Layout(path)
 
 
-def judged(args: argparse.Namespace, project: Project, bundle: Opened) -> trust.Voucher:
+def judged(args: argparse.Namespace, project: Project, bundle: Opened) -> sign.Voucher:
     """Who vouches for a bundle.
 
     Raises:
@@ -54,9 +54,9 @@ def judged(args: argparse.Namespace, project: Project, bundle: Opened) -> trust.
     """
     required = args.require_signed or project.require_signed
     keys = sign.trusted(project.trusted_keys) if bundle.manifest.signature or required else []
-    voucher = trust.judge(bundle, keys)
+    voucher = sign.judge(bundle, keys)
     if required:
-        trust.require(bundle, voucher, keys)
+        sign.require(bundle, voucher, keys)
     return voucher
 
 
@@ -137,7 +137,7 @@ def _inputs(store: Store, key: str) -> dict[str, str]:
     return dict(json.loads(store.blobs.get(key))["inputs"])
 
 
-def _say(bundle: Opened, voucher: trust.Voucher, taken: importer.Taken) -> None:
+def _say(bundle: Opened, voucher: sign.Voucher, taken: importer.Taken) -> None:
     nodes = [node for _, node in bundle.contents.nodes()]
     bare = f" ({taken.bare} without their bytes)" if taken.bare else ""
     counts = f"{count(len(nodes), 'node')}: {count(taken.new, 'result')} new{bare}, {taken.known} known"
@@ -166,7 +166,7 @@ def inspect(args: argparse.Namespace) -> int:
     return table.give(_everything(bundle, voucher), as_json=args.json, cells=cells)
 
 
-def _rows(bundle: Opened, voucher: trust.Voucher) -> list[tuple[str, object]]:
+def _rows(bundle: Opened, voucher: sign.Voucher) -> list[tuple[str, object]]:
     nodes = [node for _, node in bundle.contents.nodes()]
     layers = bundle.manifest.layers
     return [
@@ -189,7 +189,7 @@ def _rows(bundle: Opened, voucher: trust.Voucher) -> list[tuple[str, object]]:
     ]
 
 
-def _everything(bundle: Opened, voucher: trust.Voucher) -> dict[str, Any]:
+def _everything(bundle: Opened, voucher: sign.Voucher) -> dict[str, Any]:
     return {
         "digest": f"sha256:{bundle.digest}",
         "bytes": bundle.size,
