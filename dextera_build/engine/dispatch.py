@@ -17,6 +17,7 @@ from dextera_build.errors import DxbError
 from dextera_build.runs import events
 from dextera_build.runs.events import Listener
 from dextera_build.runs.history import History
+from dextera_build.store.backoff import backoff
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.workers.admission import Admission, estimate, lacks
@@ -195,7 +196,8 @@ class Dispatch:
 
     def _rest(self, node: Node, report: Ended, error: DxbError) -> None:
         """Have the node tried again after a while."""
-        wait_s = node.rule.retries.delay_s(node.tries, node.key or "")
+        # Spread by the node's key, so that nodes which failed together do not come back together.
+        wait_s = backoff(node.tries, node.rule.retries.wait_s, node.key or "")
         node.rests_until = time.monotonic() + wait_s
         log = log_of(self.store, report)
         self.listen(events.NodeRetried(time.time(), node.address, node.tries, wait_s, error.to_json(), log))

@@ -18,7 +18,7 @@ from dextera_build.runs.log import EventLog, read
 from dextera_build.store.store import Store
 from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
-from dextera_build.workers.usage import Meter
+from dextera_build.workers.worker import Meter
 from tests.engine.tiny import RUNNER, Record, call, graph
 
 MIB = 1 << 20
