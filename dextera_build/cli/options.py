@@ -23,6 +23,14 @@ def by_recipe(texts: Iterable[str]) -> dict[str, list[str]]:
     return wanted
 
 
+def build_arguments(parser: argparse.ArgumentParser) -> None:
+    """How to go about a build."""
+    parser.add_argument(
+        "-k", "--keep-going", action="store_true", help="continue with nodes that do not depend on a failed one"
+    )
+    parser.add_argument("-j", "--jobs", metavar="N", help="number of cores to use; most nodes take one (DXB_JOBS)")
+
+
 def project_arguments(parser: argparse.ArgumentParser) -> None:
     """Where to work."""
     parser.add_argument(

@@ -5,16 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.cli import options, table
 from dextera_build.errors import UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.explain.compare import Row, Side
-    from dextera_build.project.project import Project
-    from dextera_build.store.store import Store
+    from dextera_build.explain.compare import Row
 
 _MOST = 40
 """Lines for one node; `--json` has all."""
@@ -29,7 +26,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "key or an output; a single recipe or node: its last two runs",
     )
     parser.add_argument("new", metavar="B", nargs="?", help="the other operand")
-    parser.add_argument("-o", "--out", metavar="DIR", help="folder for pictures of the difference (<cache>/out/diff)")
     options.project_arguments(parser)
     options.json_argument(parser)
 
@@ -44,10 +40,7 @@ def run(args: argparse.Namespace) -> int:
     store = reading(project)
     old, new = diff_operands.pair(project, store, args.old, args.new)
     if isinstance(old, compare.Side) and isinstance(new, compare.Side):
-        rows = compare.rows(store, old, new)
-        if not args.json:
-            rows = _drawn(project, store, args.out, (old, new), rows)
-        return _print({"": rows}, (old.name, new.name), as_json=args.json)
+        return _print({"": compare.rows(store, old, new)}, (old.name, new.name), as_json=args.json)
     if isinstance(old, compare.Side) or isinstance(new, compare.Side):
         raise UsageError(
             "a run and a result cannot be compared",
@@ -73,20 +66,3 @@ def _print(found: Mapping[str, Sequence[Row]], names: tuple[str, str], *, as_jso
     if not any(found.values()):
         print(f"{names[0]} and {names[1]} are equal", file=sys.stderr)
     return 0
-
-
-def _drawn(project: Project, store: Store, out: str | None, sides: tuple[Side, Side], rows: Sequence[Row]) -> list[Row]:
-    """The rows, those of pictures with the file that shows the difference."""
-    from dataclasses import replace
-
-    from dextera_build.cli.look import pictures
-    from dextera_build.cli.look.output import writing
-
-    name = "-".join((side.output or "")[:12] for side in sides)
-    folder = Path(out) if out else project.cache / "out" / "diff" / name
-    found = []
-    for row in rows:
-        with writing(folder, hint=None if out else "`-o DIR` says where to draw"):
-            file = pictures.draw(row.output, store.blobs.get, folder) if row.output is not None else None
-        found.append(replace(row, change=f"{row.change}\t{project.shown(file)}") if file else row)
-    return found
