@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 from dextera_build.cli import options
+from dextera_build.cli.look.output import writing
 from dextera_build.errors import UsageError
 
 
@@ -27,13 +28,8 @@ def run(args: argparse.Namespace) -> int:
     if not node:
         hint = f"`dxb get {session.recipe}:NODE`; `dxb ls {session.recipe}`"
         raise UsageError("name a node", code="DXB-U111", hint=hint)
-    try:
-        written = session.artifact(node).export(Path(args.out), stem_of(node))
-    except OSError as error:
-        place = error.filename or args.out
-        facts = {"system says": error.strerror}
-        raise UsageError(
-            f"`{place}` cannot be written", code="DXB-U182", facts=facts, hint=f"ls -ld {args.out}"
-        ) from None
+    artifact = session.artifact(node)
+    with writing(Path(args.out)):
+        written = artifact.export(Path(args.out), stem_of(node))
     print(json.dumps({"files": [str(path) for path in written]}) if args.json else "\n".join(map(str, written)))
     return 0

@@ -36,4 +36,5 @@ def writing(path: Path, hint: str | None = None) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise UsageError(f"`{path}` cannot be written: {error.strerror}", code="DXB-U177", hint=hint) from None
+        place = error.filename or path
+        raise UsageError(f"`{place}` cannot be written: {error.strerror}", code="DXB-U177", hint=hint) from None
