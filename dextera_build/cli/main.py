@@ -115,9 +115,9 @@ def _fault(error: Exception, words: list[str]) -> int:
     with tempfile.NamedTemporaryFile("w", prefix="dxb-fault-", suffix=".txt", delete=False) as file:
         file.write(redact(f"dxb {__version__} {' '.join(words)}\n\n{traceback.format_exc()}"))
     fault = DxbError(
-        f"a fault in dxb: {type(error).__name__}: {error}",
+        f"internal error: {type(error).__name__}: {error}",
         code="DXB-X001",
         facts={"traceback": file.name},
-        hint="report it with that file",
+        hint="please report it, with the file of the traceback",
     )
     return _refuse(fault)

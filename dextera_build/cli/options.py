@@ -36,14 +36,14 @@ def project_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cache",
         metavar="DIR|LIST",
-        help="the store's folder, or which stores to use: `local:rw,NAME:r,URL:w` (DXB_CACHE, DXB_REMOTES)",
+        help="the store's folder, or the stores to use, with modes: `local:rw,NAME:r,URL:w` (DXB_CACHE, DXB_REMOTES)",
     )
-    parser.add_argument("--profile", metavar="NAME", help="stub, cpu, gpu or cloud (DXB_PROFILE)")
+    parser.add_argument("--profile", metavar="NAME", help="the backends to use: stub, cpu, gpu or cloud (DXB_PROFILE)")
 
 
 def request_arguments(parser: argparse.ArgumentParser) -> None:
     """What to add to a recipe."""
-    group = parser.add_argument_group("over the recipe")
+    group = parser.add_argument_group("changes to the recipe")
     group.add_argument("--input", metavar="NAME=PATH", action="append", default=[], help="bind an input of the recipe")
     group.add_argument(
         "--set",
@@ -72,7 +72,7 @@ def executor_argument(parser: argparse.ArgumentParser) -> None:
 
 def calls_argument(parser: argparse.ArgumentParser) -> None:
     """What becomes of calls of services."""
-    text = "calls of services: record (default), replay (nothing is asked), refresh, replace or off (DXB_CALLS)"
+    text = "answers of services: record (default: ask once), replay (ask never), refresh, replace or off (DXB_CALLS)"
     parser.add_argument("--calls", metavar="MODE", help=text)
 
 

@@ -106,7 +106,7 @@ def test_a_remote_that_is_not_there_costs_a_warning(space: Space) -> None:
     assert answer.code == 0
     (warning,) = [line for line in answer.err.splitlines() if "is left alone" in line]
     assert warning == (
-        f"warning: remote lab (http://***@127.0.0.1:{port}/x) is left alone for the rest of this build: "
+        f"warning: remote lab (http://***@127.0.0.1:{port}/x) is not used for the rest of this build: "
         "no connection: Connection refused; `--cache local:rw` builds without remotes"
     )
     assert "warning: 7 results were not uploaded to lab: no connection: Connection refused" in answer.err

@@ -153,9 +153,9 @@ def test_a_node_that_waits_shows_the_way_to_the_changed_function(built):
     built.edit("rules/toy/marks.py", 'b"!" * times', 'b"?" * times')
     answer = built.dxb("why", "say/words:all")
     head, *rows = answer.out.splitlines()
-    assert head.startswith("may be stale: that is judged when its inputs are known; it was up to date in run 0001 (")
+    assert head.startswith("may be stale, depending on its inputs; it was up to date in run 0001 (")
     assert rows == [
-        "  waits for\tword[one].louder and 1 more copy\tjudged when its inputs are known\tinput `texts`",
+        "  waits for\tword[one].louder and 1 more copy\tdepends on its inputs\tinput `texts`",
         "    waits for\tword[one].loud\tstale\tinput `text`",
         rows[2],
     ]

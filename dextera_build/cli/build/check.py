@@ -21,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "targets",
         nargs="*",
         metavar="RECIPE[:NODE]",
-        help="recipes to resolve (all of them without any), or a node to build again and compare",
+        help="recipes to check without building them (all by default), or a node to rebuild and compare",
     )
     options.project_arguments(parser)
     options.request_arguments(parser)
@@ -84,7 +84,7 @@ def _repeat(session: Session, node: str) -> str:
     reply = run_task(task, lambda kind, data: None)
     if reply.get("reads", []) != document.get("read", []):
         raise StaleError(
-            f"`{recipe}:{node}` reads other files, or other content, than when it was built",
+            f"`{recipe}:{node}` cannot be compared: the files that it reads have changed since it was built",
             code="DXB-C104",
             hint=f"`dxb why '{recipe}:{node}'`; `dxb build '{recipe}:{node}'`, then check again",
         )
@@ -98,7 +98,7 @@ def _repeat(session: Session, node: str) -> str:
         session.store.divergent.note(key, f"{recipe}:{node}", before, after, time.time())
     if is_beyond or (after != before and not told):
         raise RuleError(
-            f"`{recipe}:{node}` is not deterministic: built again, it came out different",
+            f"`{recipe}:{node}` is not deterministic: rebuilding it gave another output",
             code="DXB-B402",
             facts=told | {"first": before, "again": after},
             hint=f"`dxb diff {before[:12]} {after[:12]}`; look for random numbers, threads or time in the rule",

@@ -82,10 +82,10 @@ def _round(words: Sequence[str], because: str) -> tuple[int, Watch]:
             return 130, watch
         if not report.exists():
             raise DxbError(
-                f"a round ended without a report, with {code}",
+                f"a build of `dxb watch` ended unexpectedly, with exit code {code}",
                 code="DXB-X002",
                 facts={"arguments": " ".join(words)},
-                hint="`dxb build` on the same targets says more",
+                hint="build the same targets with `dxb build` to see the error",
             )
         told = json.loads(report.read_text())
     watch.files = {path: tuple(sign) if sign else None for path, sign in told["files"].items()}

@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         return _print({"": compare.rows(store, old, new)}, (old.name, new.name), as_json=args.json)
     if isinstance(old, Side) or isinstance(new, Side):
         raise UsageError(
-            "a run and a result cannot be compared",
+            "a run cannot be compared with a result",
             code="DXB-U164",
             hint="name two runs, or two results: `dxb diff 0141:NODE 0142:NODE`",
         )
@@ -96,7 +96,7 @@ def _pair(project: Project, store: Store, old: str, new: str | None) -> tuple[Si
     last = list(islice(known, 2))
     if len(last) < 2:
         raise UsageError(
-            f"`{named.recipe}` has {('no run', 'one run')[len(last)]} here, and two are compared",
+            f"`{named.recipe}` has {('no run', 'only one run')[len(last)]} here; a comparison takes two",
             code="DXB-U165",
             hint="`dxb ls runs` lists runs; `dxb diff A B` compares two things",
         )
@@ -159,7 +159,7 @@ def _by_digest(store: Store, text: str) -> Side:
         result = store.actions.known(digest)
         return Side(text, digest, result.output if result else None)
     raise UsageError(
-        f"`{text}` is the beginning of a blob that is neither a key nor an artifact",
+        f"the blob `{text}` is neither a key document nor an artifact",
         code="DXB-U168",
         hint="`dxb show RECIPE:NODE` prints the key and the output of a node",
     )

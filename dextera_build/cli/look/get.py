@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
     session, node = options.session(args, args.node, last=True)
     if not node:
         hint = f"`dxb get {session.recipe}:NODE`; `dxb ls {session.recipe}`"
-        raise UsageError("name a node", code="DXB-U111", hint=hint)
+        raise UsageError("a node is missing: `get` takes RECIPE:NODE", code="DXB-U111", hint=hint)
     artifact = session.artifact(node)
     with writing(Path(args.out)):
         written = artifact.export(Path(args.out), stem_of(node))

@@ -20,7 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser of `dxb show`."""
     group = parser.add_argument_group("with --graph")
     group.add_argument("--dot", action="store_true", help="print the graph in Graphviz' language instead of SVG")
-    group.add_argument("--by", choices=WAYS, default="node", help="draw a box for each of these (node)")
+    group.add_argument("--by", choices=WAYS, default="node", help="draw one box per node, group, rule or recipe (node)")
     group.add_argument("--status", action="store_true", help="mark what a build would do with each node")
 
 

@@ -34,7 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--lineage",
         action="store_true",
-        help="the origins of a result: nodes with options, seeds, code and packages, down to project files",
+        help="the origins of a result: nodes with options, code and packages, down to project files",
     )
     what.add_argument("--config", action="store_true", help="every setting with its origin")
     parser.add_argument("-o", "--out", metavar="FILE", help="where to write a graph or trace (standard output)")
@@ -52,7 +52,11 @@ def run(args: argparse.Namespace) -> int:
     if args.config:
         return _config(project, as_json=args.json)
     if args.target is None:
-        raise UsageError("name a recipe or a node, or give `--config`", code="DXB-U111", hint="`dxb ls` lists recipes")
+        raise UsageError(
+            "a recipe, node or rule is missing",
+            code="DXB-U111",
+            hint="`dxb ls` lists recipes; `--config` shows the settings",
+        )
     if args.graph:
         return graph.run(args)
     if _is_rule(project, args.target):

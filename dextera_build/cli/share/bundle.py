@@ -81,7 +81,7 @@ def _create(args: argparse.Namespace) -> int:
         if found.stale:
             wanted = " ".join(f"{recipe}:{name}" if name else recipe for name in names)
             raise UsageError(
-                f"`{recipe}` is not built as it stands now",
+                f"the current version of `{recipe}` is not built",
                 code="DXB-U142",
                 facts={"stale": listing(found.stale)},
                 hint=f"`dxb build {'--whole ' if args.closure == 'full' else ''}{wanted}`",

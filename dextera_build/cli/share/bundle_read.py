@@ -37,7 +37,7 @@ def source_of(text: str) -> layout.Layout:
         raise UsageError(
             f"`{text}` is not a file",
             code="DXB-U147",
-            facts={"registries": "`skopeo` copies from and to them"},
+            facts={"registries": "`skopeo` copies bundles from and to them"},
             hint=f"skopeo copy docker://{place} oci-archive:bundle.tar",
         )
     path = Path(text)
