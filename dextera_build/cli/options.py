@@ -58,24 +58,6 @@ def request_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def resources_argument(parser: argparse.ArgumentParser) -> None:
-    """What the machine has."""
-    text = "resources of this machine, instead of the measured ones: gpu=1,memory=16,licence:x=2 (DXB_RESOURCES)"
-    parser.add_argument("--resources", metavar="NAME=AMOUNT,...", help=text)
-
-
-def executor_argument(parser: argparse.ArgumentParser) -> None:
-    """Where nodes run."""
-    text = "where nodes run: local (default), ray, or ray:HOST:PORT, the head of a Ray cluster (DXB_EXECUTOR)"
-    parser.add_argument("--executor", metavar="KIND", help=text)
-
-
-def calls_argument(parser: argparse.ArgumentParser) -> None:
-    """What becomes of calls of services."""
-    text = "answers of services: record (default: ask once), replay (ask never), refresh, replace or off (DXB_CALLS)"
-    parser.add_argument("--calls", metavar="MODE", help=text)
-
-
 def json_argument(parser: argparse.ArgumentParser) -> None:
     """For verbs that read."""
     parser.add_argument("--json", action="store_true", help="print JSON")

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 from dextera_build.cli import options
-from dextera_build.cli.look.output import writing
+from dextera_build.cli.table import writing
 from dextera_build.errors import UsageError
 
 

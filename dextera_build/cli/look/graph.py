@@ -7,7 +7,7 @@ import json
 from typing import TYPE_CHECKING
 
 from dextera_build.cli import nodes, options
-from dextera_build.cli.look.output import give
+from dextera_build.cli.table import give_text
 from dextera_build.report.collapse import WAYS
 from dextera_build.session import addresses
 
@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     """
     session, target = options.session(args, args.target)
     found = _nodes(session, target, marked=args.status)
-    return give(session.project, _written(args, session.recipe, target, found), args.out)
+    return give_text(session.project, _written(args, session.recipe, target, found), args.out)
 
 
 def _nodes(session: Session, target: str, *, marked: bool) -> list[Node]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options, table
 from dextera_build.cli.look import graph
-from dextera_build.cli.look.output import give
+from dextera_build.cli.table import give_text
 from dextera_build.errors import UsageError
 from dextera_build.explain.calls import is_call, show
 from dextera_build.explain.reads import Reads
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     """Print rows of name and value; with `--lineage` an indented line for everything, each once."""
     project = options.project(args)
     if args.trace:
-        return give(project, _trace(project, args.target), args.out)
+        return give_text(project, _trace(project, args.target), args.out)
     if args.config:
         return _config(project, as_json=args.json)
     if args.target is None:

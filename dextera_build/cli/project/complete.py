@@ -8,14 +8,15 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from dextera_build.cli.verbs import VERBS
 from dextera_build.project.project import CONSOLES, EXECUTORS, PROFILES, find
 
 
-def answer() -> None:
-    """Print what completes the line of the environment, and end the process."""
+def answer() -> int:
+    """Print what completes the line of the environment, and end the process; the exit code where it cannot."""
     import argcomplete
 
     from dextera_build.cli.grammar import parser
@@ -24,7 +25,9 @@ def answer() -> None:
     verb = next((word for word in line.split()[1:] if not word.startswith("-")), "")
     top = parser(verb)
     _equip(top)
-    argcomplete.autocomplete(top, always_complete_options=False)
+    with suppress(Exception):  # a broken recipe or setting must not write into the line that a person types
+        argcomplete.autocomplete(top, always_complete_options=False)
+    return 1
 
 
 def _equip(parser: argparse.ArgumentParser) -> None:
