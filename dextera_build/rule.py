@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, ParamSpec, Protocol, 
 from pydantic import BaseModel, ConfigDict, Field
 
 from dextera_build.artifacts.base import Artifact, File
-from dextera_build.calls.response import Response as Response
+from dextera_build.calls import Response as Response
 from dextera_build.errors import RuleError
 
 if TYPE_CHECKING:

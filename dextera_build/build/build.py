@@ -98,6 +98,8 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, wa
     store.leaves.watch = watch
     # Until its results are placed nobody may collect them.
     with executor(session, idle=order.bring_from is not None) as ready, store.running.announced():
+        if watch is not None:
+            snapshots.note_packages(watch)
         plan = session.plan()
         if watch is not None:
             snapshots.note(session.project, watch, plan)
@@ -171,7 +173,9 @@ class _Build:
                 raise
             # All damaged blobs are set aside, so building again makes them anew.
             for node in result.targets:
-                self.session.store.actions.verify(result.nodes[node].key or "")
+                entry = self.session.store.actions.entry(result.nodes[node].key or "")
+                for file in entry.files if entry else ():
+                    self.session.store.blobs.verify(file.digest)
             built = self.run()
             placed = out.place(built.run_result)
         return replace(built, placed=placed)

@@ -43,7 +43,7 @@ def executor(session: Session, *, idle: bool = False) -> Iterator[Ready]:
 
         more, share = stack.enter_context(shared())
         environment, capacity = {**_environment(project), **more}, project.capacity(gpus=False)
-        workers = stack.enter_context(LocalExecutor(RUNNER, environment=environment, capacity=capacity))
+        workers = stack.enter_context(LocalExecutor(RUNNER, capacity, environment))
         if not idle:
             workers.warm()  # a build whose snapshot is not fresh mostly runs something
 

@@ -179,9 +179,9 @@ def _is_asked(node: str, wanted: Sequence[Address]) -> bool:
 
 
 def _size(store: Store, key: str) -> int:
-    outline = store.actions.outline(key)
-    assert outline is not None, "a result that was built has an entry"
-    return sum(store.blobs.size(blob) or 0 for blob in {outline[0], *outline[1]})
+    entry = store.actions.entry(key)
+    assert entry is not None, "a result that was built has an entry"
+    return sum(store.blobs.size(blob) or 0 for blob in {entry.result.output, *entry.refers})
 
 
 def _told(before: Pins, after: Pins, gone: Sequence[Name]) -> str:

@@ -41,8 +41,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         emit: Takes progress and log lines as they come.
 
     Returns:
-        `output` (digest), `line`, `previews` ([caption, digest]), `metrics` (name -> [value, unit]), `sizes` (digest ->
-        size [bytes] of what was stored).
+        `output` (digest), `line`, `previews` ([caption, digest]), `metrics` (name -> [value, unit]).
 
     Raises:
         DxbError: The rule refused its inputs, a check failed, a disk is full, or code was edited since it was digested.
@@ -172,12 +171,11 @@ class _Calls:
     def __call__(self, *words: Any, **manner: Any) -> bytes:
         """The answer of a service; `DXB_CALLS` says where from, and profile `stub` never calls."""
         if self._recorder is None:
-            from dextera_build.calls.modes import mode
             from dextera_build.calls.recorder import Recorder
 
             wanted = "off" if self._task.get("profile") == "stub" else os.environ.get("DXB_CALLS") or "record"
             fetch = _fetcher(self._task, self._store)
-            recorder = Recorder(self._store, mode(wanted), fetch, lambda text: self._emit("log", {"text": text}))
+            recorder = Recorder(self._store, wanted, fetch, lambda text: self._emit("log", {"text": text}))
             self._recorder, self.made = recorder, recorder.made
         return self._recorder(*words, **manner)
 
@@ -222,7 +220,6 @@ def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[st
         "line": ctx.outcome.line,
         "previews": [[caption, writer(data)] for caption, data in ctx.outcome.previews],
         "metrics": {name: list(value) for name, value in ctx.outcome.metrics.items()},
-        "sizes": writer.sizes,
     }
 
 

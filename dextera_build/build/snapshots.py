@@ -34,19 +34,19 @@ class Placed:
 
 
 def note(project: Project, watch: Watch, plan: Plan) -> None:
-    """Note what planning read: recipes, code, configuration, and folders in which a new one would lie.
+    """Note what planning read: recipes, code, configuration, and folders in which a new one would lie."""
+    from dextera_build.code.modules import was_read
 
-    Packages that are installed are noted, too.
-    """
-    for path in (*map(str, plan.recipes), *project.looked_at()):
+    recipes = {str(path) for path in plan.recipes}
+    for path in (*recipes, *project.looked_at()):
         if os.path.isdir(path):
             watch.folder(path)
         else:
             watch.file(path)
-    note_packages(watch)
+        watch.doubt(path, was_read=path in recipes or was_read(path))
 
 
 def note_packages(watch: Watch) -> None:
-    """Note what can be imported, and which packages are installed."""
+    """Note what can be imported, and which packages are installed; before anything is looked for."""
     for entry in sys.path:
         watch.modules(entry or os.getcwd())

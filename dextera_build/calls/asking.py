@@ -10,8 +10,8 @@ from email.utils import parsedate_to_datetime
 from http.client import HTTPException
 from typing import NoReturn, TypeAlias
 
+from dextera_build.calls import Response
 from dextera_build.calls.question import Question, secret_in, without_secrets
-from dextera_build.calls.response import Response
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.store.backoff import backoff
 

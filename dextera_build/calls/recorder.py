@@ -11,10 +11,9 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal, TypeAlias
 
+from dextera_build.calls import Response
 from dextera_build.calls.asking import Manner, Send, amounts, ask
-from dextera_build.calls.modes import Mode
 from dextera_build.calls.question import Question, question
-from dextera_build.calls.response import Response
 from dextera_build.errors import RuleError, StoreError
 from dextera_build.store import headers
 from dextera_build.store.blobs import MissingBlob
@@ -31,13 +30,15 @@ class Recorder:
 
     Args:
         store: Where answers are recorded.
-        mode: See `Mode`.
+        mode: `record`: recorded answers are replayed, the rest is asked. `replay`: nothing is asked. `refresh`:
+            everything is asked again and compared; the first answer stays. `replace`: the new answer stays. `off`: no
+            call is made.
         fetch: Asks remotes for a recorded answer; None where there are none.
         log: Takes a line about each call, for the node's log.
     """
 
     def __init__(
-        self, store: Store, mode: Mode, fetch: Fetch | None = None, log: Callable[[str], None] = lambda text: None
+        self, store: Store, mode: str, fetch: Fetch | None = None, log: Callable[[str], None] = lambda text: None
     ) -> None:
         self._store, self._mode, self._fetch, self._log = store, mode, fetch, log
         self.made: list[dict[str, Any]] = []
@@ -59,11 +60,21 @@ class Recorder:
         manner = Manner(timeout_s, max(tries, 1), wait_s, valid, tuple(secrets))
         asked = question(service, request, manner.secrets)
         if self._mode == "off":
-            raise _off(asked)
+            raise RuleError(
+                f"a rule wants to call `{asked.shown}`, and calls are off",
+                code="DXB-B341",
+                facts=asked.facts(),
+                hint="profile `stub` never calls; else `--calls record` asks, `--calls replay` uses recorded answers",
+            )
         found = self._known(asked) if self._mode in ("record", "replay") else None
         if found is None:
             if self._mode == "replay":
-                raise _unknown(asked)
+                raise RuleError(
+                    f"no answer of `{asked.shown}` to this request is recorded, and nothing may be asked",
+                    code="DXB-B340",
+                    facts=asked.facts(),
+                    hint="`--calls record` asks; `--cache local:rw,NAME:r` or `dxb bundle import` gets answers",
+                )
             # Whoever asks the same at the same time waits here, and then finds the answer.
             with self._store.locks.hold(asked.key):
                 found = self._settle(asked, send, manner)
@@ -145,21 +156,3 @@ def of(store: Store, key: str) -> tuple[Mapping[str, Any], ActionResult] | None:
         return None
     document = json.loads(store.blobs.get(result.key_document))
     return (document, result) if "call" in document and "service" in document else None
-
-
-def _off(asked: Question) -> RuleError:
-    return RuleError(
-        f"a rule wants to call `{asked.shown}`, and calls are off",
-        code="DXB-B341",
-        facts=asked.facts(),
-        hint="profile `stub` never calls; else `--calls record` asks, `--calls replay` uses recorded answers",
-    )
-
-
-def _unknown(asked: Question) -> RuleError:
-    return RuleError(
-        f"no answer of `{asked.shown}` to this request is recorded, and nothing may be asked",
-        code="DXB-B340",
-        facts=asked.facts(),
-        hint="`--calls record` asks the service; `--cache local:rw,NAME:r` or `dxb bundle import` gets answers",
-    )

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from importlib import invalidate_caches
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from pathlib import Path
 from types import CodeType, ModuleType
 
 from dextera_build.code.code_digest import RULES
@@ -26,8 +28,8 @@ class Importer:
     is_of_dxb = True
 
     def __init__(self) -> None:
-        self.roots: set[str] = set()
-        """Packages under which rules are mounted."""
+        self.roots: dict[str, Path] = {}
+        """Packages under which rules are mounted -> their folders."""
         self.takes_dxb = False
         """Whether dxb's own modules are compiled from source as well."""
         self._wanted: dict[str, str] = {}
@@ -93,7 +95,8 @@ class Importer:
         return data
 
     def forget_changed(self) -> None:
-        """Have modules imported anew of which a source file was changed since."""
+        """Have modules imported anew of which a source file was changed since, and new ones found."""
+        invalidate_caches()  # Python notes which folders of the search path are there, and what they hold
         if forget_changed():
             for name in self._loaded:
                 sys.modules.pop(name, None)

@@ -47,7 +47,7 @@ class Reading:
 
     def is_missing(self, node: Node) -> bool:
         """Whether the store has nothing of a node; the quick answer for most that are about to run."""
-        return not node.rule.discovers and not self._store.actions.has(node.key or "")
+        return not node.rule.discovers and self._store.actions.entry(node.key or "") is None
 
     def whole(self, node: Node) -> ActionResult | None:
         """The result of a node with all its bytes, or None."""

@@ -79,7 +79,7 @@ class Dispatch:
             if node.rests_until > now:
                 self._resting.append(node)
             elif lacking:
-                yield End(node, error=lacks(lacking, self._admission.capacity))
+                yield End(node, error=lacks(lacking))
             else:
                 self._admission.wait(node, estimate(needs, self.policy.peak_gb(node.address)))
 
@@ -133,7 +133,7 @@ class Dispatch:
             key = node.key
             assert key is not None
             if not self.store.locks.take(key):
-                self.hooks.said(node, "log", {"text": self._who_builds(key)})
+                self.hooks.said(node, "log", {"text": "another process builds the same key"})
                 self.states.set(node, State.LOCKED)
                 return None
             forced = self.forced(node)
@@ -207,7 +207,3 @@ class Dispatch:
         log = log_of(self.store, report)
         self.hooks.said(node, "retried", {"tries": node.tries, "wait_s": wait_s, "error": error.to_json(), "log": log})
         self.states.set(node, State.QUEUED)
-
-    def _who_builds(self, key: str) -> str:
-        pid = self.store.locks.holder(key)
-        return f"process {pid} builds the same key" if pid else "another process builds the same key"

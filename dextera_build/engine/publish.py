@@ -44,14 +44,11 @@ def publish(store: Store, node: Node, report: Ended, reading: Reading) -> Action
     if node.rule.discovers:
         reading.ran(node, report.reply)
     document = node.document or reading.document(node)
-    result, first = _result(store, report, node.key or ""), _first(store, node, report.reply)
+    result, first = _result(store, report, store.blobs.put(document)), _first(store, node, report.reply)
     if node.rule.discovers:
-        traces.publish(store, result.key_document, first or result, document)
+        traces.publish(store, result.key_document, first or result)
     elif first is None:
-        sizes: dict[str, int] = dict(report.reply.get("sizes") or {})
-        if result.log:
-            sizes[result.log] = len(report.log)
-        store.actions.put(result.key_document, result, sizes=sizes, document=document)
+        store.actions.put(result.key_document, result)
     store.keep.drop(kept)
     return first or result
 
@@ -90,12 +87,12 @@ def _result(store: Store, report: Ended, key: str) -> ActionResult:
 def _first(store: Store, node: Node, reply: Mapping[str, Any]) -> ActionResult | None:
     """The result with another output that the key of the node has and keeps."""
     key = node.key or ""
-    known = store.actions.outline(key)
-    if known is None or known[0] == reply["output"]:
+    known = store.actions.known(key)
+    if known is None or known.output == reply["output"]:
         return None
     if any(call["how"] == "replaced" for call in reply.get("calls") or ()):
         return None
-    store.divergent.note(key, node.address, known[0], reply["output"], time.time())
+    store.divergent.note(key, node.address, known.output, reply["output"], time.time())
     return store.actions.get(key)  # None: bytes of it were lost
 
 

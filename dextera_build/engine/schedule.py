@@ -225,7 +225,7 @@ class Scheduler:
     def _note_bare(self, node: Node, result: ActionResult) -> None:
         """That bytes are absent is as it should be from now on."""
         with suppress(StoreError):  # a store that may only be read serves what it holds
-            self.store.actions.put(node.key or "", result, document=node.document, may_lack=True)
+            self.store.actions.put(node.key or "", result, may_lack=True)
 
     def _ask_above(self, node: Node) -> None:
         """Note in a dry run which results would have to have their bytes, so that `node` can run."""
@@ -384,7 +384,8 @@ class Scheduler:
     def _is_forced(self, node: Node) -> bool:
         if node.status or node.key in self._made or not (self.policy.force or self.policy.recall):
             return False
-        return _named(node, self.policy.force) or (self.policy.recall and self.store.actions.calls(node.key or ""))
+        known = self.store.actions.known(node.key or "") if self.policy.recall else None
+        return _named(node, self.policy.force) or (known is not None and bool(known.calls))
 
     def _forbid_circles(self) -> None:
         if self.failed or self.policy.dry:

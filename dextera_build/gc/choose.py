@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Set
 from dataclasses import dataclass, field
@@ -100,7 +101,7 @@ class _Chooser:
     def drop_blob(self, digest: str) -> None:
         """Let a blob go, unless a result needs it or a running build may."""
         horizon = self._horizon.results if digest in self._named else self._horizon.blobs
-        size, used = self._inventory.blobs[digest]
+        size, used = self._inventory.blobs.get(digest, (0, math.inf))  # a bare result names blobs that are not there
         if not self._readers[digest] and used < horizon:
             self.choice.blobs.add(digest)
             self.choice.left -= size

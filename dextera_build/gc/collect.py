@@ -213,7 +213,7 @@ def _stays(held: Inventory, choice: Choice, roots: Roots, horizon: Horizon) -> l
     rows = []
 
     def take(keys: list[str], why: str) -> None:
-        names = {name for key in keys for name in left[key].needs} - counted
+        names = {name for key in keys for name in left[key].needs if name in held.blobs} - counted
         counted.update(names)
         size = sum(left.pop(key).size for key in keys) + sum(held.blobs[name][0] for name in names)
         if keys:

@@ -15,8 +15,8 @@ from dextera_build.store import files
 from dextera_build.store.blobs import listing
 from dextera_build.store.store import Store
 
-Sizes: TypeAlias = "dict[str, int] | None"
-"""Digest -> size of the blobs that a result names; None where it cannot be read."""
+Sizes: TypeAlias = "dict[str, int | None] | None"
+"""Digest -> size of the blobs that a result names (see `entry.File`); None where the result cannot be read."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Inventory:
     blobs: dict[str, tuple[int, float]] = field(default_factory=dict)
     """Digest -> (bytes, last use)."""
     results: dict[str, Kept] = field(default_factory=dict)
-    """Key -> result, if every blob that it names is there; bare results name no bytes."""
+    """Key -> result, if every blob that it needs is there; a bare result names bytes that need not be."""
     broken: dict[str, Kept] = field(default_factory=dict)
     """Key -> result that cannot be read or lacks a blob: a miss for every build."""
     keep: dict[str, tuple[int, float]] = field(default_factory=dict)
@@ -58,7 +58,7 @@ def read(store: Store) -> Inventory:
     held = dict(results(store))
     found.blobs = {digest: (size, used) for digest, size, used in listing(store.blobs.root)}
     for key, (entry, sizes) in held.items():
-        there = (found.blobs.get(name, (-1, 0))[0] == size for name, size in (sizes or {}).items())
+        there = (size in (None, found.blobs.get(name, (-1, 0))[0]) for name, size in (sizes or {}).items())
         whole = sizes is not None and all(there)
         (found.results if whole else found.broken)[key] = entry
     found.keep = {key: (size, used) for key, size, used in store.keep.all()}

@@ -96,7 +96,10 @@ class _Verifier:
         self._told = 0.0
         self._guard = threading.Lock()
         self._sizes = {
-            digest: size for _, (_, needs) in inventory.results(store) for digest, size in (needs or {}).items()
+            digest: size
+            for _, (_, needs) in inventory.results(store)
+            for digest, size in (needs or {}).items()
+            if size is not None
         }
         self.verdict = Verdict()
 
@@ -152,7 +155,7 @@ class _Verifier:
             raise
         except (OSError, ValueError):
             return "unreadable", "not a result"
-        lacks = [file for file in found.files if self._store.blobs.size(file.digest) != file.size]
+        lacks = [file for file in found.files if file.size not in (None, self._store.blobs.size(file.digest))]
         if lacks:
             return "lacking", f"{len(lacks)} of {len(found.files)} blobs are not there"
         if found.key != key:

@@ -21,9 +21,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dextera_build.errors import Place, RecipeError, StoreError, did_you_mean, listing
-from dextera_build.project.project import PROFILES
-from dextera_build.project.settings import parse_toml
+from dextera_build.errors import Place, RecipeError, StoreError
+from dextera_build.project.settings import PROFILES, parse_toml
 from dextera_build.store import failpoints, files
 from dextera_build.store.blobs import is_digest
 
@@ -79,9 +78,16 @@ def read(path: Path, shown: str | None = None) -> dict[Name, Pin] | None:
     raw = _parsed(text, where)
     if raw.pop("version", None) != _VERSION:
         raise _wrong(f"the lock file has no `version = {_VERSION}`", where)
-    return {
-        Name(profile, *address): pin for profile, block in raw.items() for address, pin in _pins(profile, block, where)
-    }
+    found = {}
+    for profile, block in raw.items():
+        if profile not in PROFILES or not isinstance(block, dict):
+            raise _wrong(f"`{profile}` in the lock file is not a profile", where)
+        for name, fields in block.items():
+            recipe, colon, node = name.partition(":")
+            if not (recipe and colon and node):
+                raise _wrong(f"`{name}` in the lock file is not of the form `RECIPE:NODE`", where)
+            found[Name(profile, recipe, node)] = _pin(name, fields, where)
+    return found
 
 
 def write(path: Path, pins: Pins) -> bool:
@@ -130,25 +136,6 @@ def _parsed(text: str, where: Place) -> dict[str, Any]:
             hint=f"take either side with `git checkout --ours {where.file}`, then `dxb build --lock` the targets in it",
         )
     return parse_toml(text, where, _wrong)
-
-
-def _pins(profile: str, block: object, where: Place) -> list[tuple[tuple[str, str], Pin]]:
-    if profile not in PROFILES or not isinstance(block, dict):
-        raise RecipeError(
-            f"`{profile}` in the lock file is not a profile",
-            code="DXB-R503",
-            where=where,
-            facts={"profiles": listing(PROFILES)},
-            hint=did_you_mean(profile, PROFILES),
-        )
-    return [(_address(name, where), _pin(name, fields, where)) for name, fields in block.items()]
-
-
-def _address(name: str, where: Place) -> tuple[str, str]:
-    recipe, colon, node = name.partition(":")
-    if not (recipe and colon and node):
-        raise _wrong(f"`{name}` in the lock file is not of the form `RECIPE:NODE`", where)
-    return recipe, node
 
 
 def _pin(name: str, fields: object, where: Place) -> Pin:

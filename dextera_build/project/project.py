@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,28 +22,8 @@ if TYPE_CHECKING:
 
 MARKER = "dxb.toml"
 LOCK = "dxb.lock"
-_DEFAULTS: dict[str, Any] = {
-    "cache": "cache",
-    "remotes": {},
-    "profile": "cpu",
-    "jobs": 0,
-    "resources": {},
-    "executor": "local",
-    "console": "auto",
-    "calls": "record",
-    "durable": True,
-    "trusted_keys": "",
-    "require_signed": False,
-}
-EXECUTORS = ("local", "ray")
-PROFILES = ("stub", "cpu", "gpu", "cloud")
-CONSOLES = ("live", "plain", "jsonl", "none")
-"""What a build may show; `auto`, the default, chooses between the first two."""
 _OVER = ("environment", "command line")  # origins of settings that are no file's
-_ON, _OFF = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
-"""What a setting that is true or false may be spelled as, in a file or in the environment."""
 _BARE = "settings stand here without `tool.dxb`: `[resources]`, not `[tool.dxb.resources]`"
-_COUNT = re.compile(r"[0-9]{1,6}")
 
 
 @dataclass(frozen=True)
@@ -76,28 +55,24 @@ class Project:
     @cached_property
     def config(self) -> dict[str, Setting]:
         """Every setting: flags > `DXB_*` > `dxb.local.toml` > project > user > defaults."""
-        found = {name: Setting(value, "default") for name, value in _DEFAULTS.items()}
+        found = {name: Setting(value, "default") for name, value in settings.DEFAULTS.items()}
         if not self.declared:
             home = os.path.expanduser(os.environ.get("XDG_CACHE_HOME", "~/.cache"))
             found["cache"] = Setting(f"{home}/dxb", "default outside a project")
         for origin, values in self._layers():
             for name, value in self.remotes.take(values, origin).items():
-                if name not in _DEFAULTS:
+                if name not in settings.DEFAULTS:
                     raise RecipeError(
                         f"`{name}` is not a setting",
                         code="DXB-R401",
                         where=Place(origin),
-                        facts={"settings": listing(_DEFAULTS)},
-                        hint=_BARE if name == "tool" else did_you_mean(name, _DEFAULTS),
+                        facts={"settings": listing(settings.DEFAULTS)},
+                        hint=_BARE if name == "tool" else did_you_mean(name, settings.DEFAULTS),
                     )
                 settings.check(name, value, origin)
                 found[name] = Setting(self._over(found, name, value, origin), origin)
-        if found["profile"].value not in PROFILES:
-            raise UsageError(
-                f"`{found['profile'].value}` is not a profile",
-                code="DXB-U103",
-                facts={"profiles": listing(PROFILES), "from": found["profile"].origin},
-            )
+        for name, setting in found.items():
+            settings.choose(name, setting.value, setting.origin)
         del found["remotes"]
         return found | {name: Setting(value, origin) for name, (value, origin) in self.remotes.rows().items()}
 
@@ -131,56 +106,22 @@ class Project:
         if self.config["profile"].origin not in _OVER:
             return self.profile
         named = [values["profile"] for origin, values in self._layers() if "profile" in values and origin not in _OVER]
-        return str(named[-1] if named else _DEFAULTS["profile"])
+        return str(named[-1] if named else settings.DEFAULTS["profile"])
 
     @property
     def jobs(self) -> int:
         """Cores to share out among nodes; 0 in the settings means all that this process may use."""
-        value = self.config["jobs"].value
-        if not _COUNT.fullmatch(str(value)):
-            raise UsageError(f"`jobs` is a number, not `{value}`", code="DXB-U103")
-        return int(value) or len(os.sched_getaffinity(0))
+        return int(self.config["jobs"].value) or len(os.sched_getaffinity(0))
 
     @property
     def executor(self) -> str:
-        """Where nodes run: `local`, `ray`, or `ray:HOST:PORT`.
-
-        Raises:
-            UsageError: There is no such executor.
-        """
-        setting = self.config["executor"]
-        kind, colon, address = str(setting.value).partition(":")
-        if kind not in EXECUTORS or bool(colon) != bool(address) or (address and kind != "ray"):
-            raise UsageError(
-                f"`{setting.value}` is not an executor",
-                code="DXB-U181",
-                facts={"executors": "local, ray, ray:HOST:PORT", "from": setting.origin},
-                hint=did_you_mean(kind, EXECUTORS),
-            )
-        return str(setting.value)
+        """Where nodes run: `local`, `ray`, or `ray:HOST:PORT`."""
+        return str(self.config["executor"].value)
 
     @property
     def console(self) -> str:
-        """What a build shows, or `auto`.
-
-        Raises:
-            UsageError: There is no such console.
-        """
-        setting = self.config["console"]
-        kind = str(setting.value)
-        if kind not in (*CONSOLES, "auto"):
-            facts = {"consoles": listing(CONSOLES), "from": setting.origin}
-            hint = did_you_mean(kind, CONSOLES)
-            raise UsageError(f"there is no console `{kind}`", code="DXB-U120", facts=facts, hint=hint)
-        return kind
-
-    def refuse_wrong_settings(self) -> None:
-        """Look at all that a build may need of the settings, also where this one finds nothing to do.
-
-        Raises:
-            UsageError: A value is none that its setting can have.
-        """
-        _ = self.jobs, self.executor, self.console, self.calls, self.durable, self.used_remotes
+        """What a build shows, or `auto`, which chooses between `live` and `plain`."""
+        return str(self.config["console"].value)
 
     def capacity(self, *, gpus: bool) -> Capacity:
         """What this machine has to share out, or what the settings say that it has; `gpus`: look for devices."""
@@ -194,19 +135,12 @@ class Project:
     @property
     def durable(self) -> bool:
         """Whether a build waits until what it made is on the disk."""
-        return self._is_on("durable")
+        return settings.is_on(self.config["durable"].value)
 
     @property
     def calls(self) -> str:
-        """How calls of services are treated; see `store.calls.modes.Mode`.
-
-        Raises:
-            UsageError: There is no such mode.
-        """
-        from dextera_build.calls.modes import mode
-
-        setting = self.config["calls"]
-        return mode(str(setting.value), setting.origin)
+        """How calls of services are treated; see `calls.recorder.Recorder`."""
+        return str(self.config["calls"].value)
 
     @property
     def asks_again(self) -> bool:
@@ -237,7 +171,7 @@ class Project:
     @property
     def require_signed(self) -> bool:
         """Whether results from elsewhere are refused that no trusted key signed."""
-        return self._is_on("require_signed")
+        return settings.is_on(self.config["require_signed"].value)
 
     @property
     def used_remotes(self) -> list[Spec]:
@@ -261,17 +195,6 @@ class Project:
             )
         return remotes
 
-    def _is_on(self, name: str) -> bool:
-        setting = self.config[name]
-        said = str(setting.value).lower()
-        if said not in (*_ON, *_OFF):
-            raise UsageError(
-                f"`{name}` is true or false, not `{setting.value}`",
-                code="DXB-U103",
-                facts={"from": setting.origin, "words": listing((*_ON, *_OFF))},
-            )
-        return said in _ON
-
     @cached_property
     def library(self) -> Library:
         """The rules of this project."""
@@ -292,11 +215,11 @@ class Project:
             return own
         base, trail = str(own.extends.value), (*extending, address)
         refuse_deep(trail, own.extends.place)
-        found = self.recipe(base, trail) if base not in trail else None
+        if base in trail:
+            facts = {"extends": " -> ".join((*trail, base))}
+            raise RecipeError("the recipe extends itself", code="DXB-R110", where=own.extends.place, facts=facts)
+        found = self.recipe(base, trail)
         if found is None:
-            if base in trail:
-                facts = {"extends": " -> ".join((*trail, base))}
-                raise RecipeError("the recipe extends itself", code="DXB-R110", where=own.extends.place, facts=facts)
             message = f"no recipe is called `{base}`"
             raise RecipeError(message, code="DXB-R110", where=own.extends.place, hint="`dxb ls` shows all of them")
         return own.over(found)
@@ -355,10 +278,8 @@ class Project:
         for file in (settings.user_folder() / "config.toml", *own):
             if file.is_file():
                 yield self.shown(file), settings.read(file)
-        yield (
-            _OVER[0],
-            {name: os.environ[f"DXB_{name.upper()}"] for name in _DEFAULTS if os.environ.get(f"DXB_{name.upper()}")},
-        )
+        said = {name: os.environ.get(f"DXB_{name.upper()}") for name in settings.DEFAULTS}
+        yield _OVER[0], {name: value for name, value in said.items() if value}
         yield _OVER[1], self._flags
 
 

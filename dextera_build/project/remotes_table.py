@@ -81,9 +81,43 @@ class Choice:
         return rows or {"remotes": ("none", "default")}
 
     def _chosen(self) -> tuple[str, list[Spec]]:
+        """The store's mode, and the remotes in the order of a list such as `local:rw,lab:r,https://host:w`.
+
+        A remote that is not in the list is not used; the store always is. `remote` stands for every configured one.
+        """
         if self._list is None:
             return "rw", [spec for spec in self.known.values() if spec.mode != "off"]
-        return choose(self._list[0], self.known)
+        text, local = self._list[0], "rw"
+        chosen: dict[str, Spec] = {}
+        for part in (part.strip() for part in text.split(",")):
+            match = _USE.fullmatch(part)
+            if match is None:
+                name = part.rpartition(":")[0]
+                # A password with a comma is cut in two, and the halves do not look like secrets.
+                shown = part if redact(text) == text else redact(text)
+                use = name if name in (LOCAL, EVERY, *self.known) else shown
+                raise UsageError(
+                    f"`{shown}` does not say how to use a store",
+                    code="DXB-U132",
+                    facts={"form": "`NAME:MODE` or `URL:MODE`", "modes": listing(MODES)},
+                    hint=f"`{use}:r` reads from it",
+                )
+            what, mode = match["what"], match["mode"]
+            if what == LOCAL and mode not in ("r", "rw"):
+                raise UsageError(
+                    f"`local:{mode}`: a build needs its store",
+                    code="DXB-U134",
+                    facts={"modes": "`local:rw`; `local:r` uses only results in the store and runs nothing"},
+                    hint="`--force NODE` runs a cached node; `DXB_CACHE` sets another folder",
+                )
+            if what == LOCAL:
+                local = mode
+            elif what == EVERY:
+                chosen |= {name: replace(spec, mode=mode) for name, spec in self.known.items()}
+            else:
+                spec = named(what, self.known)
+                chosen[spec.name] = replace(spec, mode=mode)
+        return local, [spec for spec in chosen.values() if spec.mode != "off"]
 
     def _is_list(self, text: str) -> bool:
         """Whether a value of `--cache` is a list and not a folder."""
@@ -92,44 +126,3 @@ class Choice:
         return any(
             _USE.fullmatch(part) or "://" in part or part.partition(":")[0] in names for part in parts if ":" in part
         )
-
-
-def choose(text: str, known: Mapping[str, Spec]) -> tuple[str, list[Spec]]:
-    """What a list such as `local:rw,lab:r,https://host:w` uses: the store's mode, and the remotes in its order.
-
-    A remote that is not in the list is not used; the store always is. `remote` stands for every configured one.
-
-    Raises:
-        UsageError: The list is malformed, or names what is not known.
-    """
-    local = "rw"
-    chosen: dict[str, Spec] = {}
-    for part in (part.strip() for part in text.split(",")):
-        match = _USE.fullmatch(part)
-        if match is None:
-            name = part.rpartition(":")[0]
-            # A password with a comma is cut in two, and the halves do not look like secrets.
-            shown = part if redact(text) == text else redact(text)
-            use = name if name in (LOCAL, EVERY, *known) else shown
-            raise UsageError(
-                f"`{shown}` does not say how to use a store",
-                code="DXB-U132",
-                facts={"form": "`NAME:MODE` or `URL:MODE`", "modes": listing(MODES)},
-                hint=f"`{use}:r` reads from it",
-            )
-        what, mode = match["what"], match["mode"]
-        if what == LOCAL and mode not in ("r", "rw"):
-            raise UsageError(
-                f"`local:{mode}`: a build needs its store",
-                code="DXB-U134",
-                facts={"modes": "`local:rw`; `local:r` uses only results in the store and runs nothing"},
-                hint="`--force NODE` runs a cached node; `DXB_CACHE` sets another folder",
-            )
-        if what == LOCAL:
-            local = mode
-        elif what == EVERY:
-            chosen |= {name: replace(spec, mode=mode) for name, spec in known.items()}
-        else:
-            spec = named(what, known)
-            chosen[spec.name] = replace(spec, mode=mode)
-    return local, [spec for spec in chosen.values() if spec.mode != "off"]

@@ -10,10 +10,40 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from dextera_build.errors import Place, RecipeError
+from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
 
 PYPROJECT = "pyproject.toml"
 _PLACE = re.compile(r" \(at line (\d+), column (\d+)\)$")
+
+
+DEFAULTS: Mapping[str, Any] = {
+    "cache": "cache",
+    "remotes": {},
+    "profile": "cpu",
+    "jobs": 0,
+    "resources": {},
+    "executor": "local",
+    "console": "auto",
+    "calls": "record",
+    "durable": True,
+    "trusted_keys": "",
+    "require_signed": False,
+}
+PROFILES = ("stub", "cpu", "gpu", "cloud")
+_ON = ("true", "1", "yes", "on")
+_SWITCH = (*_ON, "false", "0", "no", "off")
+"""What a setting that is true or false may be spelled as, in a file or in the environment."""
+_CHOICES = {
+    "profile": PROFILES,
+    "jobs": ("a number; 0: all cores",),
+    "executor": ("local", "ray", "ray:HOST:PORT"),
+    "console": ("auto", "live", "plain", "jsonl", "none"),
+    "calls": ("record", "replay", "refresh", "replace", "off"),
+    "durable": _SWITCH,
+    "require_signed": _SWITCH,
+}
+_PATTERNS = {"jobs": re.compile(r"[0-9]{1,6}"), "executor": re.compile(r"local|ray(:.+)?")}
+"""Of the settings whose choices are not words."""
 
 
 def user_folder() -> Path:
@@ -74,6 +104,30 @@ def check(name: str, value: object, origin: str) -> None:
             where=Place(origin),
             hint=f'`{name} = "..."`',
         )
+
+
+def choose(name: str, value: object, origin: str) -> None:
+    """Refuse a value that is none of the choices of its setting.
+
+    Raises:
+        UsageError: It is none of them.
+    """
+    choices, text = _CHOICES.get(name), str(value)
+    if choices is None or (_PATTERNS[name].fullmatch(text) if name in _PATTERNS else text in choices):
+        return
+    if choices is _SWITCH and text.lower() in choices:
+        return
+    raise UsageError(
+        f"`{name}` cannot be `{text}`",
+        code="DXB-U103",
+        facts={"choices": listing(choices), "from": origin},
+        hint=did_you_mean(text, choices),
+    )
+
+
+def is_on(value: object) -> bool:
+    """What a switch says."""
+    return str(value).lower() in _ON
 
 
 def _table(values: Mapping[str, Any], name: str, file: Path) -> dict[str, Any]:

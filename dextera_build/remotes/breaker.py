@@ -13,7 +13,6 @@ from typing import BinaryIO, Literal, NamedTuple, TypeVar
 
 from dextera_build.errors import DxbError, StoreError
 from dextera_build.remotes.remote import Digest, Remote, RemoteFault
-from dextera_build.store.backoff import backoff
 
 T = TypeVar("T")
 Doing = Literal["read", "write"]
@@ -135,7 +134,7 @@ class Guarded:
                     with self._guard:
                         self._give_up(doing if fault.refused else "both", fault.reason)
                     raise
-                time.sleep(backoff(1, _PAUSE_S))
+                time.sleep(_PAUSE_S)
         raise AssertionError("a second try returns or raises")
 
     def _watched(self, work: Callable[[Remote], T], patience_s: float) -> T:

@@ -11,7 +11,7 @@ import os
 import re
 import socket
 import ssl
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -22,6 +22,7 @@ from dextera_build.remotes.remote import MOST_ENTRY
 from dextera_build.store import entry as entries
 from dextera_build.store import traces
 from dextera_build.store.blobs import MissingBlob
+from dextera_build.store.references import UNREADABLE
 from dextera_build.store.store import Store
 
 _PATH = re.compile(r"/(ac|cas)/([0-9a-f]{64})")
@@ -64,7 +65,6 @@ class CacheServer(ThreadingHTTPServer):
         self.store, self.read_only, self.most_bytes, self.log = store, read_only, most_bytes, log
         self.welcome = b"Basic " + base64.b64encode(f"dxb:{secret}".encode()) if secret else b""
         """What a client must say to be served."""
-        self.given = self.taken = 0
         self._scheme = "https" if tls else "http"
         super().__init__(address, partial(_Request))
         if tls:
@@ -84,6 +84,14 @@ class CacheServer(ThreadingHTTPServer):
         """Ignored: clients may disconnect at any time."""
 
 
+class _RefusedError(Exception):
+    """A request is refused; the connection ends, since its body may not have been read."""
+
+    def __init__(self, status: HTTPStatus, reason: str) -> None:
+        super().__init__(reason)
+        self.status = status
+
+
 class _Request(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     server_version = "dxb"
@@ -94,24 +102,15 @@ class _Request(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Give a blob or a result."""
-        self._give(body=True)
+        self._carry_out(self._give)
 
     def do_HEAD(self) -> None:
         """Say whether it is there, and its size."""
-        self._give(body=False)
+        self._carry_out(self._give)
 
     def do_PUT(self) -> None:
         """Take a blob, or a result whose blobs are there."""
-        place, length = self._place(), self._length()
-        if place is None or length is None:
-            return
-        most = MOST_ENTRY if place[0] == "ac" else self.server.most_bytes
-        if self.server.read_only:
-            self._refuse(HTTPStatus.METHOD_NOT_ALLOWED, "this cache is read-only")
-        elif length > most:
-            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"more than {most:,} bytes are not taken")
-        else:
-            self._take(*place, length)
+        self._carry_out(self._take)
 
     def log_message(self, format: str, *words: object) -> None:
         """Only where a log is wanted."""
@@ -119,58 +118,64 @@ class _Request(BaseHTTPRequestHandler):
             said = (format % words).encode("ascii", "backslashreplace").decode()
             print(f"{self.address_string()} {said}", file=self.server.log, flush=True)
 
-    def _give(self, *, body: bool) -> None:
-        place = self._place()
-        if place is None:
-            return
-        kind, digest = place
+    def _carry_out(self, work: Callable[[str, str], None]) -> None:
+        try:
+            welcome = self.server.welcome
+            if welcome and not hmac.compare_digest(self.headers.get("Authorization", "").encode(), welcome):
+                raise _RefusedError(HTTPStatus.UNAUTHORIZED, "a name and a password are needed")
+            match = _PATH.fullmatch(self.path)
+            if match is None:
+                raise _RefusedError(HTTPStatus.NOT_FOUND, "only /ac/<sha256> and /cas/<sha256> are here")
+            work(match[1], match[2])
+        except _RefusedError as refusal:
+            self.close_connection = True
+            self._answer(refusal.status, f"{refusal}\n".encode())
+
+    def _give(self, kind: str, digest: str) -> None:
+        store = self.server.store
         if kind == "ac":
-            actions = self.server.store.actions
-            entry = actions.entry(digest) if actions.get(digest) is not None else None
-            if entry is None:
-                self._answer(HTTPStatus.NOT_FOUND)
-            else:
-                self._answer(HTTPStatus.OK, entry.spell(), body=body)
+            entry = store.actions.entry(digest) if store.actions.get(digest) is not None else None
+            self._answer(HTTPStatus.NOT_FOUND if entry is None else HTTPStatus.OK, entry.spell() if entry else b"")
             return
         try:
-            file = self.server.store.blobs.open(digest)
+            file = store.blobs.open(digest)
         except MissingBlob:
             self._answer(HTTPStatus.NOT_FOUND)
             return
         with file:
             self._head(HTTPStatus.OK, file.seek(0, os.SEEK_END))
-            file.seek(0)
-            if body:
-                self.wfile.flush()
+            if self.command == "GET":
+                file.seek(0)
                 self.connection.sendfile(file)
-        self.server.given += 1
 
-    def _take(self, kind: str, digest: str, length: int) -> None:
-        pieces = self._pieces(length)
+    def _take(self, kind: str, digest: str) -> None:
+        pieces = self._pieces(self._length(MOST_ENTRY if kind == "ac" else self.server.most_bytes))
         try:
             if kind == "ac":
-                problem = _publish(self.server.store, digest, b"".join(pieces))
+                _publish(self.server.store, digest, b"".join(pieces))
             else:
-                problem = self._take_blob(digest, length, pieces)
+                blobs = self.server.store.blobs
+                blobs.verify(digest)  # a damaged one is set aside, and replaced by what comes
+                if not blobs.receive(digest, int(self.headers["Content-Length"]), pieces):
+                    raise _RefusedError(HTTPStatus.BAD_REQUEST, "these bytes have another digest")
             for _ in pieces:  # the next request begins where this one's body ends
                 pass
-        except StoreError as error:
-            self._refuse(HTTPStatus.INSUFFICIENT_STORAGE, error.message)
-            return
         except EOFError:
             self.close_connection = True
-            return
-        if problem:
-            self._refuse(HTTPStatus.BAD_REQUEST, problem)
+        except StoreError as error:
+            raise _RefusedError(HTTPStatus.INSUFFICIENT_STORAGE, error.message) from None
         else:
-            self.server.taken += 1
             self._answer(HTTPStatus.OK)
 
-    def _take_blob(self, digest: str, length: int, pieces: Iterator[bytes]) -> str:
-        blobs = self.server.store.blobs
-        if blobs.size(digest) == length:
-            blobs.verify(digest)  # a damaged one is set aside, and replaced by what comes
-        return "" if blobs.receive(digest, length, pieces) else "these bytes have another digest"
+    def _length(self, most: int) -> int:
+        length = self.headers.get("Content-Length", "")
+        if not (length.isascii() and length.isdigit()) or "Transfer-Encoding" in self.headers:
+            raise _RefusedError(HTTPStatus.LENGTH_REQUIRED, "Content-Length is needed")
+        if self.server.read_only:
+            raise _RefusedError(HTTPStatus.METHOD_NOT_ALLOWED, "this cache is read-only")
+        if int(length) > most:
+            raise _RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"more than {most:,} bytes are not taken")
+        return int(length)
 
     def _pieces(self, length: int) -> Iterator[bytes]:
         while length > 0:
@@ -180,34 +185,10 @@ class _Request(BaseHTTPRequestHandler):
             length -= len(piece)
             yield piece
 
-    def _place(self) -> tuple[str, str] | None:
-        welcome = self.server.welcome
-        if welcome and not hmac.compare_digest(self.headers.get("Authorization", "").encode(), welcome):
-            self._refuse(HTTPStatus.UNAUTHORIZED, "a name and a password are needed")
-            return None
-        match = _PATH.fullmatch(self.path)
-        if match is None:
-            self._refuse(HTTPStatus.NOT_FOUND, "only /ac/<sha256> and /cas/<sha256> are here")
-            return None
-        return match[1], match[2]
-
-    def _length(self) -> int | None:
-        length = self.headers.get("Content-Length", "")
-        if not (length.isascii() and length.isdigit()) or "Transfer-Encoding" in self.headers:
-            self._refuse(HTTPStatus.LENGTH_REQUIRED, "Content-Length is needed")
-            return None
-        return int(length)
-
-    def _refuse(self, status: HTTPStatus, reason: str) -> None:
-        self.close_connection = True  # the body may not have been read
-        self._answer(status, f"{reason}\n".encode())
-
-    def _answer(self, status: HTTPStatus, data: bytes = b"", *, body: bool = True) -> None:
+    def _answer(self, status: HTTPStatus, data: bytes = b"") -> None:
         self._head(status, len(data))
-        if body and self.command != "HEAD":
+        if self.command != "HEAD":
             self.wfile.write(data)
-        if status == HTTPStatus.OK and data:
-            self.server.given += 1
 
     def _head(self, status: HTTPStatus, length: int) -> None:
         self.send_response(status)
@@ -218,28 +199,26 @@ class _Request(BaseHTTPRequestHandler):
         self.end_headers()
 
 
-def _publish(store: Store, key: str, message: bytes) -> str:
-    """Take a result; returns why not, or "".
+def _publish(store: Store, key: str, message: bytes) -> None:
+    """Take a result.
 
     Raises:
+        _RefusedError: It is not the whole result of this key.
         StoreError: The disk is full, or the store cannot be written.
     """
     try:
         entry = entries.read(message)
     except ValueError:
-        return "this is no result of dxb"
+        raise _RefusedError(HTTPStatus.BAD_REQUEST, "this is no result of dxb") from None
     if entry.key != key or entry.is_bare:
-        return "the result of another key, or a bare one"
-    lacking = next((file for file in entry.files if store.blobs.size(file.digest) != file.size), None)
-    if lacking is not None:
-        return f"blob {lacking.digest} is not here; blobs come first"
+        raise _RefusedError(HTTPStatus.BAD_REQUEST, "the result of another key, or a bare one")
     try:
+        for file in entry.files:
+            if store.blobs.size(file.digest) != file.size:
+                raise MissingBlob(file.digest)
         if store.actions.get(key) is None or traces.listed(store, entry.result):
-            traces.publish(store, key, entry.result, entry.document)
+            traces.publish(store, key, entry.result)
     except MissingBlob as error:
-        return f"blob {error.digest} is not here; blobs come first"
-    except StoreError:
-        raise
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return "a header is damaged"
-    return ""
+        raise _RefusedError(HTTPStatus.BAD_REQUEST, f"blob {error.digest} is not here; blobs come first") from None
+    except UNREADABLE:
+        raise _RefusedError(HTTPStatus.BAD_REQUEST, "a header is damaged") from None

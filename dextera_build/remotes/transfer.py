@@ -6,11 +6,8 @@ headers that arrived. Uploads are checked, too, since many remotes check nothing
 
 from __future__ import annotations
 
-import threading
-from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 from dextera_build import digest as digests
@@ -20,20 +17,12 @@ from dextera_build.remotes.threads import Crew
 from dextera_build.store import disk_full, failpoints, headers, traces
 from dextera_build.store import entry as entries
 from dextera_build.store.blobs import MissingBlob
-from dextera_build.store.entry import ActionResult, Entry, File
+from dextera_build.store.entry import Entry, File
 from dextera_build.store.references import UNREADABLE
+from dextera_build.store.results import Found
 from dextera_build.store.store import Store
 
 _AT_ONCE = 16
-
-
-@dataclass(frozen=True)
-class Fetched:
-    """A result that a remote had."""
-
-    result: ActionResult
-    is_whole: bool
-    """Whether its bytes are here; if not, its entry and the headers of its output are."""
 
 
 class Transfer:
@@ -46,19 +35,16 @@ class Transfer:
 
     def __init__(self, store: Store, crew: Crew | None = None) -> None:
         self._store, self._crew = store, crew or Crew(_AT_ONCE, "dxb blobs")
-        self._guard = threading.Lock()
-        self._held: defaultdict[str, set[Digest]] = defaultdict(set)
-        """Remote -> blobs that it is known to have."""
-        self._damaged: defaultdict[str, set[Digest]] = defaultdict(set)
-        """Remote -> blobs that came from it with other bytes; uploaded again although it claims to have them."""
+        self._right: dict[tuple[str, Digest], bool] = {}
+        """(remote, blob) -> whether the remote has it, or gave other bytes, although it claims to have it."""
 
-    def fetch(self, remote: Remote, key: str, *, whole: bool = True) -> Fetched | None:
+    def fetch(self, remote: Remote, key: str, *, whole: bool = True) -> Found | None:
         """Download the result of `key`; None if the remote lacks it or a part of it.
 
         Args:
             remote: Where from.
             key: Digest of the key document.
-            whole: With every blob that it names; otherwise without its bytes.
+            whole: With every blob that it names; otherwise the key document and the headers of its output.
 
         Raises:
             RemoteFault: The remote did not answer rightly.
@@ -68,10 +54,10 @@ class Transfer:
         if entry is None:
             return None
         try:
-            if not (self._bring(remote, entry.files) if whole else self._headers(remote, entry)):
+            if not self._bring(remote, [file for file in entry.files if whole or file.role in entries.HEADERS]):
                 return None
             failpoints.reach("fetch.blobs")
-            is_whole = traces.publish(self._store, key, entry.result, entry.document, may_lack=not whole)
+            is_whole = traces.publish(self._store, key, entry.result, may_lack=not whole)
         except UNREADABLE:
             # A header is malformed, or names a blob that the entry does not name.
             return None
@@ -79,21 +65,7 @@ class Transfer:
             if error.code != headers.ESCAPES:
                 raise
             return None
-        return Fetched(entry.result, is_whole)
-
-    def _headers(self, remote: Remote, entry: Entry) -> bool:
-        """Download the key document of an entry and the headers of its output, level by level."""
-        known = {file.digest: file for file in entry.files}
-        front = [entry.result.output]
-        seen = set(front)
-        came = self._bring(remote, [file for file in entry.files if file.role == entries.KEY])
-        while front and came:
-            if not self._bring(remote, [known[digest] for digest in front]):
-                return False
-            below = [ref for digest in front for ref in self._store.actions.references.directly(digest)[0]]
-            front = [ref for ref in dict.fromkeys(below) if ref not in seen]
-            seen.update(front)
-        return came
+        return Found(entry.result, is_whole)
 
     def _bring(self, remote: Remote, files: Iterable[File]) -> bool:
         """Download the blobs that are not here; returns False if the remote lacks one.
@@ -102,23 +74,22 @@ class Transfer:
             RemoteFault: The remote did not answer rightly, or gave other bytes.
             StoreError: The local disk is full, or the store cannot be written.
         """
-        blobs = dict.fromkeys(Digest(file.digest, file.size) for file in files)
-        wanted = [blob for blob in blobs if self._store.blobs.size(blob.hash) != blob.size]
+        wanted = [blob for blob in _blobs(files) if self._store.blobs.size(blob.hash) != blob.size]
         if sum(blob.size for blob in wanted) > disk_full.free_bytes(str(self._store.root)):
             return False  # an entry may claim any size; a download that cannot fit is not started
-        right: dict[Digest, bool | None] = {}
+        lacking: list[Digest] = []
 
         def bring(blob: Digest) -> None:
-            right[blob] = remote.fetch(blob, lambda pieces: self._store.blobs.receive(*blob, pieces))
+            right = remote.fetch(blob, lambda pieces: self._store.blobs.receive(*blob, pieces))
+            if right is None:
+                lacking.append(blob)
+                return
+            self._right[remote.address, blob] = right
+            if not right:
+                raise RemoteFault(remote.address, f"blob `{blob.hash[:12]}` came with other bytes")
 
         self._crew.each(bring, wanted)
-        wrong = [blob for blob in wanted if right[blob] is False]
-        with self._guard:
-            self._held[remote.address].update(blob for blob in wanted if right[blob])
-            self._damaged[remote.address].update(wrong)
-        if wrong:
-            raise RemoteFault(remote.address, f"blob `{wrong[0].hash[:12]}` came with other bytes")
-        return all(right.values())
+        return not lacking
 
     def send(self, remote: Remote, key: str) -> int:
         """Upload the result of `key`: blobs first, the entry last and only if all of them arrived.
@@ -135,7 +106,7 @@ class Transfer:
         for call, _ in entry.result.calls:  # first, so that nodes with other keys find the answer, too
             self.send(remote, call)
         octets = self._deliver(remote, entry)
-        parts = traces.parts_of(entry.document or self._store.blobs.get(key))
+        parts = traces.parts_of(self._store.blobs.get(key))
         if parts is not None and parts[1] is not None:
             self._send_traces(remote, parts[0])
         return octets
@@ -146,34 +117,36 @@ class Transfer:
         there: list[traces.Steps] = []
         with suppress(RemoteFault):  # an upload can do without
             entry = entry_at(remote, key)
-            if entry is not None and entry.files[0].size <= MOST_ENTRY and self._bring(remote, entry.files[:1]):
+            is_short = entry is not None and (entry.files[0].size or 0) <= MOST_ENTRY
+            if entry is not None and is_short and self._bring(remote, entry.files[:1]):
                 there = traces.listed(self._store, entry.result)
         found = traces.merged(traces.known(self._store, key), there)
         if found != there:
             self._deliver(remote, self._store.actions.made(traces.made(self._store, static, found)))
 
     def _deliver(self, remote: Remote, entry: Entry) -> int:
-        blobs = list(dict.fromkeys(Digest(file.digest, file.size) for file in entry.files))
         sent: list[int] = []
 
         def deliver(blob: Digest) -> None:
-            if blob not in damaged and remote.has(blob):
-                return
-            if not self._store.blobs.verify(blob.hash):
-                raise MissingBlob(blob.hash)
-            with self._store.blobs.open(blob.hash) as file:
-                remote.send(blob, file)
-            sent.append(blob.size)
+            right = self._right.get((remote.address, blob))
+            if right is None:
+                right = remote.has(blob)
+            if not right:
+                if not self._store.blobs.verify(blob.hash):
+                    raise MissingBlob(blob.hash)
+                with self._store.blobs.open(blob.hash) as file:
+                    remote.send(blob, file)
+                sent.append(blob.size)
+            self._right[remote.address, blob] = True
 
-        with self._guard:
-            damaged = self._damaged[remote.address].intersection(blobs)
-            asked = [blob for blob in blobs if blob not in self._held[remote.address] or blob in damaged]
-        self._crew.each(deliver, asked)
-        with self._guard:
-            self._held[remote.address].update(blobs)
-            self._damaged[remote.address] -= damaged
+        self._crew.each(deliver, _blobs(entry.files))
         remote.put_entry(entry.key, entry.spell())
         return sum(sent)
+
+
+def _blobs(files: Iterable[File]) -> list[Digest]:
+    """The blobs of a whole entry, all of whose sizes are known."""
+    return list(dict.fromkeys(Digest(file.digest, file.size or 0) for file in files))
 
 
 def entry_at(remote: Remote, key: str) -> Entry | None:

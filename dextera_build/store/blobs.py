@@ -7,8 +7,7 @@ import os
 import re
 import stat
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
-from io import BytesIO
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -53,8 +52,6 @@ class Blobs:
         self._workshop = f"{root}/{files.TEMPORARY}"
         self._quarantine = root.parent / "local" / "quarantine"
         self.use = Use(Locks(root.parent / "local" / "locks"))
-        self.inside: Callable[[str], bytes | None] = _nowhere
-        """Bytes that lie elsewhere in the store than in a file of their own, by digest; they were compared with it."""
 
     def path(self, digest: str) -> Path:
         """Where the file of the blob is, or would be."""
@@ -70,8 +67,7 @@ class Blobs:
             state = os.stat(self._file(digest))
             if stat.S_ISREG(state.st_mode):
                 return state.st_size
-        data = self.inside(digest)
-        return None if data is None else len(data)
+        return None
 
     def put(self, data: bytes) -> str:
         """Store `data` and return its digest.
@@ -133,22 +129,23 @@ class Blobs:
     def receive(self, digest: str, size: int | None, pieces: Iterable[bytes]) -> bool:
         """Store bytes that come from elsewhere; False where they are not those that `digest` and `size` name.
 
-        Never more than `size` bytes are taken, where it is known, and nothing shows under `digest` before the last one
-        was checked.
+        At most `size` bytes are taken, if it is known, and nothing shows under `digest` before the last one was
+        checked. A blob that is there already is not written again.
 
         Raises:
             StoreError: The disk is full, or the store cannot be written.
         """
-        if size is not None and self.size(digest) == size:
-            return True
         known, left = hashlib.sha256(), size
+        is_here = size is not None and self.size(digest) == size
+        new = nullcontext(-1) if is_here else files.new_file(self._file(digest), workshop=self._workshop)
         try:
-            with files.new_file(self._file(digest), workshop=self._workshop) as target:
+            with new as target:
                 for piece in pieces:
                     if left is not None and (left := left - len(piece)) < 0:
                         break
                     known.update(piece)
-                    files.write_all(target, piece)
+                    if not is_here:
+                        files.write_all(target, piece)
                 if left or known.hexdigest() != digest:
                     raise _ChangedError(digest)
         except _ChangedError:
@@ -164,7 +161,7 @@ class Blobs:
         try:
             data = files.read(self._file(digest))
         except OSError as error:
-            return self._inside(digest, error)
+            raise _absent(digest, error) from None
         if hashlib.sha256(data).hexdigest() != digest:
             self.quarantine(digest)
             raise MissingBlob(digest, _DAMAGED)
@@ -180,7 +177,7 @@ class Blobs:
         try:
             source = os.open(self._file(digest), os.O_RDONLY | os.O_CLOEXEC)
         except OSError as error:
-            raise MissingBlob(digest, str(error.strerror).lower()) from None
+            raise _absent(digest, error) from None
         try:
             with files.new_file(str(target), 0o644) as descriptor:
                 if self._copy(source, descriptor) != digest:
@@ -199,17 +196,10 @@ class Blobs:
         try:
             return open(self._file(digest), "rb")
         except OSError as error:
-            return BytesIO(self._inside(digest, error))
-
-    def _inside(self, digest: str, error: OSError) -> bytes:
-        data = self.inside(digest)
-        if data is None:
-            reason = "it is not there" if isinstance(error, FileNotFoundError) else str(error.strerror)
-            raise MissingBlob(digest, reason) from None
-        return data
+            raise _absent(digest, error) from None
 
     def verify(self, digest: str) -> bool:
-        """Whether the blob is there as a file of its own and whole; a damaged one is set aside."""
+        """Whether the blob is there and whole; a damaged one is set aside."""
         try:
             with open(self._file(digest), "rb") as file:
                 whole = hashlib.file_digest(file, "sha256").hexdigest() == digest
@@ -237,14 +227,11 @@ class Blobs:
         return f"{self._base}{digest[:2]}/{digest[2:]}"
 
     def _copied(self, digest: str) -> bool:
-        path = self._file(digest)
         try:
-            with open(path, "rb", buffering=0) as source, files.new_file(path, workshop=self._workshop) as target:
-                if self._copy(source.fileno(), target) != digest:
-                    raise _ChangedError(digest)
+            with open(self._file(digest), "rb", buffering=0) as source:
+                return self.receive(digest, None, files.chunks(source.fileno()))
         except (OSError, StoreError):
             return False
-        return True
 
     def _take(self, source: int) -> tuple[str, int]:
         known = hashlib.sha256()
@@ -272,8 +259,8 @@ class Blobs:
         return state.hexdigest()
 
 
-def _nowhere(digest: str) -> None:
-    """There are no bytes elsewhere."""
+def _absent(digest: str, error: OSError) -> MissingBlob:
+    return MissingBlob(digest, "it is not there" if isinstance(error, FileNotFoundError) else str(error.strerror))
 
 
 def is_digest(text: str) -> bool:

@@ -1,36 +1,33 @@
 """The form of an entry: what a store holds under a key, and what remotes and bundles carry of it.
 
-An entry is lines of canonical JSON:
+An entry is two lines of canonical JSON:
 
-    {"bare":false,"files":[["output","3b9c...",345],["closure","77ab...",12]],"result":"51d0..."}
+    {"files":[["output","3b9c...",345],["key","f00d...",2211],["blob","77ab...",12]],"result":"51d0..."}
     {"key_document":"f00d...","line":"12 views","output":"3b9c...",...}
-    {"backend":"hull","code":{...},"inputs":[...],...}
 
-The first line names the blobs that the result needs and the digest of the second line, which is the result. The third
-is the key document, whose digest is the key; if it is long, or other entries name it, it is one of the blobs instead.
-
-A *bare* entry has bytes that are absent by design: it names only blobs that are there.
+The first line names the blobs that the result needs and the digest of the second line, which is the result. The size of
+a blob is null in a *bare* entry if its bytes are absent by design.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar
 
 from dextera_build import digest as digests
 from dextera_build.store.blobs import is_digest
 
-MOST_DOCUMENT = 1 << 16
-"""Longer key documents [bytes] are blobs, since an entry is read whenever its key is looked up."""
-OUTPUT, CLOSURE, KEY, CALL, ANSWER, PREVIEW, LOG, BESIDE = (
-    *("output", "closure", "key", "call", "answer", "preview", "log", "beside"),
-)
-"""Roles of blobs: the output's header, artifacts and blobs that it refers to, the key document, requests of recorded
-calls, their answers, previews, the log, and further blobs that are kept as long as the result."""
-_ROLES = frozenset((OUTPUT, CLOSURE, KEY, CALL, ANSWER, PREVIEW, LOG, BESIDE))
+OUTPUT, HEADER, BLOB, KEY, BESIDE = ("output", "header", "blob", "key", "beside")
+"""Roles of blobs: the header of the output, further headers and blobs that it refers to, the key document, and
+everything else: previews, the log, recorded calls and their answers."""
+HEADERS = frozenset((OUTPUT, HEADER, KEY))
+"""Roles of the blobs without which a result is not known."""
+_ROLES = HEADERS | {BLOB, BESIDE}
 _MOST_BYTES = 1 << 48
+S = TypeVar("S")
+T = TypeVar("T")
 _FIELDS = frozenset(("output", "line", "previews", "metrics", "seconds", "log", "key_document"))
 
 
@@ -39,8 +36,8 @@ class File(NamedTuple):
 
     role: str
     digest: str
-    size: int
-    """[bytes]"""
+    size: int | None
+    """[bytes]; None where the bytes are absent by design."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +60,6 @@ class ActionResult:
     """Digest of the key document, which is the key."""
     calls: tuple[tuple[str, str], ...] = ()
     """(key, digest of the result) of recorded calls that the run made."""
-    _digest: str = field(default="", init=False, repr=False, compare=False)
 
     @property
     def document(self) -> bytes:
@@ -88,14 +84,8 @@ class ActionResult:
 
     @property
     def digest(self) -> str:
-        """Digest of `document`; computed once."""
-        if not self._digest:
-            self.know(digests.of_bytes(self.document))
-        return self._digest
-
-    def know(self, digest: str) -> None:
-        """Its digest is known already."""
-        object.__setattr__(self, "_digest", digest)
+        """Digest of `document`."""
+        return digests.of_bytes(self.document)
 
     @property
     def called(self) -> tuple[Mapping[str, str], ...]:
@@ -115,17 +105,19 @@ class ActionResult:
             ValueError: It is not a result.
         """
         raw = digests.plain(data)
-        if not isinstance(raw, dict) or raw.keys() - {"calls"} != _FIELDS or not _is_typed(raw):
+        if not isinstance(raw, dict) or raw.keys() - {"calls"} != _FIELDS:
+            raise ValueError("not a result")
+        if not isinstance(raw["metrics"], dict) or raw.get("calls") == []:  # a result has one spelling
             raise ValueError("not a result")
         return cls(
-            output=raw["output"],
-            line=raw["line"],
-            previews=tuple((caption, blob) for caption, blob in raw["previews"]),
-            metrics={name: (value, unit) for name, (value, unit) in raw["metrics"].items()},
-            seconds=raw["seconds"],
-            log=raw["log"],
-            key_document=raw["key_document"],
-            calls=tuple((key, result) for key, result in raw.get("calls", ())),
+            output=_digest(raw["output"]),
+            line=_text(raw["line"]),
+            previews=_pairs(raw["previews"], _text, _digest),
+            metrics=dict(zip(raw["metrics"], _pairs([*raw["metrics"].values()], _number, _text), strict=True)),
+            seconds=_number(raw["seconds"]),
+            log=None if raw["log"] is None else _digest(raw["log"]),
+            key_document=_digest(raw["key_document"]),
+            calls=_pairs(raw.get("calls", []), _digest, _digest),
         )
 
 
@@ -135,22 +127,28 @@ class Entry:
 
     result: ActionResult
     files: tuple[File, ...]
-    """The blobs that it needs, the output's header first."""
-    document: bytes = b""
-    """The key document, b"" where it is a blob."""
-    is_bare: bool = False
+    """The blobs that it needs, each once, the header of the output first."""
 
     @property
     def key(self) -> str:
         """The key that it belongs under."""
         return self.result.key_document
 
+    @property
+    def is_bare(self) -> bool:
+        """Whether bytes are absent by design."""
+        return any(file.size is None for file in self.files)
+
+    @property
+    def refers(self) -> frozenset[str]:
+        """Digests of the artifacts and blobs that the output refers to."""
+        return frozenset(file.digest for file in self.files if file.role in (HEADER, BLOB))
+
     def spell(self) -> bytes:
         """Its bytes."""
         document = self.result.document
-        self.result.know(digests.of_bytes(document))
-        head = {"bare": self.is_bare, "files": [list(file) for file in self.files], "result": self.result.digest}
-        return b"\n".join((digests.canonical(head), document, *((self.document,) if self.document else ())))
+        head = {"files": [list(file) for file in self.files], "result": digests.of_bytes(document)}
+        return digests.canonical(head) + b"\n" + document
 
 
 def read(data: bytes) -> Entry:
@@ -159,66 +157,52 @@ def read(data: bytes) -> Entry:
     Raises:
         ValueError: The bytes are not an entry.
     """
-    head, document, *asked = data.split(b"\n", 2)
-    raw = digests.plain(head)
-    if not isinstance(raw, dict) or raw.keys() != {"bare", "files", "result"} or type(raw["bare"]) is not bool:
-        raise ValueError("not an entry")
-    if digests.of_bytes(document) != raw["result"]:
+    head, _, document = data.partition(b"\n")
+    match digests.plain(head):
+        case {"files": list(rows), "result": str(digest), **more} if not more:
+            files = tuple(map(_file, rows))
+        case _:
+            raise ValueError("not an entry")
+    if digests.of_bytes(document) != digest:
         raise ValueError("its result has another digest")
     result = ActionResult.from_document(document)
-    result.know(raw["result"])
-    files = _files(raw["files"])
-    if files[0][:2] != (OUTPUT, result.output):
-        raise ValueError("it does not begin with the output")
-    named = [digests.of_bytes(asked[0])] if asked else [file.digest for file in files if file.role == KEY]
-    if named != [result.key_document]:
-        raise ValueError("its key document has another digest")
-    return Entry(result, files, asked[0] if asked else b"", raw["bare"])
+    named = [file.digest for role in (OUTPUT, KEY) for file in files if file.role == role]
+    if named != [result.output, result.key_document] or files[0].role != OUTPUT:
+        raise ValueError("it does not name its output and its key document")
+    return Entry(result, files)
 
 
-def _files(raw: Any) -> tuple[File, ...]:
-    if not isinstance(raw, list) or not raw:
-        raise ValueError("an entry names blobs")
-    files = []
-    for row in raw:
-        if not isinstance(row, list) or [*map(type, row)] != [str, str, int]:
-            raise ValueError("a blob has a role, a digest and a size")
-        file = File(*row)
-        if file.role not in _ROLES or not is_digest(file.digest) or not 0 <= file.size < _MOST_BYTES:
-            raise ValueError("it names what cannot be a blob")
-        files.append(file)
-    return tuple(files)
+def _file(row: Any) -> File:
+    match row:
+        case [str(role), str(digest), int() | None as size] if (
+            role in _ROLES
+            and is_digest(digest)
+            and (role not in HEADERS if size is None else type(size) is int and 0 <= size < _MOST_BYTES)
+        ):
+            return File(role, digest, size)
+    raise ValueError("it names what cannot be a blob")
 
 
-def _is_typed(raw: Mapping[str, Any]) -> bool:
-    metrics = raw["metrics"]
-    return (
-        _is_blob(raw["output"])
-        and _is_blob(raw["key_document"])
-        and (raw["log"] is None or _is_blob(raw["log"]))
-        and _is_text(raw["line"])
-        and _is_number(raw["seconds"])
-        and _are_pairs(raw["previews"], _is_text, _is_blob)
-        and ("calls" not in raw or (raw["calls"] != [] and _are_pairs(raw["calls"], _is_blob, _is_blob)))
-        and isinstance(metrics, dict)
-        and _are_pairs([*metrics.values()], _is_number, _is_text)
-    )
+def _pairs(rows: object, first: Callable[[object], S], second: Callable[[object], T]) -> tuple[tuple[S, T], ...]:
+    if isinstance(rows, list) and all(isinstance(row, list) and len(row) == 2 for row in rows):
+        return tuple((first(one), second(other)) for one, other in rows)
+    raise ValueError("not a list of pairs")
 
 
-def _are_pairs(value: object, first: Callable[[object], bool], second: Callable[[object], bool]) -> bool:
-    return isinstance(value, list) and all(
-        isinstance(pair, list) and len(pair) == 2 and first(pair[0]) and second(pair[1]) for pair in value
-    )
+def _text(value: object) -> str:
+    if isinstance(value, str):
+        return value
+    raise ValueError("not a text")
 
 
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)
+def _digest(value: object) -> str:
+    if isinstance(value, str) and is_digest(value):
+        return value
+    raise ValueError("not a digest")
 
 
-def _is_blob(value: object) -> bool:
-    return isinstance(value, str) and is_digest(value)
-
-
-def _is_number(value: object) -> bool:
-    # Of a whole number beyond all floats `math.isfinite` knows no answer.
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+def _number(value: object) -> float:
+    # `math.isfinite` fails for a whole number that is larger than all floats.
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max:
+        return value
+    raise ValueError("not a finite number")

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-import struct
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -17,9 +15,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from dextera_build.store import failpoints, permissions
-
-_FLOCK = struct.Struct("hhqqi4x")
-"""`struct flock` of Linux on 64 bits: type, whence, start, length, pid."""
 
 _PROBE = 1 << 61
 """A place that no key has."""
@@ -60,9 +55,7 @@ class Locks:
                 return False
             try:
                 fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place[1])
-            except BlockingIOError:
-                return False
-            except PermissionError:
+            except (BlockingIOError, PermissionError):
                 return False
             except OSError:
                 return True
@@ -78,21 +71,6 @@ class Locks:
                 _held.discard(place)
                 with suppress(OSError):
                     fcntl.lockf(place[0], fcntl.LOCK_UN, 1, place[1])
-
-    def holder(self, key: str) -> int | None:
-        """Process id of who holds the lock of `key` on this machine, or None where that is not known."""
-        question = _FLOCK.pack(fcntl.F_WRLCK, os.SEEK_SET, _offset(key), 1, 0)
-        with _guard:
-            descriptor = self._descriptor()
-            if descriptor < 0 or sys.platform != "linux":
-                return None
-            if (descriptor, _offset(key)) in _held:
-                return os.getpid()
-            try:
-                kind, _, _, _, pid = _FLOCK.unpack(fcntl.fcntl(descriptor, fcntl.F_GETLK, question))
-            except (OSError, struct.error):
-                return None
-        return pid if kind != fcntl.F_UNLCK and pid > 0 else None
 
     def is_held_elsewhere(self, key: str) -> bool:
         """Whether another holds the lock of `key` now; where locks do not work, nobody does."""

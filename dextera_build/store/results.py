@@ -1,13 +1,9 @@
-"""The action cache: key -> what the run of that key made; `entry.py` says how an entry is spelled.
-
-A *bare* entry has bytes that are absent by design: it names only blobs that are there, among them the headers and the
-key document.
-"""
+"""The action cache: key -> what the run of that key made; `entry.py` describes the form of an entry."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,12 +16,10 @@ from dextera_build.store.blobs import Blobs, MissingBlob
 from dextera_build.store.entry import ActionResult, Entry, File
 from dextera_build.store.references import UNREADABLE, References
 
-_NONE: Mapping[str, int] = {}
-
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What the store knows of a key."""
+    """A result that a store has."""
 
     result: ActionResult
     is_whole: bool
@@ -52,10 +46,6 @@ class Actions:
         found = self.find(key)
         return found.result if found is not None and found.is_whole else None
 
-    def has(self, key: str) -> bool:
-        """Whether there is an entry of `key`, which may be damaged; the quickest question."""
-        return os.access(self._file(key), os.F_OK)
-
     def known(self, key: str) -> ActionResult | None:
         """The result of `key`, with or without its bytes; None if there is none."""
         entry = self.entry(key)
@@ -67,124 +57,71 @@ class Actions:
         if stamped is None:
             return None
         entry, stamp = stamped
-        there = [file for file in entry.files if self._is_there(file)]
-        if not self._stays(key, stamp):
+        absent = [file for file in entry.files if not self._is_there(file)]
+        if any(file.role in entries.HEADERS for file in absent) or not self._stays(key, stamp):
             return None
-        if entry.is_bare and self._completes(key, entry):
-            return Found(entry.result, True)
-        is_whole = not entry.is_bare and len(there) == len(entry.files)
-        if not is_whole and self.references.headers(entry.result.output) is None:
-            return None
-        return Found(entry.result, is_whole)
+        if entry.is_bare and not absent:  # the bytes have come since, and their sizes are known now
+            with suppress(StoreError, *UNREADABLE):
+                self.put(key, entry.result, [file.digest for file in entry.files if file.role == entries.BESIDE])
+        return Found(entry.result, not absent)
 
-    def put(
-        self,
-        key: str,
-        result: ActionResult,
-        beside: Iterable[str] = (),
-        sizes: Mapping[str, int] = _NONE,
-        document: bytes = b"",
-        *,
-        may_lack: bool = False,
-    ) -> bool:
+    def put(self, key: str, result: ActionResult, beside: Iterable[str] = (), *, may_lack: bool = False) -> bool:
         """Store the result of `key`, whose blobs are stored already; returns False if the entry is bare.
 
         Args:
             key: Digest of the key document.
             result: The result.
             beside: Further blobs that stay as long as the result does.
-            sizes: Blobs that were stored a moment ago -> size [bytes]; the others are looked for.
-            document: The key document; b"": the store holds it already.
             may_lack: Write a bare entry if bytes are absent but the headers of the output are there.
 
         Raises:
             MissingBlob: The result refers to something that is not in the store.
             StoreError: The disk is full, or the store cannot be written.
-            ValueError: A number is not finite.
+            ValueError: A number is not finite, or a call that the result names is not one.
         """
-        try:
-            self._keep_calls(result)
-            entry = self.made(result, beside, sizes, document)
-        except MissingBlob:
-            if not may_lack:
-                raise
-            entry = self._bare(key, result, beside, document)
+        entry = self.made(result, beside, may_lack=may_lack)
+        for call, digest in () if entry.is_bare else result.calls:
+            if self.entry(call) is None:  # it came with a result from another store
+                self.put(call, ActionResult.from_document(self._blobs.get(digest)))
         if not entry.is_bare or entry != self.entry(key):
             failpoints.reach("result.blobs")
             files.write(self._file(key), entry.spell(), workshop=self._workshop)
             failpoints.reach("result.published")
         return not entry.is_bare
 
-    def made(
-        self,
-        result: ActionResult,
-        beside: Iterable[str] = (),
-        sizes: Mapping[str, int] = _NONE,
-        document: bytes = b"",
-    ) -> Entry:
-        """The entry of a result, all of whose blobs are stored; the entry itself is not. See `put`.
+    def made(self, result: ActionResult, beside: Iterable[str] = (), *, may_lack: bool = False) -> Entry:
+        """The entry of a result whose blobs are stored; the entry itself is not. See `put`.
 
         Raises:
             MissingBlob: The result refers to something that is not in the store.
         """
-        named, document = self._asked(result.key_document, document, sizes)
-        needs = [*self._needs(result, sizes), *named, *self._sized(entries.BESIDE, beside)]
-        return Entry(result, tuple(needs), document)
-
-    def verify(self, key: str) -> bool:
-        """Whether `key` has a result all of whose blobs are whole; every blob is read, damaged ones are set aside."""
-        entry = self.entry(key)
-        if entry is None:
-            return False
-        whole = [self._blobs.verify(file.digest) for file in entry.files]
-        return all(whole) and not entry.is_bare
-
-    def files(self, key: str) -> list[Path]:
-        """The files of the entry and of every blob that it needs; empty if there is no entry."""
-        entry = self.entry(key)
-        if entry is None:
-            return []
-        return [Path(self._file(key)), *(self._blobs.path(file.digest) for file in entry.files)]
+        roles = {result.output: entries.OUTPUT, result.key_document: entries.KEY}
+        for digest, is_header in self.references.below(result.output).items():
+            roles.setdefault(digest, entries.HEADER if is_header else entries.BLOB)
+        more = (*(blob for _, blob in result.previews), *([result.log] if result.log else ()), *beside)
+        for digest in (*more, *self._called(result, may_lack=may_lack)):
+            roles.setdefault(digest, entries.BESIDE)
+        named = tuple(File(role, digest, self._blobs.size(digest)) for digest, role in roles.items())
+        for file in named:
+            if file.size is None and not (may_lack and file.role not in entries.HEADERS):
+                raise MissingBlob(file.digest)
+        return Entry(result, named)
 
     def keys(self) -> Iterator[str]:
         """Every key that has an entry."""
         yield from (key for key, _, _ in cas.listing(self.root))
 
     def entry(self, key: str) -> Entry | None:
-        """What lies under `key`, or None; no use is noted."""
+        """The entry of `key`, or None; no use is noted."""
         found = self._stamped(key)
         return found[0] if found is not None else None
 
-    def document(self, key: str) -> bytes | None:
-        """The key document that the entry of `key` holds, None where it is a blob or there is no entry."""
-        entry = self.entry(key)
-        return entry.document or None if entry is not None else None
-
-    def calls(self, key: str) -> bool:
-        """Whether the result of `key` came of recorded calls."""
-        found = self.known(key)
-        return found is not None and bool(found.calls)
-
-    def outline(self, key: str) -> tuple[str, frozenset[str]] | None:
-        """(output, digests that it refers to) of `key`, whether these blobs are there or not; None without an entry."""
-        entry = self.entry(key)
-        if entry is None:
-            return None
-        return entry.result.output, frozenset(file.digest for file in entry.files if file.role == entries.CLOSURE)
-
     def _is_there(self, file: File) -> bool:
         size = self._blobs.size(file.digest)
-        if size is not None and size != file.size:
+        if file.size is not None and size is not None and size != file.size:
             self._blobs.verify(file.digest)
-        return size == file.size
-
-    def _completes(self, key: str, entry: Entry) -> bool:
-        """Whether bytes that were absent have come since; if so, the entry is rewritten."""
-        try:
-            self.put(key, entry.result, [file.digest for file in entry.files if file.role == entries.BESIDE])
-        except (*UNREADABLE, StoreError):
             return False
-        return True
+        return size is not None
 
     def _stays(self, key: str, stamp: float) -> bool:
         path = self._file(key)
@@ -213,62 +150,18 @@ class Actions:
             os.unlink(path)
         return None
 
-    def _keep_calls(self, result: ActionResult) -> None:
-        """Write the entries of recorded calls that came with a result from another store."""
+    def _called(self, result: ActionResult, *, may_lack: bool) -> Iterator[str]:
+        """The blobs of the recorded calls of a result."""
         for key, digest in result.calls:
-            if self.entry(key) is None:
+            yield from (key, digest)
+            try:
                 called = ActionResult.from_document(self._blobs.get(digest))
                 if called.key_document != key or not called.is_record:
                     raise ValueError("a call does not have the digest that is its key")
-                self.put(key, called)
-
-    def _bare(self, key: str, result: ActionResult, beside: Iterable[str], document: bytes) -> Entry:
-        """The entry of a result bytes of which are absent.
-
-        Raises:
-            MissingBlob: A header of its output or the key document is not in the store.
-        """
-        headers = self.references.headers(result.output)
-        if headers is None:
-            raise MissingBlob(result.output)
-        named, document = self._asked(result.key_document, document)
-        needs = [*self._sized(entries.OUTPUT, headers[:1]), *self._sized(entries.CLOSURE, headers[1:])]
-        needs += [*named, *self._sized(entries.BESIDE, beside)]
-        # A collection takes what no entry names: bytes that happen to be there stay.
-        known = self.entry(key)
-        held = known.files if known is not None else ()
-        needs += [file for file in held if file.role != entries.KEY and file not in needs and self._is_there(file)]
-        return Entry(result, tuple(needs), document, is_bare=True)
-
-    def _asked(self, digest: str, document: bytes, sizes: Mapping[str, int] = _NONE) -> tuple[Iterable[File], bytes]:
-        """The key document as a blob, where it is long or the store has no other, or as what the entry holds."""
-        document = document or self.document(digest) or b""
-        if document and len(document) <= entries.MOST_DOCUMENT:
-            return (), document
-        if document:
-            self._blobs.put(document)
-        return self._sized(entries.KEY, [digest], sizes), b""
-
-    def _needs(self, result: ActionResult, sizes: Mapping[str, int]) -> Iterator[File]:
-        yield from self._sized(entries.OUTPUT, [result.output], sizes)
-        yield from self._sized(entries.CLOSURE, self.references.below(result.output), sizes)
-        yield from self._sized(entries.PREVIEW, [digest for _, digest in result.previews], sizes)
-        yield from self._sized(entries.LOG, [result.log] if result.log else (), sizes)
-        for key, digest in result.calls:
-            called = ActionResult.from_document(self._blobs.get(digest))
-            yield from self._sized(entries.CALL, [key])
-            yield from self._sized(
-                entries.ANSWER, dict.fromkeys((digest, called.output, *self.references.below(called.output)))
-            )
-
-    def _sized(self, role: str, named: Iterable[str], sizes: Mapping[str, int] = _NONE) -> Iterator[File]:
-        for digest in named:
-            size = sizes.get(digest)
-            if size is None:
-                size = self._blobs.size(digest)
-            if size is None:
-                raise MissingBlob(digest)
-            yield File(role, digest, size)
+                yield from (called.output, *self.references.below(called.output))
+            except MissingBlob:
+                if not may_lack:
+                    raise
 
     def _file(self, key: str) -> str:
         return f"{self._base}{key[:2]}/{key[2:]}"

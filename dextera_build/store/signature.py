@@ -23,6 +23,8 @@ _FINE_NS = 20_000_000
 """Two kernel ticks at 100 Hz, the coarsest step of a file system with nanosecond stamps."""
 _COARSE_NS = 2_000_000_000
 """Step of FAT; HFS+ and ext3 step by one second."""
+_NEVER: Signature = (0, 0, 0, 0)
+"""No file has this signature."""
 
 
 def of(state: os.stat_result) -> Signature:
@@ -99,6 +101,20 @@ class Watch:
         """Note a folder of the module search path."""
         if path not in self.paths:
             self.paths[path] = modules(path)
+
+    def doubt(self, path: str, *, was_read: bool) -> None:
+        """Check a path that was looked at before it was noted: if it may have changed in between, nothing is settled.
+
+        A file that is there needs no check, for `settled` finds that it is new.
+
+        Args:
+            path: A file or folder that was noted.
+            was_read: Whether it was there.
+        """
+        if path in self.folders and ((state := look(path)) is None or is_racy(state, self.started_ns)):
+            self.folders[path] = [os.sep]  # no folder holds such a name
+        if was_read and path in self.files and self.files[path] is None:
+            self.files[path] = _NEVER
 
     def settled(self) -> bool:
         """Whether every file is what it was at the first look, and none may change without a trace."""

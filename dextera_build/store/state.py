@@ -15,17 +15,13 @@ if TYPE_CHECKING:
 
     T = TypeVar("T")
 
-_FORM = 1
 _PATIENCE_S = 20.0
 """How long a build waits for another that writes."""
-_TABLE = "CREATE TABLE rows (kind BLOB, name BLOB, value BLOB, sum INT, PRIMARY KEY (kind, name)) WITHOUT ROWID"
+_TABLE = """CREATE TABLE IF NOT EXISTS rows
+(kind BLOB, name BLOB, value BLOB, sum INT, PRIMARY KEY (kind, name)) WITHOUT ROWID"""
 _SELECT = "SELECT name, value, sum FROM rows WHERE kind=?"
-_AT_ONCE = 500
-"""Rows that one statement asks for."""
-_CORRUPT, _NOT_A_DATABASE, _GENERIC, _READ_ONLY, _CANNOT_OPEN = 11, 26, 1, 8, 14
+_CORRUPT, _NOT_A_DATABASE, _GENERIC = 11, 26, 1
 """Error codes of SQLite."""
-_NETWORK = ("nfs", "cifs", "smb", "9p", "afs", "ceph", "gluster", "lustre", "gpfs", "beegfs", "fuse.", "virtiofs")
-"""How names of file systems begin that several machines may share: a write-ahead log is not safe there."""
 
 
 class State:
@@ -45,17 +41,10 @@ class State:
         return self.some(kind, [name]).get(name)
 
     def some(self, kind: str, names: "Iterable[str]") -> dict[str, bytes]:
-        """The values of those of `names` that have one."""
+        """The values of those of `names` that have one; a few are asked for at a time."""
         wanted = [_bytes(name) for name in names]
-
-        def read(base: "sqlite3.Connection") -> list[tuple[bytes, bytes, int]]:
-            found: list[tuple[bytes, bytes, int]] = []
-            for first in range(0, len(wanted), _AT_ONCE):
-                part = wanted[first : first + _AT_ONCE]
-                found += base.execute(f"{_SELECT} AND name IN ({','.join('?' * len(part))})", (_bytes(kind), *part))
-            return found
-
-        return _whole(kind, self._read(read))
+        select = f"{_SELECT} AND name IN ({','.join('?' * len(wanted))})"
+        return _whole(kind, self._read(lambda base: list(base.execute(select, (_bytes(kind), *wanted)))))
 
     def all(self, kind: str) -> dict[str, bytes]:
         """Every row of a kind."""
@@ -80,6 +69,7 @@ class State:
         def write(base: "sqlite3.Connection") -> bool:
             with base:  # commits, or takes all of it back
                 base.execute("BEGIN IMMEDIATE")
+                base.execute(_TABLE)
                 base.executemany("DELETE FROM rows WHERE kind=? AND name=?", gone)
                 base.executemany("INSERT OR REPLACE INTO rows VALUES (?, ?, ?, ?)", made)
             return True
@@ -92,19 +82,20 @@ class State:
     def _try(self, work: "Callable[[sqlite3.Connection], T]", *, writes: bool) -> "T | None":
         import sqlite3
 
-        how = "" if self._takes else "?immutable=1"
-        for _ in range(3):
+        for _ in range(2):
             try:
-                base = self._open(how, writes=writes)
+                if writes and not os.path.exists(self._path):
+                    self._make()
+                base = sqlite3.connect(self._path, _PATIENCE_S, isolation_level=None)
                 try:
+                    # A power cut may damage the file, which is seen; the end of a build flushes everything at once.
+                    base.execute("PRAGMA synchronous=OFF")
                     return work(base)
                 finally:
                     base.close()
             except sqlite3.Error as error:
                 code = getattr(error, "sqlite_errorcode", _CORRUPT) & 0xFF
-                if code in (_READ_ONLY, _CANNOT_OPEN) and not (writes or how or os.path.isdir(self._path)):
-                    how = "?immutable=1"  # the file is another user's
-                elif not self._takes or not self._is_damage(code, writes) or not self._set_aside() or not writes:
+                if not self._takes or not self._is_damage(code, writes) or not self._set_aside() or not writes:
                     return None
             except OSError:
                 return None
@@ -113,26 +104,6 @@ class State:
     def _is_damage(self, code: int, writes: bool) -> bool:
         # A reader may come between the making of the file and that of its table, which is a generic error.
         return code in (_CORRUPT, _NOT_A_DATABASE) or (writes and code == _GENERIC) or os.path.isdir(self._path)
-
-    def _open(self, how: str, *, writes: bool) -> "sqlite3.Connection":
-        import sqlite3
-
-        if writes and not os.path.exists(self._path):
-            self._make()
-        path = os.fsencode(self._path)
-        for sign in b"%?#":
-            path = path.replace(bytes([sign]), b"%%%02x" % sign)
-        place = b"file:" + path + how.encode()
-        base = sqlite3.connect(place, _PATIENCE_S, isolation_level=None, uri=True)
-        try:
-            if writes:
-                base.execute("PRAGMA synchronous=NORMAL")
-                if base.execute("PRAGMA user_version").fetchone()[0] != _FORM:
-                    self._fill(base)
-        except BaseException:
-            base.close()
-            raise
-        return base
 
     def _make(self) -> None:
         """Make an empty file with the permissions of the store; SQLite gives its other files the same."""
@@ -146,46 +117,15 @@ class State:
         finally:
             os.close(descriptor)
 
-    def _fill(self, base: "sqlite3.Connection") -> None:
-        """Make the table in an empty file, or in one of another form."""
-        from contextlib import suppress
-        from sqlite3 import OperationalError
-
-        if not is_shared(self._path):
-            with suppress(OperationalError):  # another build is here too: the rollback journal does as well
-                base.execute("PRAGMA journal_mode=WAL")
-        with base:
-            base.execute("BEGIN IMMEDIATE")
-            if base.execute("PRAGMA user_version").fetchone()[0] != _FORM:
-                base.execute("DROP TABLE IF EXISTS rows")
-                base.execute(_TABLE)
-                base.execute(f"PRAGMA user_version={_FORM}")
-
     def _set_aside(self) -> bool:
         """Take a damaged file out of the way; False where that cannot be."""
         try:
             os.replace(self._path, f"{self._path}~")
-            for ending in ("-wal", "-shm", "-journal"):
-                if os.path.exists(self._path + ending):
-                    os.unlink(self._path + ending)
+            if os.path.exists(f"{self._path}-journal"):
+                os.unlink(f"{self._path}-journal")
         except OSError:
             return False
         return True
-
-
-def is_shared(path: str, mounts: str = "/proc/self/mounts") -> bool:
-    """Whether a file lies on a file system that several machines may use at once; True also where that is not known."""
-    here, best, kind = os.path.realpath(path), "", "nfs"
-    try:
-        with open(mounts, encoding="utf-8", errors="surrogateescape") as file:
-            for line in file:
-                _, where, found, *_ = line.split(" ")
-                where = where.replace("\\040", " ")
-                if len(where) >= len(best) and (here == where or here.startswith(where.rstrip("/") + "/")):
-                    best, kind = where, found
-    except (OSError, ValueError):
-        return True
-    return kind.startswith(_NETWORK)
 
 
 def _bytes(text: str) -> bytes:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dextera_build.errors import StoreError
 from dextera_build.store import files
-from dextera_build.store.blobs import Blobs, listing
+from dextera_build.store.blobs import Blobs, MissingBlob, listing
 from dextera_build.store.divergent import Divergent
 from dextera_build.store.locks import Locks
 from dextera_build.store.progress import Keep
@@ -18,12 +18,45 @@ from dextera_build.store.results import Actions
 from dextera_build.store.running import Running
 from dextera_build.store.statcache import StatCache
 from dextera_build.store.state import State
-from dextera_build.store.streams import Reader, Writer
 
 _TAG = b"""Signature: 8a477f597d28d172789f06886806bc55
 # This file marks a cache: backup programs leave it out.
 # See https://bford.info/cachedir/
 """
+
+
+class Reader:
+    """The blobs of a store as artifacts are decoded from them; see `artifacts.content`."""
+
+    def __init__(self, blobs: Blobs) -> None:
+        self._blobs = blobs
+        self.place = blobs.place
+
+    def __call__(self, digest: str) -> bytes:
+        """The bytes of a blob; see `Blobs.get`."""
+        return self._blobs.get(digest)
+
+    def path(self, digest: str) -> Path:
+        """The file of a blob whose bytes were compared with its digest; it may only be read.
+
+        Raises:
+            MissingBlob: It is not there, or is damaged; then it was set aside.
+        """
+        if not self._blobs.verify(digest):
+            raise MissingBlob(digest)
+        return self._blobs.path(digest)
+
+
+class Writer:
+    """The blobs of a store as artifacts are encoded into them; see `artifacts.content`."""
+
+    def __init__(self, blobs: Blobs) -> None:
+        self._blobs = blobs
+        self.file, self.has = blobs.put_file, blobs.holds
+
+    def __call__(self, data: bytes) -> str:
+        """Store bytes; see `Blobs.put`."""
+        return self._blobs.put(data)
 
 
 class Store:
@@ -53,19 +86,13 @@ class Store:
         takes = make or self._may_be_written()
         self.blobs = Blobs(self.root / "cas") if takes else Aside(self.root / "cas")
         self.actions = Actions(self.root / "ac", self.blobs)
-        self.blobs.inside = self.actions.document
         self.state = State(str(self.local / "state.db"), takes=takes)
         self.leaves = StatCache(self.blobs, self.state)
         self.locks = Locks(self.local / "locks")
         self.keep = Keep(self.local / "keep")
         self.divergent = Divergent(self.state)
-        self.reader = Reader(self.blobs)
+        self.reader, self.writer = Reader(self.blobs), Writer(self.blobs)
         self.running = Running(self.local / "running", self.locks)
-
-    @property
-    def writer(self) -> Writer:
-        """Stores what one call makes, and notes it."""
-        return Writer(self.blobs)
 
     def size(self) -> dict[str, tuple[int, int]]:
         """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of calls that did not end."""

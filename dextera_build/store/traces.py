@@ -148,16 +148,15 @@ def made(store: Store, static: Static, found: Iterable[Steps]) -> ActionResult:
     return ActionResult(output, f"{len(content)} traces", (), {}, 0.0, None, key)
 
 
-def publish(store: Store, key: str, result: ActionResult, document: bytes = b"", *, may_lack: bool = False) -> bool:
+def publish(store: Store, key: str, result: ActionResult, *, may_lack: bool = False) -> bool:
     """Store a result; returns False if its entry is bare.
 
     The trace of a call with discovered inputs is added to the list under its static key.
 
     Args:
         store: Takes it.
-        key: Digest of the key document.
+        key: Digest of the key document, which is stored.
         result: The result; a list of traces is merged with that of the store.
-        document: The key document; b"": the store holds it already.
         may_lack: See `Actions.put`.
 
     Raises:
@@ -165,9 +164,9 @@ def publish(store: Store, key: str, result: ActionResult, document: bytes = b"",
         StoreError: The disk is full, or the store cannot be written.
         ValueError: The result or its key document is not what it must be.
     """
-    parts = parts_of(document or store.blobs.get(key))
+    parts = parts_of(store.blobs.get(key))
     if parts is None:
-        return store.actions.put(key, result, document=document, may_lack=may_lack)
+        return store.actions.put(key, result, may_lack=may_lack)
     static, steps = parts
     if steps is None:
         _keep(store, static, merged(known(store, key), listed(store, result)))
@@ -175,7 +174,7 @@ def publish(store: Store, key: str, result: ActionResult, document: bytes = b"",
     # A collection that keeps the result keeps the list, too, and the names of the files that a pattern matched.
     root = store.blobs.put(spelled(static, None))
     lists = (answer for kind, _, answer in steps if kind == "names" and store.blobs.has(answer))
-    is_whole = store.actions.put(key, result, dict.fromkeys([root, *lists]), document=document, may_lack=may_lack)
+    is_whole = store.actions.put(key, result, [root, *lists], may_lack=may_lack)
     _keep(store, static, merged([steps], known(store, root)))
     return is_whole
 

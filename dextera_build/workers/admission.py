@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from dextera_build.errors import MachineError
-from dextera_build.workers.capacity import MEASURED, Capacity, Needs
+from dextera_build.workers.capacity import Capacity, Needs
 
 T = TypeVar("T", bound=Hashable)
 
@@ -204,23 +204,17 @@ def estimate(declared: Needs, peak_gb: float | None) -> Needs:
     return Needs(declared.cpus, memory, declared.gpus, declared.gpu_gb, declared.named)
 
 
-def lacks(found: Mapping[str, tuple[float, float]], capacity: Capacity) -> MachineError:
+def lacks(found: Mapping[str, tuple[float, float]]) -> MachineError:
     """The error of a node that needs what no waiting will bring; see `Needs.lacks`."""
-    here = "the cluster" if capacity.is_cluster else "this machine"
     said = ", ".join(f"{wanted:g} of `{name}`" for name, (wanted, _) in found.items())
     name, (wanted, _) = next(iter(found.items()))
     return MachineError(
-        f"it needs {said}, which {here} does not have",
+        f"it needs {said}, which is more than there is",
         code="DXB-E345",
         facts={f"`{name}` here": f"{there:g}" for name, (_, there) in found.items()},
-        hint=f"{_remedy(name, wanted, capacity)}, or choose another backend",
+        hint=f"set the amount, `--resources {name}={wanted:g}` or `[resources]` in dxb.toml, choose another backend, "
+        "or add a machine to the cluster",
     )
-
-
-def _remedy(name: str, wanted: float, capacity: Capacity) -> str:
-    if capacity.is_cluster and name in MEASURED:
-        return f"add a node: `ray start --address=HOST:PORT --num-gpus={wanted:g}`"
-    return f"set the amount, `--resources {name}={wanted:g}` or `[resources]` in dxb.toml"
 
 
 def _count(amount: float) -> int:

@@ -6,9 +6,10 @@ name with a colon, `licence:solver`, and is a count that the configuration decla
 
 from __future__ import annotations
 
+import math
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,10 +20,7 @@ MEASURED = ("cpu", "memory", "gpu", "gpu_memory")
 """Resources that a machine is asked for; the configuration may say otherwise."""
 
 _NAMED = re.compile(r"[A-Za-z][\w.-]*:[\w.:/-]+")
-_LIMITS = (
-    ("memory.max", "memory.current"),
-    ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
-)
+_GROUP = Path("/sys/fs/cgroup")
 _QUERY = ["nvidia-smi", "--query-gpu=uuid,memory.total", "--format=csv,noheader,nounits"]
 
 
@@ -44,8 +42,6 @@ class Capacity:
     memory_gb: float = 1.0
     gpus: tuple[Gpu, ...] = ()
     named: Mapping[str, float] = field(default_factory=dict)
-    is_cluster: bool = False
-    """Many machines together; their devices cannot be had by saying that there are some."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +75,17 @@ def parse(given: object, origin: str = "--resources") -> dict[str, float]:
         UsageError: It is neither, names nothing that is known, or an amount is no number from zero up.
     """
     if isinstance(given, str):
-        pairs: Mapping[str, object] = dict(_pair(part, origin) for part in given.split(",") if part.strip())
-    elif isinstance(given, Mapping):
-        pairs = given
+        parts = [part.rpartition("=") for part in given.split(",") if part.strip()]
+        pairs: object = {name.strip(): value.strip() for name, _, value in parts}
     else:
-        raise _malformed(str(given), origin)
+        pairs = given
+    if not isinstance(pairs, Mapping) or "" in pairs or "" in pairs.values():
+        raise UsageError(
+            f"`{given}` is not of the form `NAME=AMOUNT,...`",
+            code="DXB-U172",
+            facts={"from": origin},
+            hint="`--resources gpu=1,memory=16`",
+        )
     return {name: _amount(name, value, origin) for name, value in pairs.items()}
 
 
@@ -108,22 +110,17 @@ def measure(cpus: int, said: Mapping[str, float] | None = None, *, gpus: bool = 
 
 def available_gb() -> float:
     """Memory that new processes may use without swapping or leaving their control group [GiB]."""
-    try:
-        with open("/proc/meminfo") as table:
-            rows = dict(line.split(":", 1) for line in table)
-        free = int(rows["MemAvailable"].split()[0]) / 2**20
-    except (OSError, KeyError, ValueError):
-        free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**30
-    return max(min([free, *_limits()]), 0.25)
+    with open("/proc/meminfo") as table:
+        rows = dict(line.split(":", 1) for line in table)
+    return max(min(int(rows["MemAvailable"].split()[0]) / 2**20, _limit_gb()), 0.25)
 
 
-def _limits() -> Iterator[float]:
-    """What control groups leave [GiB]; nothing where none sets a limit."""
-    for limit, used in _LIMITS:
-        with suppress(OSError, ValueError):
-            folder = Path("/sys/fs/cgroup")
-            # Cached file pages count as used and are given back, so this is what is left at least.
-            yield (int((folder / limit).read_text()) - int((folder / used).read_text())) / 2**30
+def _limit_gb() -> float:
+    """What the control group leaves [GiB]."""
+    with suppress(OSError, ValueError):
+        # Cached file pages count as used and are given back, so this is what is left at least.
+        return (int((_GROUP / "memory.max").read_text()) - int((_GROUP / "memory.current").read_text())) / 2**30
+    return math.inf
 
 
 def _devices() -> list[Gpu]:
@@ -148,13 +145,6 @@ def _visible(found: list[Gpu]) -> list[Gpu]:
     return [by_name[name] for name in names if name in by_name]
 
 
-def _pair(text: str, origin: str) -> tuple[str, str]:
-    name, equals, value = text.strip().rpartition("=")
-    if not (name and equals and value):
-        raise _malformed(text, origin)
-    return name.strip(), value.strip()
-
-
 def _amount(name: str, value: object, origin: str) -> float:
     if name not in MEASURED and not _NAMED.fullmatch(name):
         raise UsageError(
@@ -172,12 +162,3 @@ def _amount(name: str, value: object, origin: str) -> float:
             f"resource `{name}` is a number from zero up, not `{value}`", code="DXB-U171", facts={"from": origin}
         )
     return amount
-
-
-def _malformed(text: str, origin: str) -> UsageError:
-    return UsageError(
-        f"`{text}` is not of the form `NAME=AMOUNT,...`",
-        code="DXB-U172",
-        facts={"from": origin},
-        hint="`--resources gpu=1,memory=16`",
-    )

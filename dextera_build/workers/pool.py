@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import os
+import math
 import selectors
 import time
 from collections.abc import Mapping
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from dextera_build.errors import MachineError, from_json
-from dextera_build.workers.capacity import Capacity, available_gb
-from dextera_build.workers.process import Process, Sampler
+from dextera_build.workers.capacity import Capacity
+from dextera_build.workers.process import Process
 from dextera_build.workers.protocol import Ended, Report, Said, Task
-from dextera_build.workers.usage import with_peak
 
 _GRACE_S = 1.0
+_LOOK_S = 0.25
 
 
 class LocalExecutor:
@@ -26,30 +26,18 @@ class LocalExecutor:
 
     Args:
         runner: `module:function` that carries out a task in a worker.
-        jobs: Cores to share out among tasks, each of which takes as many as its rule keeps busy; None is all cores that
-            this process may use.
-        memory_gb: Memory to share out [GiB]; None is what is available now.
+        capacity: What tasks share.
         environment: Variables that workers see beside those of this process.
-        capacity: What to share out, over `jobs` and `memory_gb`.
     """
 
-    def __init__(
-        self,
-        runner: str,
-        jobs: int | None = None,
-        *,
-        memory_gb: float | None = None,
-        environment: Mapping[str, str] | None = None,
-        capacity: Capacity | None = None,
-    ) -> None:
-        self.capacity = capacity or Capacity(jobs or _cores(), memory_gb or available_gb())
+    def __init__(self, runner: str, capacity: Capacity, environment: Mapping[str, str] | None = None) -> None:
+        self.capacity = capacity
         self._runner = runner
         self._environment = dict(environment or {})
         self._selector = selectors.DefaultSelector()
         self._workers: list[Process] = []
         self._waiting: list[Task] = []
         """Tasks that found no idle worker: one is loading for each, but the first that is free takes it."""
-        self._sampler = Sampler()
 
     def __enter__(self) -> Self:
         return self
@@ -77,11 +65,13 @@ class LocalExecutor:
     def poll(self, timeout_s: float | None) -> list[Report]:
         """What workers reported; a worker that died is reported as the failure of its node."""
         reports: list[Report] = []
-        for key, _ in self._selector.select(self._sampler.patience(timeout_s, len(self._busy()))):
+        patience = timeout_s if timeout_s is not None else math.inf
+        # A dead worker need not show in its socket: something that it started may hold the other end.
+        patience = min(patience, _LOOK_S) if self._busy() else patience
+        for key, _ in self._selector.select(patience if patience < math.inf else None):
             reports += self._hear(key.data)
-        if self._sampler.look(self._busy()):
-            for process in [process for process in self._busy() if process.has_ended]:
-                reports += self._hear(process)
+        for process in [process for process in self._busy() if process.has_ended]:
+            reports += self._hear(process)
         return reports
 
     def stop(self) -> None:
@@ -137,7 +127,8 @@ class LocalExecutor:
                 kind, data = line["said"]
                 reports.append(Said(process.task.ticket, kind, data))
             else:
-                reports.append(_report(process, process.task, line))
+                log, error = line["log"].encode("latin-1"), from_json(line["error"]) if line["error"] else None
+                reports.append(Ended(**{**line, "ticket": process.task.ticket, "log": log, "error": error}))
                 process.task = None
         if ended:
             reports += self._bury(process)
@@ -159,25 +150,9 @@ class LocalExecutor:
         if task is None:
             return []
         seconds, log = time.monotonic() - process.began, process.log()
-        usage = with_peak({}, process.peak)
-        return [Ended(task.ticket, seconds, log, error=process.death(log), usage=usage)]
+        return [Ended(task.ticket, seconds, log, error=process.death(log), usage={"memory_bytes": process.peak})]
 
     def _end(self, process: Process, patience_s: float) -> None:
         self._workers.remove(process)
         self._selector.unregister(process.descriptor)
         process.end(patience_s)
-
-
-def _report(process: Process, task: Task, line: Mapping[str, Any]) -> Ended:
-    told = {
-        **line,
-        "ticket": task.ticket,
-        "log": line.get("log", "").encode("latin-1"),
-        "error": from_json(line["error"]) if "error" in line else None,
-        "usage": with_peak(line["usage"], process.peak),
-    }
-    return Ended(**told)
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -12,20 +12,18 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from dextera_build.errors import RuleError
 from dextera_build.workers import worker
 from dextera_build.workers.protocol import Task, printed
-from dextera_build.workers.usage import tree_bytes
 
 _TAIL_LINES = 12
-_ROOT = Path(__file__).resolve().parents[3]
+_ROOT = Path(__file__).resolve().parents[2]
 """Where this package lies."""
 _LOOK_S = 0.001
-_PERIOD_S = 0.25
 
 
 class Process:
@@ -52,7 +50,7 @@ class Process:
         self.began = time.monotonic()
         """When its task began, or it began to load, by `time.monotonic`."""
         self.peak = 0
-        """Most that its tree was seen with since then [bytes]."""
+        """Most memory that it and its children had, once it was ended [bytes]."""
         self._buffer = b""
         # Without a name, so that nothing is left behind however this ends.
         self._log = tempfile.TemporaryFile(mode="w+b", buffering=0)  # noqa: SIM115
@@ -102,7 +100,7 @@ class Process:
 
     def give(self, task: Task) -> None:
         """Give it a task; a worker that is dead already shows in `hear`."""
-        self.task, self.began, self.peak = task, time.monotonic(), 0
+        self.task, self.began = task, time.monotonic()
         self._send(json.dumps(task.message()).encode())
 
     def _send(self, data: bytes) -> None:
@@ -112,23 +110,12 @@ class Process:
     def hear(self) -> tuple[list[dict[str, Any]], bool]:
         """(what it said, whether it is dead)."""
         ended = self.has_ended
-        with contextlib.suppress(BlockingIOError):
-            while part := self._receive():
+        with contextlib.suppress(BlockingIOError, ConnectionResetError):  # a reset: it died with a task unread
+            while part := self._socket.recv(1 << 16, socket.MSG_DONTWAIT):
                 self._buffer += part
             ended = True
         *lines, self._buffer = self._buffer.split(b"\n")
         return [json.loads(line) for line in lines], ended
-
-    def _receive(self) -> bytes:
-        """What has arrived, b"" at the end.
-
-        Raises:
-            BlockingIOError: Nothing has.
-        """
-        try:
-            return self._socket.recv(1 << 16, socket.MSG_DONTWAIT)
-        except ConnectionResetError:  # it died with a task unread
-            return b""
 
     def ask_to_end(self) -> None:
         """Ask it to clean up and end."""
@@ -142,7 +129,11 @@ class Process:
             time.sleep(_LOOK_S)
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, signal.SIGKILL)
-        self._child.wait()
+        try:
+            _, status, used = os.wait4(self.pid, 0)
+            self._child.returncode, self.peak = os.waitstatus_to_exitcode(status), used.ru_maxrss * 1024
+        except ChildProcessError:  # the program around the build does not want to know of its children
+            self._child.returncode = 0
         self._socket.close()
 
     def log(self) -> bytes:
@@ -172,30 +163,6 @@ class Process:
             facts=facts,
             hint="build again, with `--jobs 1` where memory is short",
         )
-
-
-class Sampler:
-    """Looks at workers from outside, at most once a period, and only at those whose task runs longer than that."""
-
-    def __init__(self) -> None:
-        self._next = 0.0
-
-    def patience(self, timeout_s: float | None, busy: int) -> float | None:
-        """How long the pool may wait so that the next look is in time."""
-        if not busy:
-            return timeout_s
-        return _PERIOD_S if timeout_s is None else min(timeout_s, _PERIOD_S)
-
-    def look(self, workers: Iterable[Process]) -> bool:
-        """Note the peaks of `workers`, where it is time; returns whether it was."""
-        now = time.monotonic()
-        if now < self._next:
-            return False
-        self._next = now + _PERIOD_S
-        for process in workers:
-            if now - process.began >= _PERIOD_S:
-                process.peak = max(process.peak, tree_bytes(process.pid))
-        return True
 
 
 def _search_path() -> str:

@@ -53,7 +53,7 @@ class NodeWorker:
         self._announced = self._store.running.announced()
         self._announced.__enter__()
         self._staging = Staging(self._store, open_remote(setup.shared))
-        self._pool = LocalExecutor(setup.runner, environment=setup.environment, capacity=Capacity(memory_gb=1.0))
+        self._pool = LocalExecutor(setup.runner, Capacity(), setup.environment)
 
     def run(self, task: Task) -> Iterator[Report]:
         """Run a call with this node's store and project in place of the driver's; the last report is its end."""
@@ -80,8 +80,7 @@ class NodeWorker:
             return replace(end, reply=None, error=error)
         if task.key:
             self._store.keep.drop(task.key)
-        # Sizes are of what this store took in, and the driver may have had it before.
-        return replace(end, reply={name: told for name, told in end.reply.items() if name != "sizes"})
+        return end
 
 
 _here: list[NodeWorker] = []

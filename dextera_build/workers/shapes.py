@@ -34,7 +34,7 @@ def capacity(nodes: Collection[Amounts], said: Mapping[str, float]) -> Capacity:
     # Ray itself adds resources for addresses and kinds of devices.
     own = [name for name in totals if ":" in name and not name.startswith(("node:", "accelerator_type:"))]
     named = {name: totals[name] for name in own} | {n: amount for n, amount in said.items() if n not in MEASURED}
-    return Capacity(max(cpus, 1), max(totals["memory"] / _GIB, 0.25), gpus, named, is_cluster=True)
+    return Capacity(max(cpus, 1), max(totals["memory"] / _GIB, 0.25), gpus, named)
 
 
 def shape(needs: Needs, nodes: Collection[Amounts], gpu_memory_gb: float = 0.0) -> Amounts:

@@ -1,41 +1,28 @@
 """What a node uses while it runs: processor time, memory, bytes read and written.
 
-The worker measures itself and the children that it waited for; the pool looks at the whole tree of processes from
-outside a few times a second, which also tells how large a worker was that died. A number that the system does not give
-is left out.
+A worker measures itself and the children that it waited for. A number that the system does not give is left out.
 """
 
 from __future__ import annotations
 
-import os
 import resource
 import time
-from collections.abc import Mapping
 from contextlib import suppress
 
 Usage = dict[str, float]
 """`cpu_seconds`, `memory_bytes` (peak), `read_bytes` and `written_bytes` (by read and write calls, cached or not)."""
 
-_PAGE = os.sysconf("SC_PAGE_SIZE")
-
 
 class Meter:
-    """Measures one task after another in the process that runs them."""
+    """Measures one task in the process that runs it, from now on."""
 
     def __init__(self) -> None:
-        self._own = 0.0
-        """Processor time of this process when the task began [s], and the next two likewise."""
-        self._children = (0.0, 0)
-        self._moved: tuple[int, int] | None = None
-
-    def begin(self) -> None:
-        """A task begins."""
         with suppress(OSError), open("/proc/self/clear_refs", "wb") as peak:
             peak.write(b"5")  # the peak counts from here
         self._own, self._children, self._moved = time.process_time(), _children(), _moved()
 
     def end(self) -> Usage:
-        """What the process used since `begin`."""
+        """What the process used."""
         (before, record), (children, peak), moved = self._children, _children(), _moved()
         used: Usage = {"cpu_seconds": round(time.process_time() - self._own + children - before, 6)}
         if self._moved is not None and moved is not None:
@@ -45,26 +32,6 @@ class Meter:
         if peak:
             used["memory_bytes"] = peak
         return used
-
-
-def with_peak(usage: Mapping[str, float], seen: int) -> Usage:
-    """What a worker said of itself, and the most that its tree was seen with from outside [bytes]."""
-    peak = max(usage.get("memory_bytes", 0), seen)
-    return {**usage, "memory_bytes": peak} if peak else dict(usage)
-
-
-def tree_bytes(root: int) -> int:
-    """Resident memory of a process and all that descends from it; pages that they share count for each [bytes]."""
-    total, stack = 0, [root]
-    while stack:
-        pid = stack.pop()
-        with suppress(OSError, ValueError, IndexError):
-            with open(f"/proc/{pid}/statm") as file:
-                total += int(file.read().split()[1]) * _PAGE
-            for thread in os.listdir(f"/proc/{pid}/task"):
-                with open(f"/proc/{pid}/task/{thread}/children") as file:
-                    stack += [int(child) for child in file.read().split()]
-    return total
 
 
 def _children() -> tuple[float, int]:

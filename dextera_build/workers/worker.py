@@ -44,59 +44,34 @@ class Worker:
     """
 
     def __init__(self, runner: str, pool: socket.socket) -> None:
-        self._runner_name = runner
-        self._runner: Callable[..., Mapping[str, Any]] | None = None
+        self._named = runner
         self._pool = pool
         self._writing = threading.Lock()
         self._last_progress = 0.0
         self._libc = ctypes.CDLL(None)
-        self._meter = Meter()
 
     def serve(self) -> None:
         """Answer every task, one after another."""
         with self._pool.makefile("rb") as told:
             # The same path in the same order: an import finds here what it finds there.
             sys.path[:] = json.loads(told.readline() or "null") or sys.path
-            with contextlib.suppress(Exception):  # the first task is answered with what is wrong
-                load(self._runner_name)
+            try:
+                runner = load(self._named)
+            except Exception as error:
+                runner = _refusing(error)
             self._write({"ready": True})
             for line in told:
-                self._answer(json.loads(line))
+                self._answer(runner, json.loads(line))
 
-    def _answer(self, task: Mapping[str, Any]) -> None:
+    def _answer(self, runner: Callable[..., Mapping[str, Any]], task: Mapping[str, Any]) -> None:
         if os.fstat(1).st_size:
             os.ftruncate(1, 0)
         self._last_progress = 0.0
-        self._meter.begin()
-        began = time.perf_counter()
-        answer: dict[str, object]
-        try:
-            reply = self._load()(task, self._emit)
-            answer = {"reply": dict(reply)}
-        except DxbError as error:
-            answer = {"error": error.to_json()}
-        except Exception as error:
-            with contextlib.suppress(OSError):  # where the log's disk is full the error still goes out
-                traceback.print_exc()
-            answer = {"error": escaped(error, task["project"]).to_json(), "raised": names_of(error)}
-        answer["seconds"] = time.perf_counter() - began
+        answer = attempt(lambda: runner(task, self._emit), task["project"])
         self._flush()
-        if log := printed(1):
-            answer["log"] = log.decode("latin-1")  # any bytes; the next task writes over them
-        answer["usage"] = self._meter.end()
+        answer["error"] = answer["error"] and answer["error"].to_json()
+        answer["log"] = printed(1).decode("latin-1")  # any bytes; the next task writes over them
         self._write(answer)
-
-    def _load(self) -> Callable[..., Mapping[str, Any]]:
-        if self._runner is None:
-            try:
-                self._runner = load(self._runner_name)
-            except Exception as error:
-                traceback.print_exc()
-                raise MachineError(
-                    f"a worker cannot start: {type(error).__name__}: {error}", code="DXB-E201", hint="dxb doctor"
-                ) from None
-        runner: Callable[..., Mapping[str, Any]] = self._runner
-        return runner
 
     def _emit(self, kind: str, data: Mapping[str, Any]) -> None:
         if kind == "progress":
@@ -120,11 +95,45 @@ class Worker:
             self._pool.sendall(json.dumps(answer, default=str).encode() + b"\n")
 
 
+def attempt(call: Callable[[], Mapping[str, Any]], project: str) -> dict[str, Any]:
+    """Carry out a call in this process; returns what an `Ended` says of it, without its log.
+
+    Args:
+        call: Gives the reply.
+        project: The project's folder, see `escaped`.
+    """
+    reply: Mapping[str, Any] | None = None
+    error: DxbError | None = None
+    raised: list[str] = []
+    meter, began = Meter(), time.perf_counter()
+    try:
+        reply = dict(call())
+    except DxbError as known:
+        error = known
+    except Exception as unknown:
+        with contextlib.suppress(OSError):  # where the log's disk is full the error still goes out
+            traceback.print_exc()
+        error, raised = escaped(unknown, project), names_of(unknown)
+    seconds = time.perf_counter() - began
+    return {"reply": reply, "error": error, "raised": raised, "seconds": seconds, "usage": meter.end()}
+
+
 def load(named: str) -> Callable[..., Any]:
     """The function that `module:function` names."""
     module, _, name = named.partition(":")
     found: Callable[..., Any] = getattr(importlib.import_module(module), name)
     return found
+
+
+def _refusing(error: Exception) -> Callable[..., Mapping[str, Any]]:
+    """What answers tasks where the runner cannot be loaded."""
+
+    def run(task: Mapping[str, Any], emit: object) -> Mapping[str, Any]:
+        traceback.print_exception(error)
+        said = f"{type(error).__name__}: {error}"
+        raise MachineError(f"a worker cannot start: {said}", code="DXB-E201", hint="dxb doctor")
+
+    return run
 
 
 def live_with(parent: int) -> None:

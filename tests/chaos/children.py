@@ -6,10 +6,12 @@ Nodes run in the child itself, so that a failpoint anywhere in a build is reache
 from __future__ import annotations
 
 import importlib
+import itertools
 import os
 import signal
 import sys
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -18,7 +20,7 @@ from dextera_build.build.runner import run_task
 from dextera_build.cli.main import main
 from dextera_build.store import failpoints
 from dextera_build.workers import pool
-from dextera_build.workers.inline import InlineExecutor
+from tests.engine.inline import InlineExecutor
 
 for _name in (
     "cli.build.build",
@@ -33,6 +35,9 @@ for _name in ("numpy", "pydantic", "dextera_build.engine.run", "dextera_build.re
     importlib.import_module(_name)
 
 
+_COUNT = itertools.count()
+
+
 @dataclass(frozen=True)
 class Said:
     """How a child ended."""
@@ -41,6 +46,10 @@ class Said:
     """Exit code; the negative number of the signal that ended it."""
     text: str
     """What it printed."""
+
+
+Workers = pool.LocalExecutor
+"""What runs nodes in processes of their own."""
 
 
 class _Inline(InlineExecutor):
@@ -57,25 +66,37 @@ class _Inline(InlineExecutor):
         self.stop()
 
 
-def dxb(root: Path, *words: str, failpoint: str = "") -> Said:
+def dxb(root: Path, *words: str, failpoint: str = "", begin: Callable[[], object] = lambda: None) -> Said:
     """Run one command in the project at `root`.
 
     Args:
         root: The project's folder.
         words: The command line.
         failpoint: As `DXB_FAILPOINT` has it.
+        begin: Called in the child before the command.
     """
-    printed = root / ".printed"
+    return start(root, *words, failpoint=failpoint, begin=begin)()
+
+
+def start(
+    root: Path, *words: str, failpoint: str = "", begin: Callable[[], object] = lambda: None
+) -> Callable[[], Said]:
+    """Begin what `dxb` does; call what is returned to wait for its end."""
+    printed = root.with_name(f".printed{next(_COUNT)}")  # a new file in the project would count
     pid = os.fork()
     if pid == 0:
-        _become(root, words, failpoint, printed)
+        _become(root, words, failpoint, printed, begin)
+    return lambda: _end(pid, printed)
+
+
+def _end(pid: int, printed: Path) -> Said:
     code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     text = printed.read_text()
     printed.unlink()
     return Said(code, text)
 
 
-def _become(root: Path, words: tuple[str, ...], failpoint: str, printed: Path) -> None:
+def _become(root: Path, words: tuple[str, ...], failpoint: str, printed: Path, begin: Callable[[], object]) -> None:
     code = 99
     try:
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -90,6 +111,7 @@ def _become(root: Path, words: tuple[str, ...], failpoint: str, printed: Path) -
         os.environ |= {"XDG_CONFIG_HOME": str(root / ".config"), "XDG_CACHE_HOME": str(root / ".cache")}
         pool.LocalExecutor = _Inline  # type: ignore[misc,assignment]
         failpoints.arm(failpoint)
+        begin()
         code = main(words)
     except BaseException:
         traceback.print_exc()

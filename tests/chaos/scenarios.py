@@ -225,8 +225,8 @@ SCENARIOS = {
 def results(space: Space) -> dict[str, tuple[str, frozenset[str]]]:
     """Key -> (output, what it refers to) of all results in the store."""
     store = Store(space.root / "cache")
-    found = [(key, store.actions.outline(key)) for key in store.actions.keys()]  # noqa: SIM118 - no mapping
-    return {key: outline for key, outline in found if outline is not None}
+    found = [(key, store.actions.entry(key)) for key in store.actions.keys()]  # noqa: SIM118 - no mapping
+    return {key: (entry.result.output, entry.refers) for key, entry in found if entry is not None}
 
 
 def bare_results(space: Space) -> set[str]:

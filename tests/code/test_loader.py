@@ -128,6 +128,17 @@ def test_a_recipe_that_shadows_a_bundled_one_is_looked_for(tmp_path):
     assert not watch.settled()
 
 
+def test_a_folder_of_the_search_path_that_appears_later_is_searched(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(tmp_path / "late"))
+    library = make(tmp_path, numbers="SMALL = 1\n", large="LARGE = 1\n", mesh=RULE.replace("NAME", "mesh"))
+    (tmp_path / "rules/toy/large.py").write_text("try:\n    import late_own\nexcept ImportError:\n    LARGE = 1\n")
+    assert "late_own.py" not in library.code.of(library.find("toy.mesh").file).definitions
+    (tmp_path / "late").mkdir()
+    (tmp_path / "late/late_own.py").write_text("")
+    library = Library(tmp_path)
+    assert "late_own.py" in library.code.of(library.find("toy.mesh").file).definitions
+
+
 def noted(asked: Library | Project) -> Watch:
     watch = Watch()
     watch.started_ns = 2**62  # what was written just now counts as old

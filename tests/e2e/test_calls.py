@@ -206,8 +206,7 @@ def test_profile_stub_never_calls(asking: Space, service: Service) -> None:
 def test_a_mode_that_there_is_not(asking: Space) -> None:
     answer = asking.dxb("build", "say/seen", "--calls", "maybe")
     assert answer.code == 2
-    assert "`maybe` is not a way to treat calls" in answer.err
-    assert "DXB-U180" in answer.err
+    assert "error[DXB-U103]: `calls` cannot be `maybe`" in answer.err
 
 
 def test_a_kill_before_the_record_costs_one_more_call(asking: Space, service: Service) -> None:

@@ -15,14 +15,14 @@ SHARED = {"DXB_REMOTES": "./shared:rw"}
 def test_an_executor_that_does_not_exist_is_refused(space: Space, wrong: str) -> None:
     answer = space.dxb("build", "say/words", "--executor", wrong)
     assert answer.code == 2
-    assert f"error[DXB-U181]: `{wrong}` is not an executor" in answer.err
+    assert f"error[DXB-U103]: `executor` cannot be `{wrong}`" in answer.err
     assert "local, ray, ray:HOST:PORT" in answer.err
 
 
 def test_the_setting_comes_from_file_environment_and_flag(space: Space) -> None:
     space.write("dxb.toml", 'executor = "slurm"\n')
-    assert "from        dxb.toml" in space.dxb("build", "say/words").err
-    assert "from        environment" in space.dxb("build", "say/words", env={"DXB_EXECUTOR": "pbs"}).err
+    assert "from      dxb.toml" in space.dxb("build", "say/words").err
+    assert "from      environment" in space.dxb("build", "say/words", env={"DXB_EXECUTOR": "pbs"}).err
     assert space.dxb("build", "say/words", "--executor", "local").code == 0
 
 

@@ -168,7 +168,7 @@ def test_what_the_store_lacks_says_what_to_do(seen):
     (seen.root / "cache" / "ac" / keys["words"][:2] / keys["words"][2:]).unlink()
     lines = seen.dxb("show", "--lineage", "say/seen:said").out
     again = "`dxb build 'say/seen:words'` makes it again"
-    assert f"missing\tits key document is not in the store; {again}" in lines
+    assert f"missing\tits result is not in the store; {again}" in lines
     (seen.root / "cache" / "ac" / keys["photo"][:2] / keys["photo"][2:]).unlink()
     assert seen.dxb("show", "--lineage", "say/seen:words").code == 0
     assert seen.build("say/seen:words").code == 0

@@ -55,7 +55,7 @@ def hungry(space: Space) -> Space:
 def test_what_the_machine_lacks_is_said_at_once(hungry: Space) -> None:
     answer = hungry.dxb("build", "toy/needs:a", "--console", "plain", "--resources", "gpu=0")
     assert answer.code == 1
-    assert "it needs 1 of `gpu`, 1 of `licence:solver`, which this machine does not have" in answer.err
+    assert "it needs 1 of `gpu`, 1 of `licence:solver`, which is more than there is" in answer.err
     assert "error[DXB-E345]" in answer.err
     assert "`gpu` here              0" in answer.err
     assert "--resources gpu=1" in answer.err

@@ -257,8 +257,7 @@ def test_what_was_never_built_names_what_it_waits_for(space):
 def test_a_lost_key_document_is_said(built):
     built.edit("recipes/say/words.yaml", "text: one two", "text: three")
     key = json.loads(built.dxb("show", "--json", "say/words:start").out)["key"]
-    entry = built.root / "cache" / "ac" / key[:2] / key[2:]
-    entry.unlink()
+    (built.root / "cache" / "cas" / key[:2] / key[2:]).unlink()
     answer = built.dxb("why", "say/words:start")
     assert answer.code == 0
     assert "  lost\tstart\tits key document of run 0001 is no longer in the store" in answer.out

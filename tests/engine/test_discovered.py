@@ -26,7 +26,7 @@ from dextera_build.remotes.folder import Directory
 from dextera_build.runs.events import NodeStarted
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
-from dextera_build.workers.inline import InlineExecutor
+from tests.engine.inline import InlineExecutor
 from tests.engine.tiny import Record, call, facts, graph, out, run, run_task
 from tests.store.stores import age, entry
 

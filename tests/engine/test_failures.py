@@ -179,7 +179,7 @@ def test_labels_that_cannot_stand_in_an_address_are_refused(store: Store, label:
 
 
 def test_a_metric_that_is_not_finite_fails_the_node(store: Store) -> None:
-    from dextera_build.workers.inline import InlineExecutor
+    from tests.engine.inline import InlineExecutor
 
     executor = InlineExecutor(
         lambda task, emit: {"output": store.blobs.put(b"{}"), "metrics": {"error": (float("nan"), "m")}}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import sys
 import threading
 from pathlib import Path
@@ -235,6 +234,6 @@ def test_a_key_that_is_being_built_elsewhere_is_waited_for(store: Store) -> None
     thread.start()
     result, record = run(graph(call("a"), call("b"), default=("a", "b")), store)
     thread.join()
-    assert [event.text for event in record.of(NodeLog)] == [f"process {os.getpid()} builds the same key"]
+    assert [event.text for event in record.of(NodeLog)] == ["another process builds the same key"]
     assert record.with_status("ran") == ["b", "a"]
     assert result.ok

@@ -22,7 +22,7 @@ from dextera_build.errors import Place, RuleError
 from dextera_build.runs.events import Event, NodeFinished
 from dextera_build.store.questions import Look, Recording
 from dextera_build.store.store import Store
-from dextera_build.workers.inline import Emit, InlineExecutor
+from tests.engine.inline import Emit, InlineExecutor
 
 RUNNER = "tests.engine.tiny:run_task"
 HERE = Place("recipe.yaml", 1, 1)

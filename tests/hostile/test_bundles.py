@@ -161,8 +161,11 @@ def test_headers_that_name_one_another_in_a_circle_end(tmp_path, monkeypatch):
 
     monkeypatch.setattr(store.blobs, "get", read)
     monkeypatch.setattr(store.blobs, "size", lambda digest: 1)
-    store.actions.put(two, ActionResult(one, "", (), {}, 1.0, None, two))
-    assert store.actions.outline(two) == (one, frozenset({two}))
+    key = "3" * 64
+    store.actions.put(key, ActionResult(one, "", (), {}, 1.0, None, key))
+    entry = store.actions.entry(key)
+    assert entry is not None
+    assert entry.refers == {two}
     with pytest.raises(ArtifactError), headers.reading("a value"):
         Endless.decode(one, read)
 

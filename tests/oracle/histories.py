@@ -31,6 +31,7 @@ from dextera_build.runs.events import fan_out
 from dextera_build.runs.log import EventLog
 from dextera_build.store import failpoints
 from dextera_build.store.store import Store
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.protocol import Executor
 from tests.chaos.clocks import clock
@@ -273,11 +274,11 @@ class Histories(RuleBasedStateMachine):
         """Take over what was published; all of it must be what the reference makes."""
         actions = Store(self.root).actions
         for name, key in found.calls.items():
-            outline = actions.outline(key)
+            known = actions.known(key)
             # A flipped bit may have made another digest of an entry that no build has looked at since.
-            assert outline is None or outline[0] == found.cache.get(name) or self.is_damaged
-            if outline is not None and outline[0] == found.cache.get(name):
-                self.cache[name], self.keys[name] = outline[0], key
+            assert known is None or known.output == found.cache.get(name) or self.is_damaged
+            if known is not None and known.output == found.cache.get(name):
+                self.cache[name], self.keys[name] = known.output, key
             else:
                 assert name not in self.cache or self.is_damaged
                 self.cache.pop(name, None)
@@ -287,4 +288,4 @@ class HistoriesWithWorkers(Histories):
     """Undisturbed builds run in processes of their own, which publish what they make."""
 
     def executor(self, jobs: int, seed: int) -> Executor:
-        return LocalExecutor(RUNNER, jobs, environment={"TINY_DICE": str(self.dice)})
+        return LocalExecutor(RUNNER, Capacity(jobs, 4.0), {"TINY_DICE": str(self.dice)})

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from dextera_build.errors import RuleError
-from dextera_build.workers.inline import InlineExecutor
 from dextera_build.workers.protocol import Ended, Report
+from tests.engine.inline import InlineExecutor
 from tests.engine.tiny import run_task
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from dextera_build.engine.dry import plan
 from dextera_build.engine.graph import Address, Fixed, Gather, Input, Item, Leaf, Output, node_address
-from dextera_build.store.entry import KEY, Entry
+from dextera_build.store.entry import Entry
 from dextera_build.store.headers import closure
 from dextera_build.store.store import Store
 from tests.engine.tiny import run
@@ -35,15 +35,12 @@ class Before:
         return cls({digest for digest, _ in store.blobs.all()}, {key: entry for key, entry in read.items() if entry})
 
     def knows(self, key: str, output: str, reference: Reference) -> bool:
-        """Whether the headers of a result are there."""
-        return key in self.entries and self.blobs >= {output, *_headers(reference, output)}
+        """Whether the headers of a result and its key document are there."""
+        return key in self.entries and self.blobs >= {key, output, *_headers(reference, output)}
 
     def holds(self, key: str, output: str, reference: Reference) -> bool:
         """Whether all of a result is there."""
-        if key not in self.entries:
-            return False
-        asked = {file.digest for file in self.entries[key].files if file.role == KEY}
-        return self.blobs >= {output, *asked, *_below(reference, output)}
+        return key in self.entries and self.blobs >= {key, output, *_below(reference, output)}
 
 
 def _below(reference: Reference, output: str) -> Iterator[str]:

@@ -12,6 +12,7 @@ from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.run import RunResult, build
 from dextera_build.runs.events import NodeStarted
 from dextera_build.store.store import Store
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from tests.engine.tiny import RUNNER, Record, inline
 from tests.oracle.graphs import RandomGraph
@@ -94,7 +95,7 @@ def test_the_first_failure_stops_what_has_not_begun(seed: int, tmp_path: Path) -
 
 
 def test_a_pool_runs_exactly_the_stale_nodes_too(tmp_path: Path) -> None:
-    with LocalExecutor(RUNNER, 3) as pool:
+    with LocalExecutor(RUNNER, Capacity(3, 4.0)) as pool:
         for seed in range(100, 112):
             folder = tmp_path / str(seed)
             folder.mkdir()

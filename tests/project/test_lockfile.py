@@ -13,7 +13,8 @@ from dextera_build import digest
 from dextera_build.errors import RecipeError, StoreError
 from dextera_build.project import lockfile
 from dextera_build.project.lockfile import Name, Pin
-from dextera_build.project.project import LOCK, PROFILES
+from dextera_build.project.project import LOCK
+from dextera_build.project.settings import PROFILES
 
 HEX = st.binary(max_size=4).map(digest.of_bytes)
 LABEL = st.text(

@@ -27,7 +27,7 @@ def test_a_switch_is_spelled_the_same_way_everywhere(tmp_path: Path, name: str, 
 def test_what_is_neither_on_nor_off_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     (tmp_path / "dxb.toml").write_text("")
     monkeypatch.setenv(f"DXB_{name.upper()}", "flase")
-    with pytest.raises(UsageError, match=f"`{name}` is true or false, not `flase`") as caught:
+    with pytest.raises(UsageError, match=f"`{name}` cannot be `flase`") as caught:
         getattr(find(tmp_path), name)
     assert caught.value.code == "DXB-U103"
     assert caught.value.facts["from"] == "environment"

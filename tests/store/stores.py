@@ -46,10 +46,10 @@ def forged(
     result: Callable[[bytes], bytes] = lambda made: made,
 ) -> bytes:
     """An entry that somebody changed, with right digests."""
-    head, made, *asked = message.split(b"\n", 2)
+    head, made = message.split(b"\n", 1)
     raw, made = json.loads(head), result(made)
     raw |= {"files": files(raw["files"]), "result": digest.of_bytes(made)}
-    return b"\n".join([json.dumps(raw).encode(), made, *asked])
+    return json.dumps(raw).encode() + b"\n" + made
 
 
 def age(path: Path, used: float) -> None:
@@ -96,6 +96,5 @@ def assert_whole(store: Store) -> None:
     for key in keys(store):
         found = store.actions.get(key)
         assert found is not None
-        _, closure = store.actions.outline(key) or ("", frozenset())
-        for name in {found.output, found.key_document, *closure}:
+        for name in {found.output, found.key_document, *store.actions.references.below(found.output)}:
             store.blobs.get(name)

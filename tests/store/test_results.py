@@ -43,6 +43,12 @@ def result(store: Store) -> ActionResult:
     )
 
 
+def headers_of(store: Store, result: ActionResult) -> set[str]:
+    """What must be there for a result to be known."""
+    below = store.actions.references.below(result.output)
+    return {result.output, result.key_document, *(key for key, is_header in below.items() if is_header)}
+
+
 def test_what_goes_in_comes_out(store: Store, result: ActionResult) -> None:
     assert store.actions.get(KEY) is None
     assert store.actions.put(KEY, result)
@@ -57,13 +63,8 @@ def test_an_entry_names_everything_that_it_needs(store: Store, result: ActionRes
     store.actions.put(KEY, result)
     named = entries.read((store.root / "ac" / KEY[:2] / KEY[2:]).read_bytes()).files
     assert {file.digest for file in named} == {key for key, _ in store.blobs.all()}
-    assert {file.role for file in named} == {"output", "closure", "preview", "log", "key"}
+    assert {file.role for file in named} == {"output", "header", "blob", "key", "beside"}
     assert all(file.size == store.blobs.size(file.digest) for file in named)
-    assert set(store.actions.files(KEY)) == {
-        store.root / "ac" / KEY[:2] / KEY[2:],
-        *(store.blobs.path(key) for key, _ in store.blobs.all()),
-    }
-    assert store.actions.files(digest.of_bytes(b"other")) == []
 
 
 def test_an_entry_without_one_of_its_blobs_is_a_miss(store: Store, result: ActionResult) -> None:
@@ -81,12 +82,6 @@ def test_an_entry_without_one_of_its_blobs_is_a_miss(store: Store, result: Actio
         store.blobs.put(data)
 
 
-def test_sizes_that_are_known_give_the_same_entry(store: Store, result: ActionResult) -> None:
-    looked = store.actions.made(result)
-    assert store.actions.made(result, sizes=dict(store.blobs.all())) == looked
-    assert store.actions.made(result, sizes={result.output: store.blobs.size(result.output) or 0}) == looked
-
-
 def test_a_bare_result_is_known_and_no_hit(store: Store, result: ActionResult) -> None:
     content = digest.of_bytes(b"content")
     store.blobs.path(content).unlink()
@@ -98,7 +93,8 @@ def test_a_bare_result_is_known_and_no_hit(store: Store, result: ActionResult) -
     assert found is not None
     assert found.is_bare
     assert all(store.blobs.size(file.digest) == file.size for file in found.files)
-    assert store.actions.outline(KEY) == (result.output, frozenset(store.actions.references.headers(result.output)[1:]))
+    assert [file.digest for file in found.files if file.size is None] == [content]
+    assert found.refers == store.actions.references.below(result.output).keys()
     store.blobs.put(b"content")
     assert store.actions.find(KEY) == Found(result, True)
     found = store.actions.entry(KEY)
@@ -109,7 +105,7 @@ def test_a_bare_result_is_known_and_no_hit(store: Store, result: ActionResult) -
 def test_a_result_whose_bytes_were_lost_is_known_as_long_as_its_headers_are_there(
     store: Store, result: ActionResult
 ) -> None:
-    headers = {*store.actions.references.headers(result.output)}
+    headers = headers_of(store, result)
     for key, _ in list(store.blobs.all()):
         store.actions.put(KEY, result)
         data = store.blobs.get(key)
@@ -120,7 +116,7 @@ def test_a_result_whose_bytes_were_lost_is_known_as_long_as_its_headers_are_ther
 
 
 def test_a_header_that_is_not_there_cannot_be_noted(store: Store, result: ActionResult) -> None:
-    for missing in (*store.actions.references.headers(result.output), result.key_document):
+    for missing in headers_of(store, result):
         data = store.blobs.get(missing)
         store.blobs.path(missing).unlink()
         with pytest.raises(MissingBlob):
@@ -143,21 +139,19 @@ def test_a_number_that_is_not_finite_is_refused(store: Store, result: ActionResu
 
 def test_an_entry_is_lines_of_canonical_json(store: Store, result: ActionResult) -> None:
     """Promise: an entry can be read without dxb."""
-    store.blobs.path(KEY).unlink()
-    store.actions.put(KEY, result, document=b"{}")
-    head, made, asked = (store.root / "ac" / KEY[:2] / KEY[2:]).read_bytes().split(b"\n")
-    assert json.loads(head) == {"bare": False, "files": json.loads(head)["files"], "result": digest.of_bytes(made)}
-    assert ["log", result.log, 5] in json.loads(head)["files"]
+    store.actions.put(KEY, result)
+    head, made = (store.root / "ac" / KEY[:2] / KEY[2:]).read_bytes().split(b"\n")
+    assert json.loads(head) == {"files": json.loads(head)["files"], "result": digest.of_bytes(made)}
+    assert ["beside", result.log, 5] in json.loads(head)["files"]
     assert json.loads(made)["line"] == "1 hinge, 0–131°"
-    assert [digest.canonical(json.loads(line)) for line in (head, made, asked)] == [head, made, asked]
-    assert digest.of_bytes(asked) == KEY
+    assert [digest.canonical(json.loads(line)) for line in (head, made)] == [head, made]
 
 
 def test_an_entry_under_another_key_is_a_miss(store: Store, result: ActionResult) -> None:
     """Promise: two entries that were swapped never answer for one another."""
-    other = digest.of_bytes(b"[]")
-    store.actions.put(KEY, result, document=b"{}")
-    store.actions.put(other, replace(result, key_document=other, line="another"), document=b"[]")
+    other = store.blobs.put(b"[]")
+    store.actions.put(KEY, result)
+    store.actions.put(other, replace(result, key_document=other, line="another"))
     one, two = (store.root / "ac" / key[:2] / key[2:] for key in (KEY, other))
     one.rename(one.with_name("x"))
     two.rename(one)
@@ -221,7 +215,7 @@ def test_every_flipped_bit_is_a_miss_or_harmless(store: Store, result: ActionRes
     for place in range(len(whole)):
         path.unlink(missing_ok=True)
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :])
-        store.actions.outline(KEY)
+        assert store.actions.known(KEY) in (None, result), place
         assert store.actions.get(KEY) in (None, result), place
         assert {key for key, _ in store.blobs.all()} == known
 
@@ -233,5 +227,5 @@ def test_every_cut_is_a_miss(store: Store, result: ActionResult) -> None:
     for end in range(len(whole)):
         path.unlink(missing_ok=True)
         path.write_bytes(whole[:end])
-        assert store.actions.outline(KEY) is None, end
+        assert store.actions.known(KEY) is None, end
         assert store.actions.get(KEY) is None, end

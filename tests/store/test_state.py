@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.store.state import State, is_shared
+from dextera_build.store.state import State
 
 ROWS = {f"node{number}\udcff": b"value %d " % number * 20 for number in range(600)}
 
@@ -106,38 +106,3 @@ def test_a_store_that_may_only_be_read_is_read(path: Path) -> None:
     assert not state.put("a", {"x": b"y"})
     assert sorted(os.listdir(path.parent)) == before
     path.parent.chmod(0o755)
-
-
-MOUNTS = """/dev/sda1 / ext4 rw 0 0
-server:/home /home nfs4 rw 0 0
-/dev/sdb1 /home/fast\\040disk xfs rw 0 0
-user@host: /mnt/far fuse.sshfs rw 0 0
-"""
-
-
-@pytest.mark.parametrize(
-    ("place", "shared"),
-    [
-        ("/data/cache", False),
-        ("/home/a/cache", True),
-        ("/home/fast disk/cache", False),
-        ("/homes/a", False),
-        ("/mnt/far/cache", True),
-    ],
-)
-def test_a_network_file_system_is_known_by_the_table_of_mounts(tmp_path: Path, place: str, shared: bool) -> None:
-    mounts = tmp_path / "mounts"
-    mounts.write_text(MOUNTS)
-    assert is_shared(place, str(mounts)) is shared
-
-
-def test_where_file_systems_are_not_known_they_may_be_shared(tmp_path: Path) -> None:
-    assert is_shared("/work", str(tmp_path / "none"))
-
-
-@pytest.mark.parametrize("shared", [True, False])
-def test_only_a_local_file_has_a_write_ahead_log(path: Path, monkeypatch: pytest.MonkeyPatch, shared: bool) -> None:
-    monkeypatch.setattr("dextera_build.store.state.is_shared", lambda path: shared)
-    State(str(path)).put("a", ROWS)
-    assert path.read_bytes()[18] == (1 if shared else 2)
-    assert State(str(path)).all("a") == ROWS

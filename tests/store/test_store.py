@@ -60,15 +60,12 @@ def test_size_counts_blobs_and_results(store: Store) -> None:
 def test_a_lock_excludes_other_processes_until_they_die(store: Store) -> None:
     child = hold(store, KEY)
     assert not store.locks.take(KEY)
-    assert store.locks.holder(KEY) == child.pid
     assert store.locks.take(OTHER)  # each key by itself
     child.kill()
     child.communicate()
     assert store.locks.take(KEY)
-    assert store.locks.holder(KEY) == os.getpid()
     store.locks.release(KEY)
     store.locks.release(OTHER)
-    assert store.locks.holder(KEY) is None
 
 
 def test_a_lock_excludes_others_of_this_process(store: Store) -> None:
@@ -122,7 +119,7 @@ def test_a_damaged_blob_is_not_placed(store: Store, tmp_path: Path) -> None:
     with pytest.raises(MissingBlob, match="damaged"):
         store.blobs.place(key, tmp_path / "mesh.obj")
     assert not (tmp_path / "mesh.obj").exists()
-    with pytest.raises(MissingBlob, match="no such file"):
+    with pytest.raises(MissingBlob, match="it is not there"):
         store.blobs.place(key, tmp_path / "mesh.obj")
 
 

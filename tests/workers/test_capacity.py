@@ -52,9 +52,9 @@ def test_a_machine_without_a_driver_has_none(monkeypatch: pytest.MonkeyPatch, tm
 
 
 def test_a_limit_of_the_control_group_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dextera_build.workers.capacity._limits", lambda: iter([0.5, 900.0]))
+    monkeypatch.setattr("dextera_build.workers.capacity._limit_gb", lambda: 0.5)
     assert available_gb() == 0.5
-    monkeypatch.setattr("dextera_build.workers.capacity._limits", lambda: iter([-3.0]))
+    monkeypatch.setattr("dextera_build.workers.capacity._limit_gb", lambda: -3.0)
     assert available_gb() == 0.25
 
 

@@ -37,7 +37,7 @@ NODES = [
 def test_the_capacity_is_that_of_all_nodes() -> None:
     found = shapes.capacity(NODES, {"gpu_memory": 80.0, "licence:arm": 3.0})
     gpus = (Gpu("0", 80.0), Gpu("1", 80.0))
-    assert found == Capacity(10, 20.0, gpus, {"licence:solver": 1.0, "licence:arm": 3.0}, is_cluster=True)
+    assert found == Capacity(10, 20.0, gpus, {"licence:solver": 1.0, "licence:arm": 3.0})
     assert shapes.capacity(NODES, {"cpu": 3.0}).cpus == 3
 
 

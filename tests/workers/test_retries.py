@@ -14,9 +14,10 @@ from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import ArtifactError, MachineError, RuleError
 from dextera_build.runs.events import Event, NodeFinished, NodeRetried, NodeStarted
 from dextera_build.store.store import Store
-from dextera_build.workers.inline import Emit, InlineExecutor
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.retries import Retries, name_of, names_of
+from tests.engine.inline import Emit, InlineExecutor
 from tests.engine.tiny import RUNNER, Record, call, facts, graph, inline, out, run_task
 
 QUICK = 0.01
@@ -93,7 +94,7 @@ def test_retries_are_in_no_key(store: Store) -> None:
 
 @pytest.fixture
 def pool() -> Iterator[LocalExecutor]:
-    with LocalExecutor(RUNNER, 2, memory_gb=4.0) as executor:
+    with LocalExecutor(RUNNER, Capacity(2, 4.0)) as executor:
         yield executor
 
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,9 +15,9 @@ from dextera_build.engine.run import RunInfo, build
 from dextera_build.runs.history import History
 from dextera_build.runs.log import EventLog, read
 from dextera_build.store.store import Store
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
-from dextera_build.workers.process import Process, Sampler
-from dextera_build.workers.usage import Meter, tree_bytes, with_peak
+from dextera_build.workers.usage import Meter
 from tests.engine.tiny import RUNNER, Record, call, graph
 
 MIB = 1 << 20
@@ -27,11 +25,10 @@ MIB = 1 << 20
 
 def test_the_peak_is_that_of_one_task() -> None:
     meter = Meter()
-    meter.begin()
     block = bytearray(200 * MIB)
     del block
     large = meter.end()
-    meter.begin()
+    meter = Meter()
     small = meter.end()
     assert large["memory_bytes"] >= 200 * MIB
     assert small["memory_bytes"] < large["memory_bytes"] - 150 * MIB
@@ -39,7 +36,6 @@ def test_the_peak_is_that_of_one_task() -> None:
 
 def test_a_child_counts_once_it_is_waited_for(tmp_path: Path) -> None:
     meter = Meter()
-    meter.begin()
     write = f"open({str(tmp_path / 'out')!r}, 'wb').write(bytes({5 * MIB}))"
     script = f"x = bytearray({400 * MIB}); {write}; sum(range(4_000_000))"
     subprocess.run([sys.executable, "-c", script], check=True)
@@ -51,7 +47,6 @@ def test_a_child_counts_once_it_is_waited_for(tmp_path: Path) -> None:
 
 def test_bytes_and_time_are_differences() -> None:
     meter = Meter()
-    meter.begin()
     used = meter.end()
     # Far less than this process used so far; a collector of garbage, or a thread of the test runner, may use some.
     assert used["cpu_seconds"] < time.process_time() / 2
@@ -59,49 +54,9 @@ def test_bytes_and_time_are_differences() -> None:
     assert used["written_bytes"] < MIB
 
 
-def test_the_tree_is_seen_from_outside() -> None:
-    inner = f"import sys; x = bytearray({150 * MIB}); print('up', flush=True); sys.stdin.read()"
-    outer = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {inner!r}])"
-    with subprocess.Popen([sys.executable, "-c", outer], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
-        try:
-            assert child.stdout is not None
-            child.stdout.readline()
-            assert tree_bytes(child.pid) >= 150 * MIB
-        finally:
-            child.kill()
-    assert tree_bytes(child.pid) == 0
-
-
-class Worker:
-    """What the sampler sees."""
-
-    def __init__(self, pid: int, began: float) -> None:
-        self.pid, self.began, self.peak = pid, began, 0
-
-
-def test_the_sampler_looks_only_at_what_runs_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    looked: list[int] = []
-    monkeypatch.setattr("dextera_build.workers.process.tree_bytes", lambda pid: looked.append(pid) or 7)
-    sampler, now = Sampler(), time.monotonic()
-    workers = [Worker(1, now), Worker(2, now - 1)]
-    sampler.look(workers)
-    sampler.look(workers)
-    assert looked == [2]
-    assert [worker.peak for worker in workers] == [0, 7]
-    assert sampler.patience(None, 0) is None
-    assert sampler.patience(0.02, 1) == 0.02
-    assert sampler.patience(None, 1) == 0.25
-
-
-def test_the_larger_of_both_views_counts() -> None:
-    assert with_peak({"memory_bytes": 5.0}, 9) == {"memory_bytes": 9}
-    assert with_peak({"memory_bytes": 5.0, "cpu_seconds": 1.0}, 0) == {"memory_bytes": 5.0, "cpu_seconds": 1.0}
-    assert with_peak({}, 0) == {}
-
-
 @pytest.fixture
 def pool() -> Iterator[LocalExecutor]:
-    with LocalExecutor(RUNNER, 1) as executor:
+    with LocalExecutor(RUNNER, Capacity(1, 4.0)) as executor:
         yield executor
 
 
@@ -132,21 +87,8 @@ def test_a_history_of_before_is_read(store: Store, pool: LocalExecutor) -> None:
     assert history.peak_gb("a") is None
 
 
-def test_a_worker_that_died_was_seen(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    look, killed = Sampler.look, []
-
-    def look_and_kill(sampler: Sampler, workers: Iterable[Process]) -> None:
-        workers = list(workers)
-        look(sampler, workers)
-        for worker in workers:
-            if worker.peak and not killed:
-                os.kill(worker.pid, signal.SIGKILL)
-                killed.append(worker.pid)
-
-    monkeypatch.setattr(Sampler, "look", look_and_kill)
-    plan = graph(call("a", "sleep", 300))
-    with LocalExecutor(RUNNER, 1) as pool:
-        result = build(plan, plan.targets["default"], store=store, executor=pool, listen=Record())
-    assert killed
+def test_what_a_worker_had_that_died_is_known(store: Store, pool: LocalExecutor) -> None:
+    plan = graph(call("a", "kill"))
+    result = build(plan, plan.targets["default"], store=store, executor=pool, listen=Record())
     assert result.nodes["a"].status == "failed"
     assert result.nodes["a"].usage["memory_bytes"] > 5 * MIB

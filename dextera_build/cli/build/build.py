@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     for path in deciding_files():
         watch.file(path)
     project, added = options.project(args), options.added(args)
-    project.refuse_wrong_settings()
+    _ = project.used_remotes  # wrong settings are refused also where nothing has to run
     locking = Locking(project, lock=args.lock, locked=args.locked, added=added)
     keeps = not (args.force or args.lock or args.locked or args.check or project.asks_again)
     keeps = keeps and project.console != "jsonl"

@@ -74,7 +74,7 @@ def console(kind: str, stream: TextIO, *, verbose: bool = False) -> Console:
     """The console called `kind`; `live` and `auto` become `plain` where `stream` cannot show a foot that moves.
 
     Args:
-        kind: One of `project.CONSOLES`, or `auto`.
+        kind: A value of the setting `console`.
         stream: Standard error, as a rule; standard output is for results.
         verbose: Show the lines that nodes log, too.
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from dextera_build.cli import options
@@ -74,10 +75,8 @@ def run(args: argparse.Namespace) -> int:
         ) from None
     with server:
         print(server.url, flush=True)
-        try:
+        with suppress(KeyboardInterrupt):
             server.serve_forever()
-        except KeyboardInterrupt:
-            print(f"served {server.given:,} and took {server.taken:,} blobs and results", file=sys.stderr)
     return 0
 
 

@@ -1,19 +1,17 @@
-"""Nodes run in this very process, one after another: for tests of rules, and where a debugger must step in."""
+"""An executor that runs nodes in this very process, one after another."""
 
 from __future__ import annotations
 
-import time
-import traceback
+import io
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import redirect_stderr
 from dataclasses import replace
 from typing import Any
 
-from dextera_build.errors import DxbError
 from dextera_build.workers.capacity import Capacity
-from dextera_build.workers.protocol import Ended, Report, Said, Task, escaped
-from dextera_build.workers.retries import names_of
-from dextera_build.workers.usage import Meter
+from dextera_build.workers.protocol import Ended, Report, Said, Task
+from dextera_build.workers.worker import attempt
 
 Emit = Callable[[str, Mapping[str, Any]], None]
 Runner = Callable[[Mapping[str, Any], Emit], Mapping[str, Any]]
@@ -31,7 +29,6 @@ class InlineExecutor:
     def __init__(self, runner: Runner, capacity: Capacity | None = None) -> None:
         self.capacity = replace(capacity or Capacity(memory_gb=1e6), cpus=1)
         self._runner = runner
-        self._meter = Meter()
         self._waiting: deque[Task] = deque()
 
     def submit(self, task: Task) -> None:
@@ -51,26 +48,13 @@ class InlineExecutor:
 
     def _run(self, task: Task) -> list[Report]:
         reports: list[Report] = []
-        log: list[str] = []
+        said = io.StringIO()
 
         def emit(kind: str, data: Mapping[str, Any]) -> None:
             reports.append(Said(task.ticket, kind, data))
             if kind == "log":
-                log.append(f"{data['text']}\n")
+                said.write(f"{data['text']}\n")
 
-        reply: Mapping[str, Any] | None = None
-        error: DxbError | None = None
-        raised: list[str] = []
-        self._meter.begin()
-        began = time.monotonic()
-        try:
-            reply = self._runner(task.message(), emit)
-        except DxbError as known:
-            error = known
-        except Exception as unknown:
-            log.append(traceback.format_exc())
-            error, raised = escaped(unknown, task.project), names_of(unknown)
-        seconds = time.monotonic() - began
-        said = "".join(log).encode()
-        reports.append(Ended(task.ticket, seconds, said, reply, error, tuple(raised), self._meter.end()))
-        return reports
+        with redirect_stderr(said):
+            ended = attempt(lambda: self._runner(task.message(), emit), task.project)
+        return [*reports, Ended(task.ticket, log=said.getvalue().encode(), **ended)]

@@ -1,0 +1,56 @@
+"""Random edits of code, packages, search paths, recipes and inputs: each build is as a clean one by plain Python."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.oracle.plain import build, expected, placed
+from tests.oracle.projects import RandomProject
+
+_STEPS = 6
+
+
+def play(seed: int, folder: Path, *, workers: bool = False) -> None:
+    """Build a project, edit it, and so on.
+
+    Args:
+        seed: Of the project and its edits.
+        folder: Where it lies.
+        workers: Nodes run in workers.
+    """
+    project = RandomProject(seed, folder / "project")
+    edit = ""
+    for step in range(_STEPS):
+        time.sleep(0.03)  # or no snapshot is made
+        right = expected(project.files(), folder / f"clean{step}")
+        said = build(project, workers=workers)
+        assert placed(project, said) == right, project.edits
+        assert not (edit.startswith("harmless") and " ran" in said.text), project.edits
+        again = build(project, "--console", "plain")
+        assert placed(project, again) == right, project.edits
+        assert "up to date" in again.text, (project.edits, again.text)
+        edit = project.edit()
+
+
+@pytest.mark.parametrize("seed", range(14))
+def test_a_build_after_any_edit_is_as_a_clean_one(seed: int, tmp_path: Path) -> None:
+    """Promise: whatever was edited, appeared or vanished, a build gives what plain Python gives."""
+    play(seed, tmp_path)
+
+
+@pytest.mark.parametrize("seed", range(100, 102))
+def test_a_build_by_workers_after_any_edit_is_as_a_clean_one(seed: int, tmp_path: Path) -> None:
+    """Promise: the same where workers run nodes."""
+    play(seed, tmp_path, workers=True)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3000)
+@pytest.mark.parametrize("part", range(4))
+def test_hundreds_of_projects_are_built_as_clean_ones_after_any_edit(part: int, tmp_path: Path) -> None:
+    """Promise: the same, 60 projects in each of four parts, one in six by workers."""
+    for seed in range(1000 + part, 1240, 4):
+        play(seed, tmp_path / str(seed), workers=seed % 6 == 0)

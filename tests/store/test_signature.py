@@ -1,0 +1,67 @@
+"""What a build noted after it was read: if it may have changed in between, the build leaves no snapshot."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from pathlib import Path
+
+import pytest
+
+from dextera_build.store.signature import Watch
+
+
+@pytest.fixture
+def old(tmp_path: Path) -> Path:
+    """A folder with a folder and a file."""
+    (tmp_path / "there" / "inner").mkdir(parents=True)
+    (tmp_path / "there" / "file").touch()
+    return tmp_path
+
+
+def watch_began(folder: Path) -> Watch:
+    """A watch that began a minute after everything in a folder was written."""
+    watch = Watch()
+    watch.started_ns = max(os.stat(path).st_ctime_ns for path in (folder, *folder.rglob("*"))) + 60 * 10**9
+    return watch
+
+
+def note(watch: Watch, folder: Path) -> bool:
+    """Whether two folders and a file, all of which were there at first, are noted as settled."""
+    for name in ("there", "there/inner", "there/file"):
+        path = str(folder / name)
+        if os.path.isdir(path):
+            watch.folder(path)
+        else:
+            watch.file(path)
+        watch.doubt(path, was_read=True)
+    return watch.settled()
+
+
+def test_what_was_at_rest_is_settled(old: Path) -> None:
+    assert note(watch_began(old), old)
+
+
+@pytest.mark.parametrize("change", ["a name", "a new file", "no file", "no folder"])
+def test_what_changed_before_it_was_noted_is_not_settled(old: Path, change: str) -> None:
+    watch = watch_began(old)
+    watch.started_ns -= 60 * 10**9 - 1
+    time.sleep(0.03)
+    match change:
+        case "a name":
+            (old / "there/inner/new").touch()
+        case "a new file":
+            (old / "there/file").write_text("other")
+        case "no file":
+            (old / "there/file").unlink()
+        case "no folder":
+            shutil.rmtree(old / "there/inner")
+    assert not note(watch, old)
+
+
+def test_a_file_that_was_never_there_is_settled(old: Path) -> None:
+    watch = watch_began(old)
+    watch.file(old / "none")
+    watch.doubt(str(old / "none"), was_read=False)
+    assert watch.settled()
