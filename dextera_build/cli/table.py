@@ -83,5 +83,4 @@ def writing(path: Path, hint: str | None = None) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        place = error.filename or path
-        raise UsageError(f"`{place}` cannot be written: {error.strerror}", code="DXB-U177", hint=hint) from None
+        raise UsageError(f"`{path}` cannot be written: {error.strerror}", code="DXB-U177", hint=hint) from None

@@ -127,7 +127,7 @@ def test_a_copy_whose_group_is_not_open_again_may_be_stale(built):
     assert answer.out.splitlines()[0].startswith("may be stale")
     never = built.dxb("why", "say/words:word[nine].loud")
     assert never.code == 2
-    assert "is not known yet: its group is not open" in never.err
+    assert "does not exist yet: the collection of its group is not built" in never.err
 
 
 def test_a_changed_file_is_named(space):

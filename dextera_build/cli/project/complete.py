@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import Any
 
 from dextera_build.cli.verbs import VERBS
-from dextera_build.project.project import CONSOLES, EXECUTORS, PROFILES, find
+from dextera_build.project.project import find
 
 
 def answer() -> int:
@@ -109,8 +109,8 @@ _COMPLETERS: dict[str, Callable[..., object]] = {
     "RULE=NAME": _backends,
     "force": lambda parsed_args, **_: [node for text in parsed_args.targets for node in _nodes(text.partition(":")[0])],
     "calls": _words("record", "replay", "refresh", "replace", "off"),
-    "console": _words(*CONSOLES),
-    "executor": _words(*EXECUTORS),
-    "profile": _words(*PROFILES),
+    "console": _words("live", "plain", "jsonl", "none"),
+    "executor": _words("local", "ray"),
+    "profile": _words("stub", "cpu", "gpu", "cloud"),
 }
 """By an argument's own name, or by what the help calls its value."""
