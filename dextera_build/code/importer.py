@@ -43,7 +43,11 @@ class Importer:
         wanted = self._wanted.get(name)
         if wanted == "":
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-        if not (wanted or self._may_be_ours(name)):
+        top = name.partition(".")[0]
+        may_be_ours = (
+            self.takes_dxb and name.startswith(_DIGESTED) if top == DXB else top not in sys.stdlib_module_names
+        )
+        if not (wanted or may_be_ours):
             return None
         spec = find_top(name) if path is None else PathFinder.find_spec(name, path)
         there = spec is not None and spec.has_location
@@ -110,12 +114,6 @@ class Importer:
             hint="build again; on a cluster, install the same version of dxb on every machine",
         )
         return self._edited
-
-    def _may_be_ours(self, name: str) -> bool:
-        top = name.partition(".")[0]
-        if top == DXB:
-            return self.takes_dxb and name.startswith(_DIGESTED)
-        return top not in sys.stdlib_module_names
 
     def _is_ours(self, name: str, file: str) -> bool:
         top = name.partition(".")[0]

@@ -24,15 +24,8 @@ PACKAGE = Path(__file__).parent.parent
 DXB = "dextera_build"
 _LIBRARY = os.path.dirname(os.path.realpath(os.__file__))
 _INSTALLED = {"site-packages", "dist-packages"}
-KNOWN = sys.stdlib_module_names | {
-    "PIL",
-    "annotated_types",
-    "numpy",
-    "pydantic",
-    "pydantic_core",
-    "typing_extensions",
-    "yaml",
-}
+_BESIDE = {"PIL", "annotated_types", "numpy", "pydantic", "pydantic_core", "typing_extensions", "yaml"}
+KNOWN = sys.stdlib_module_names | _BESIDE
 """Top-level modules of Python, and of every installation of dxb."""
 _READ: dict[str, bytes] = {}
 _SHARED = "DEXTERA_SOURCES"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TypeAlias
 
@@ -101,7 +102,7 @@ class RuleFacts:
     sources: Mapping[str, str] = field(default_factory=dict)
     """What a worker compares before it runs the code; `code` is what the key holds of it."""
 
-    @property
+    @cached_property
     def needs(self) -> Needs:
         """What a call takes of a machine; no part of the key, and neither are retries."""
         return Needs(self.cpus, self.memory_gb, self.gpus, self.gpu_gb, self.named)
@@ -146,22 +147,15 @@ class Graph:
 
     def calls(self) -> Iterator[tuple[tuple[str, ...], Call]]:
         """Every call with its address, groups in order; one after another, because there may be many."""
-        for name, member in self.members.items():
-            yield from _calls(name, member)
-
-    def below(self, name: str) -> Iterator[tuple[tuple[str, ...], Call]]:
-        """The calls of one group at the root, or the call that stands there."""
-        return _calls(name, self.members[name])
-
-
-def _calls(name: str, outer: Call | Group) -> Iterator[tuple[tuple[str, ...], Call]]:
-    stack: list[tuple[tuple[str, ...], Call | Group]] = [((name,), outer)]
-    while stack:
-        address, member = stack.pop()
-        if isinstance(member, Call):
-            yield address, member
-        else:
-            stack += [((*address, name), inner) for name, inner in reversed(list(member.members.items()))]
+        stack: list[tuple[tuple[str, ...], Call | Group]] = []
+        for first, outer in self.members.items():
+            stack.append(((first,), outer))
+            while stack:
+                address, member = stack.pop()
+                if isinstance(member, Call):
+                    yield address, member
+                else:
+                    stack += [((*address, name), inner) for name, inner in reversed(list(member.members.items()))]
 
 
 @dataclass(frozen=True)

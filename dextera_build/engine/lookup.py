@@ -27,10 +27,10 @@ def walk(graph: Graph, targets: Sequence[Address]) -> Iterator[tuple[Path, list[
     """Every call that `targets` may need, in the order in which they are met: its address without labels; `variants`.
 
     Raises:
-        UsageError: A target names no call.
+        UsageError: A target names a copy that its group does not have.
     """
     for target in targets:
-        lookup(graph, target)
+        _check(graph, target)
     seen: set[Path | str] = set()
     stack = [target.call for target in reversed(targets)]
     while stack:
@@ -53,21 +53,6 @@ def needs(graph: Graph, path: Path) -> Iterator[Path]:
     for source in (*(group.over for group in groups), *sources):
         if isinstance(source, Output | Gather):
             yield source.call
-
-
-def reach(graph: Graph, targets: Sequence[Address]) -> list[Path]:
-    """The addresses of every call that `targets` may need, in the order in which they are met.
-
-    Raises:
-        UsageError: A target names no call.
-    """
-    return [path for path, _ in walk(graph, targets)]
-
-
-def leaves(graph: Graph, targets: Sequence[Address]) -> Iterator[Leaf]:
-    """Every file and folder that `targets` may need."""
-    for _, calls in walk(graph, targets):
-        yield from leaves_of(calls)
 
 
 def leaves_of(calls: Iterable[Call]) -> Iterator[Leaf]:
@@ -116,28 +101,12 @@ def group_at(graph: Graph, path: Path) -> Group:
     return group
 
 
-def lookup(graph: Graph, target: Address) -> Call:
-    """The call that a target names.
-
-    Raises:
-        UsageError: There is none, or a group that lists its copies does not have this one.
-    """
-    try:
-        groups, call = _descend(graph, target.call)
-    except KeyError:
-        known = [".".join(path) for path, _ in graph.calls()]
-        name = ".".join(target.call)
-        raise UsageError(
-            f"`{target}` names no node of `{graph.name}`",
-            code="DXB-U202",
-            facts={"nodes": listing(known)},
-            hint=did_you_mean(name, known),
-        ) from None
+def _check(graph: Graph, target: Address) -> None:
+    """Refuse a copy that a group does not have which lists its copies."""
     labels = target.labels or ()
-    for depth, (group, label) in enumerate(zip(groups, labels, strict=False)):
+    for depth, (group, label) in enumerate(zip(_descend(graph, target.call)[0], labels, strict=False)):
         if isinstance(group.over, Fixed) and label not in group.over.labels:
             raise no_copy(str(target), node_address(target.call[: depth + 1], labels[:depth]), label, group.over.labels)
-    return call
 
 
 def no_copy(target: str, group: str, label: str, known: Iterable[str]) -> UsageError:
@@ -151,15 +120,11 @@ def no_copy(target: str, group: str, label: str, known: Iterable[str]) -> UsageE
 
 
 def _descend(graph: Graph, path: Path) -> tuple[list[Group], Call]:
-    groups: list[Group] = []
-    members = graph.members
-    for name in path[:-1]:
-        member = members[name]
-        if isinstance(member, Call):
-            raise KeyError(path)
-        groups.append(member)
-        members = member.members
-    call = members[path[-1]]
-    if not isinstance(call, Call):
-        raise KeyError(path)
+    groups = [group_at(graph, path[:depth]) for depth in range(1, len(path))]
+    call = (groups[-1].members if groups else graph.members)[path[-1]]
+    assert isinstance(call, Call), f"{path} is a group"
     return groups, call
+
+
+def _read_by(source: object) -> list[Path]:
+    return [source.call] if isinstance(source, Output | Gather) else []

@@ -14,8 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dextera_build.errors import DxbError
-from dextera_build.remotes.connect import open_remote
-from dextera_build.remotes.spec import Spec
+from dextera_build.remotes.spec import Spec, open_remote
 from dextera_build.store.store import Store
 from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor

@@ -16,6 +16,7 @@ import importlib
 import io
 import json
 import os
+import resource
 import signal
 import socket
 import sys
@@ -28,7 +29,6 @@ from typing import Any
 from dextera_build.errors import DxbError, MachineError
 from dextera_build.workers.protocol import escaped, printed
 from dextera_build.workers.retries import names_of
-from dextera_build.workers.usage import Meter
 
 _PR_SET_PDEATHSIG = 1
 _PROGRESS_S = 0.05
@@ -116,6 +116,57 @@ def attempt(call: Callable[[], Mapping[str, Any]], project: str) -> dict[str, An
         error, raised = escaped(unknown, project), names_of(unknown)
     seconds = time.perf_counter() - began
     return {"reply": reply, "error": error, "raised": raised, "seconds": seconds, "usage": meter.end()}
+
+
+class Meter:
+    """Measures one task in the process that runs it, from now on."""
+
+    def __init__(self) -> None:
+        with contextlib.suppress(OSError), open("/proc/self/clear_refs", "wb") as peak:
+            peak.write(b"5")  # the peak counts from here
+        self._own, self._children, self._moved = time.process_time(), _children(), _moved()
+
+    def end(self) -> dict[str, float]:
+        """What the process used, and the children that it waited for; see `Ended.usage`."""
+        (before, record), (children, peak), moved = self._children, _children(), _moved()
+        used: dict[str, float] = {"cpu_seconds": round(time.process_time() - self._own + children - before, 6)}
+        if self._moved is not None and moved is not None:
+            used["read_bytes"], used["written_bytes"] = moved[0] - self._moved[0], moved[1] - self._moved[1]
+        # Of children only the largest of all times is known: it is this task's where that record was broken meanwhile.
+        peak = max(_peak(), peak if peak > record else 0)
+        if peak:
+            used["memory_bytes"] = peak
+        return used
+
+
+def _children() -> tuple[float, int]:
+    """Of all children that were waited for: processor time [s], and the peak of the largest [bytes]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
+
+
+def _peak() -> int:
+    """Most that was resident since the last reset, or ever where that is not allowed [bytes]."""
+    for line in _text("/proc/self/status").splitlines():
+        if line.startswith(b"VmHWM:"):
+            return int(line.split()[1]) * 1024
+    return 0
+
+
+def _moved() -> tuple[int, int] | None:
+    """(read, written) so far [bytes]."""
+    words = _text("/proc/self/io").split(None, 4)
+    if len(words) < 4 or words[0] != b"rchar:" or words[2] != b"wchar:":
+        return None
+    return int(words[1]), int(words[3])
+
+
+def _text(path: str) -> bytes:
+    try:
+        with open(path, "rb") as file:
+            return file.read()
+    except OSError:
+        return b""
 
 
 def load(named: str) -> Callable[..., Any]:

@@ -91,7 +91,7 @@ def test_plain_log_of_a_build() -> None:
     text = show("plain", fabricate("mixed")[0])
     assert text.startswith("plan   17 calls, 1 open group\n")
     assert not re.search(r"\n  =  .*cached", text)
-    assert "\n       body opened: 28 nodes (laptop, blue_mug, box, gray_bowl)\n" in text
+    assert "\n       body opened: 4 copies (laptop, blue_mug, box, gray_bowl)\n" in text
     assert re.search(r"\n  \+  body\[laptop\]\.parts +1\.4 s +cpu +1 hinge, 0–131°\n", text)
     assert re.search(r"\n  ↓  body\[laptop\]\.urdf +0\.20 s +2 links, 1 joint\n", text)
     assert text.endswith(

@@ -34,7 +34,7 @@ with EventLog(store) as log, LocalExecutor(RUNNER, Capacity(2, 4.0)) as pool:
     def tell(event):
         if type(event).__name__ == "NodeStarted" and event.node == "slow":
             print(*pool.pids(), flush=True)
-    build(plan, [("end",)], store=store, executor=pool, listen=fan_out(log, tell))
+    build(plan, [("end",)], store=store, executor=pool, listen=fan_out(log, tell), pause=log.flush)
 """
 
 

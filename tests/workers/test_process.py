@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from dextera_build.store import files, locks
+from dextera_build.store import locks
 from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.protocol import Ended, Report, Task
@@ -45,7 +45,6 @@ def look(task: Mapping[str, Any], emit: Callable[[str, Any], None]) -> dict[str,
         "devices": os.environ["CUDA_VISIBLE_DEVICES"],
         "threads": threading.active_count(),
         "pid": os.getpid(),
-        "token": files._TOKEN,
     }
 
 
@@ -128,7 +127,6 @@ def test_workers_share_nothing() -> None:
     with LocalExecutor(HERE, Capacity(2, 4.0)) as pool:
         first, second = seen(pool, task(0, devices=("0",)), task(1, devices=("1",)))
     assert first["pid"] != second["pid"]
-    assert first["token"] != second["token"]  # names of files that are being written
     assert (first["devices"], second["devices"]) == ("0", "1")
 
 

@@ -83,10 +83,10 @@ def run(args: argparse.Namespace) -> int:
 
 def _said(session: Session, built: Built) -> Recipe:
     """What a snapshot says of a recipe that was built."""
-    nodes, root = built.run_result.nodes, session.store.actions.root
+    nodes, root = built.result.nodes, session.store.actions.root
     keys = [nodes[node].key or "" for node in built.placed.paths]
     entries = [f"{root}/{key[:2]}/{key[2:]}" for key in keys]
-    return Recipe(session.recipe, built.nodes, session.last_name, session.variant, entries)
+    return Recipe(session.recipe, len(nodes), session.last_name, session.variant, entries)
 
 
 def _check(session: Session, order: Order, locking: Locking) -> int:

@@ -173,12 +173,12 @@ def _build(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch:
         _note_mends(project, error, watch)
         return error, f"error {error.code}"
     tell(built, quiet=True)
-    return None, states(Counter(node.status for node in built.run_result.nodes.values()))
+    return None, states(Counter(node.status for node in built.result.nodes.values()))
 
 
 def _note_mends(project: Project | None, error: DxbError, watch: Watch) -> None:
     """Watch everything that the mend of an error could lie in."""
-    from dextera_build.build import snapshots
+    from dextera_build.build.build import note_packages
     from dextera_build.project.project import deciding_files
 
     for path in deciding_files():
@@ -194,7 +194,7 @@ def _note_mends(project: Project | None, error: DxbError, watch: Watch) -> None:
         if text:
             watch.folder(_nearest(Path(text).absolute()))
     if isinstance(error, MachineError):
-        snapshots.note_packages(watch)
+        note_packages(watch)
 
 
 def _nearest(path: Path) -> Path:

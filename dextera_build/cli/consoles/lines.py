@@ -116,9 +116,9 @@ def plan(event: RunStarted) -> Line:
 
 
 def opened(event: GroupOpened) -> Line:
-    """`body opened: 12 nodes (laptop, mug, box)`."""
+    """`body opened: 3 copies (laptop, mug, box)`."""
     labels = f" ({some(event.labels)})" if event.labels else ""
-    return [(f"       {event.group} opened: {count(event.nodes, 'node')}{labels}", "dim")]
+    return [(f"       {event.group} opened: {count(len(event.labels), 'copy', 'copies')}{labels}", "dim")]
 
 
 def logged(node: str, text: str) -> Line:

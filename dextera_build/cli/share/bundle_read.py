@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build import digest
-from dextera_build.bundle import importer, layout, oci, sign, trust
+from dextera_build.bundle import importer, layout, oci, sign
 from dextera_build.cli import options, table
 from dextera_build.errors import UsageError, did_you_mean, listing
 from dextera_build.report.wording import count
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dextera_build.store.store import Store
 
 
-def _open(args: argparse.Namespace, project: Project) -> tuple[Opened, trust.Voucher]:
+def _open(args: argparse.Namespace, project: Project) -> tuple[Opened, sign.Voucher]:
     """The bundle that an argument names, and who vouches for it.
 
     Raises:
@@ -46,9 +46,9 @@ def _open(args: argparse.Namespace, project: Project) -> tuple[Opened, trust.Vou
     bundle = importer.open_bundle(layout.Layout(path))
     required = args.require_signed or project.require_signed
     keys = sign.trusted(project.trusted_keys) if bundle.manifest.signature or required else []
-    voucher = trust.judge(bundle, keys)
+    voucher = sign.judge(bundle, keys)
     if required:
-        trust.require(bundle, voucher, keys)
+        sign.require(bundle, voucher, keys)
     return bundle, voucher
 
 
@@ -124,7 +124,7 @@ def _remember(project: Project, store: Store, build: Build, bundle: Opened) -> N
     history.save()
 
 
-def _say(bundle: Opened, voucher: trust.Voucher, taken: importer.Taken) -> None:
+def _say(bundle: Opened, voucher: sign.Voucher, taken: importer.Taken) -> None:
     nodes = count(sum(1 for _ in bundle.contents.nodes()), "node")
     bare = f" ({taken.bare} without their bytes)" if taken.bare else ""
     told = [f"{bundle.source.name}   {nodes}: {count(taken.new, 'result')} new{bare}, {taken.known} known   {voucher}"]
@@ -152,7 +152,7 @@ def inspect(args: argparse.Namespace) -> int:
     return table.give(everything, as_json=args.json, cells=cells)
 
 
-def _rows(bundle: Opened, voucher: trust.Voucher) -> list[tuple[str, object]]:
+def _rows(bundle: Opened, voucher: sign.Voucher) -> list[tuple[str, object]]:
     nodes = [node for _, node in bundle.contents.nodes()]
     layers = bundle.manifest.layers
     return [

@@ -91,7 +91,7 @@ def _collect(args: argparse.Namespace) -> int:
 def _explain(said: Collection, limit: int | None, *, dry: bool) -> None:
     told = [f"`{workspace}` no longer exists: its results are not kept" for workspace in said.vanished]
     if said.running:
-        told.append(f"results that {wording.count(said.running, 'running build')} may need are kept")
+        told.append("results that running builds may need are kept")
     before, after = wording.size(said.before), wording.size(said.after)
     if not said.gone:
         told.append(f"nothing {'would be' if dry else 'was'} deleted: the store has {after}")

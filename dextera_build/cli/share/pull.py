@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
         locking = Locking(project, lock=False, locked=False, added=session.added)
         built = build(session, order, locking, _show(session.recipe))
         tell(built)
-        lacking += [f"{session.recipe}:{place}" for place in built.run_result.errors]
+        lacking += [f"{session.recipe}:{place}" for place in built.result.errors]
         rows += [{"node": node, "file": shown(path)} for node, path in built.placed.paths.items()]
     table.give(rows, as_json=args.json)
     if lacking:
