@@ -9,7 +9,6 @@ from pathlib import Path
 from dextera_build.bundle.config import Closure, Node
 from dextera_build.engine import dry
 from dextera_build.engine.graph import Address, Graph
-from dextera_build.engine.lookup import files_read
 from dextera_build.engine.states import State
 from dextera_build.engine.units import producers
 from dextera_build.store.store import Store
@@ -69,7 +68,7 @@ def survey(
                 is_whole=unit.key in whole,
                 seconds=unit.result.seconds,
                 depends_on=tuple(dict.fromkeys(other.address for other in producers(unit))),
-                files={slot: shown(path) for slot, path in files_read(unit.call).items()},
+                files={slot: shown(path) for slot, path in unit.call.files().items()},
             )
         )
     if not stale:

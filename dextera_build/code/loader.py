@@ -22,9 +22,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest
-from dextera_build.code import import_errors
 from dextera_build.code.code_digest import RULES, Code, CodeIndex
-from dextera_build.code.importer import IMPORTER, install
+from dextera_build.code.importer import IMPORTER, install, refused, watched
 from dextera_build.code.modules import KNOWN, read
 from dextera_build.code.modules import PACKAGE as PACKAGE
 from dextera_build.code.syntax import tree
@@ -337,10 +336,10 @@ def _of_profile(found: RuleFile, profile: str, where: Place | None) -> BackendFi
 
 def _import(root: Root, path: str, file: Path) -> ModuleType:
     try:
-        with import_errors.watched(path, file):
+        with watched(path, file):
             return importlib.import_module(root.module(file))
     except Exception as error:
-        raise import_errors.refused(path, file, error) from error
+        raise refused(path, file, error) from error
 
 
 def _line(file: Path) -> int:

@@ -18,10 +18,10 @@ from dextera_build.engine.graph import (
     Leaf,
     Output,
     Pack,
+    no_copy,
     node_address,
     parts_of,
 )
-from dextera_build.engine.lookup import copy_of, group_at, leaves_of, no_copy, walk
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Labels, Node, Opening, Path, Unit
 from dextera_build.errors import DxbError, RuleError
@@ -71,7 +71,7 @@ class Wiring:
         unit = self.nodes.get(address)
         if unit is None:
             unit = self.nodes[address] = Node(
-                address=address, path=path, labels=labels, call=copy_of(self.graph, path, labels)
+                address=address, path=path, labels=labels, call=self.graph.copy(path, labels)
             )
             self.fresh.append(unit)
         return unit
@@ -80,7 +80,7 @@ class Wiring:
         """The group at `path` within the copies with these labels."""
         unit = self.openings.get((path, labels))
         if unit is None:
-            group = group_at(self.graph, path)
+            group = self.graph.group(path)
             unit = Opening(address=node_address(path, labels), path=path, labels=labels, group=group)
             self.openings[path, labels] = unit
             self.fresh.append(unit)
@@ -108,16 +108,16 @@ class Wiring:
             UsageError: A target names a copy that its group does not have.
             RecipeError: A file or folder is missing or cannot be read.
         """
-        paths = []
-        for path, calls in walk(self.graph, targets):
-            paths.append(path)
-            for leaf in leaves_of(calls):
-                self.leaf(leaf)
+        paths = list(self.graph.walk(targets))
+        for path in paths:
+            for call in self.graph.variants(path):
+                for leaf in call.leaves():
+                    self.leaf(leaf)
         return paths
 
     def forget_leaves(self, node: Node) -> None:
         """Look anew at the files and folders of `node` when it is connected again."""
-        for leaf in leaves_of((node.call,)):
+        for leaf in node.call.leaves():
             self.leaves.pop(str(leaf.path), None)
 
     def note_leaves(self, node: Node, call: Call) -> None:
@@ -126,7 +126,7 @@ class Wiring:
         Raises:
             RecipeError: One of them cannot be read.
         """
-        node.leaves = [(leaf, self.leaf(leaf)) for leaf in leaves_of((call,))]
+        node.leaves = [(leaf, self.leaf(leaf)) for leaf in call.leaves()]
 
     def connect(self, unit: Unit) -> None:
         """Find what `unit` reads and wait for what is not known; what is met for the first time is connected next.

@@ -6,7 +6,6 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from dextera_build.engine.lookup import files_read
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node, Unit, producers
 from dextera_build.errors import DxbError
@@ -43,7 +42,7 @@ def record_of(node: Node, project: str, blockers: Sequence[str] = ()) -> NodeFin
         inputs=node.inputs,
         depends_on=[source.address for source in producers(node)],
         log=made.log if made else node.log,
-        files={slot: _shown(path, project) for slot, path in files_read(node.call).items()},
+        files={slot: _shown(path, project) for slot, path in node.call.files().items()},
         remote=node.remote if status == "fetched" else "",
         usage=last.usage if last else {},
         tries=node.tries,

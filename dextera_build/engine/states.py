@@ -58,7 +58,7 @@ class State(enum.Enum):
     FAILED = "failed"
     """It has an error of its own."""
     BLOCKED = "blocked"
-    """It never ran because of `Unit.blockers`."""
+    """It never ran because a source failed, or is blocked itself."""
     CANCELLED = "cancelled"
     """It never ran because the run ended."""
     STALE = "stale"

@@ -77,7 +77,7 @@ def choose(inventory: Inventory, roots: Set[str], limits: Limits, horizon: Horiz
         else:
             choice.results[key] = reason
             choice.left -= kept.size
-            readers.subtract(kept.needs)
+            readers.subtract(kept.needs.keys())
             named.update(kept.needs)
             drop_blobs(kept.needs)
     return choice

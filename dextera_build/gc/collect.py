@@ -211,8 +211,8 @@ class _Collector:
         """Blobs that results need which are still there, also those published since we looked."""
         known = frozenset(key for key in self._held.results if key not in self._choice.results)
         needed = {name for key in known for name in self._held.results[key].needs}
-        for _, (entry, _) in inventory.results(self._store, known):
-            needed.update(entry.needs)
+        for _, kept in inventory.results(self._store, known):
+            needed.update(kept.needs)
         return needed
 
 

@@ -92,8 +92,8 @@ class _Verifier:
         self._guard = threading.Lock()
         self._sizes = {
             digest: size
-            for _, (_, needs) in inventory.results(store)
-            for digest, size in (needs or {}).items()
+            for _, kept in inventory.results(store)
+            for digest, size in kept.needs.items()
             if size is not None
         }
         self.verdict = Verdict()

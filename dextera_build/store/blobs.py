@@ -44,10 +44,12 @@ class Blobs:
 
     Args:
         root: The folder; made when the first blob comes.
+        takes: False where nothing may be written: what is put stays in memory, and of files only the digest is known.
     """
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, *, takes: bool = True) -> None:
         self.root = root
+        self._unwritten: dict[str, bytes] | None = None if takes else {}
         self._base = f"{root}/"
         self._workshop = f"{root}/{files.TEMPORARY}"
         self._quarantine = root.parent / "local" / "quarantine"
@@ -67,7 +69,7 @@ class Blobs:
             state = os.stat(self._file(digest))
             if stat.S_ISREG(state.st_mode):
                 return state.st_size
-        return None
+        return len(self._unwritten[digest]) if self._unwritten and digest in self._unwritten else None
 
     def put(self, data: bytes) -> str:
         """Store `data` and return its digest.
@@ -76,6 +78,9 @@ class Blobs:
             StoreError: The disk is full, or the store cannot be written.
         """
         digest = hashlib.sha256(data).hexdigest()
+        if self._unwritten is not None:
+            self._unwritten[digest] = data
+            return digest
         path = f"{self._base}{digest[:2]}/{digest[2:]}"
         # Most are new: that is asked first, for no exception has to be made of the answer.
         # A short file is what a power cut leaves; it is replaced.
@@ -116,7 +121,7 @@ class Blobs:
         """
         with open(path, "rb", buffering=0) as file:
             size = os.fstat(file.fileno()).st_size
-            if size <= _SMALL and len(data := file.read(size + 1) or b"") == size:
+            if size <= _SMALL and self._unwritten is None and len(data := file.read(size + 1) or b"") == size:
                 return self.put(data), size
             file.seek(0)
             return self._take(file.fileno())
@@ -153,6 +158,8 @@ class Blobs:
         Raises:
             MissingBlob: It is not there, or its bytes are not what they were; then it was set aside.
         """
+        if self._unwritten and digest in self._unwritten:
+            return self._unwritten[digest]
         try:
             data = files.read(self._file(digest))
         except OSError as error:
@@ -223,7 +230,7 @@ class Blobs:
 
     def _take(self, source: int) -> tuple[str, int]:
         digest, size = _digest(source), os.lseek(source, 0, os.SEEK_CUR)
-        if not self.holds(digest, size, lambda: self.verify(digest)):
+        if self._unwritten is None and not self.holds(digest, size, lambda: self.verify(digest)):
             os.lseek(source, 0, os.SEEK_SET)
             with files.new_file(self._file(digest), workshop=self._workshop) as target:
                 if _copy(source, target) != digest:

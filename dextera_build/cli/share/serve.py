@@ -86,7 +86,7 @@ def _refuse_open_doors(args: argparse.Namespace, project: Project, secret: str) 
     Raises:
         UsageError: Anyone could write, or unsigned results could enter a store that requires signatures.
     """
-    from dextera_build.remotes.spec import is_loopback
+    from dextera_build.remotes.remote import is_loopback
 
     if args.tls and not os.path.isfile(args.tls):
         raise UsageError(
