@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -102,25 +102,27 @@ class Seen:
 def _round(words: Sequence[str], because: str) -> dict[str, Any] | None:
     """The report of a build in a process of its own; None where Ctrl-C stopped it."""
     began = time.strftime("%H:%M:%S")
-    with tempfile.TemporaryDirectory(prefix="dxb-watch-") as folder:
-        report = Path(folder) / "report.json"
-        command = [sys.executable, "-m", "dextera_build.cli.build.watch_once", str(report), *words]
+    # A file without a name, so that nothing is left where this process is killed.
+    with os.fdopen(os.memfd_create("report"), "r+") as report:
+        command = [sys.executable, "-m", "dextera_build.cli.build.watch_once", str(report.fileno()), *words]
         # In a session of its own, so that Ctrl-C reaches it once: from here.
-        child = subprocess.Popen(command, start_new_session=True)
+        child = subprocess.Popen(command, start_new_session=True, pass_fds=[report.fileno()])
         try:
             code = child.wait()
         except KeyboardInterrupt:
             _interrupt(child)
             print("interrupted; finished results are kept", file=sys.stderr)
             return None
-        if not report.exists():
-            raise DxbError(
-                f"a round ended without a report, with {code}",
-                code="DXB-X002",
-                facts={"arguments": " ".join(words)},
-                hint="`dxb build` on the same targets says more",
-            )
-        told: dict[str, Any] = json.loads(report.read_text())
+        report.seek(0)
+        text = report.read()
+    if not text:
+        raise DxbError(
+            f"a round ended without a report, with {code}",
+            code="DXB-X002",
+            facts={"arguments": " ".join(words)},
+            hint="`dxb build` on the same targets says more",
+        )
+    told: dict[str, Any] = json.loads(text)
     print(f"{began}  {'; '.join(told['lines'])}  ({because})", file=sys.stderr, flush=True)
     return told
 

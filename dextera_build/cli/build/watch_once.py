@@ -1,7 +1,7 @@
 """One round of `dxb watch`, in a process of its own, so that an edited rule is imported anew.
 
-`python -m dextera_build.cli.build.watch_once REPORT TARGET...` builds like `dxb build` and writes to REPORT, as JSON,
-what was read and how it ended.
+`python -m dextera_build.cli.build.watch_once REPORT TARGET...` builds like `dxb build` and writes what was read
+and how it ended to the file descriptor REPORT, as JSON.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def main(words: Sequence[str]) -> int:
-    """Build what the words after the report's name say, and return 0, or 130 where Ctrl-C came."""
+    """Build what the words after the report's descriptor say, and return 0, or 130 where Ctrl-C came."""
     from dextera_build.cli.build.watch import arguments
 
     signal.signal(signal.SIGINT, signal.default_int_handler)  # also where the parent ignores it
@@ -60,7 +60,8 @@ def main(words: Sequence[str]) -> int:
         "paths": watch.paths,
         "started_ns": watch.started_ns,
     }
-    Path(words[0]).write_text(json.dumps(report))
+    with open(int(words[0]), "w") as opened:
+        json.dump(report, opened)
     return 0
 
 
