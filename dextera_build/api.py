@@ -151,7 +151,7 @@ class Project(settings_of.Project):
         order = building.Order(names, keep_going, tuple(force), whole)
         locking = Locking(here, lock=lock, locked=locked, added=session.added)
         built = building.build(session, order, locking, listen or (lambda event: None))
-        result = built.run_result
+        result = built.result
         paths = {node: Path(path) for node, path in built.placed.paths.items()}
         return Result(result.ok, built.run, result.nodes, result.targets, paths, result.errors, session)
 

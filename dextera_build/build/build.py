@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from dextera_build import __version__
-from dextera_build.build import fetch, snapshots
+from dextera_build.build import fetch
 from dextera_build.build.executors import executor
-from dextera_build.build.snapshots import Placed
+from dextera_build.build.export import Out, Placed
 from dextera_build.errors import DxbError, StoreError, UsageError
 from dextera_build.session import Session, addresses
 
 if TYPE_CHECKING:
-    from dextera_build.build.export import Out
     from dextera_build.build.lock import Locking
     from dextera_build.engine.dry import Planned
     from dextera_build.engine.graph import Address
-    from dextera_build.engine.records import RunResult
+    from dextera_build.engine.run import RunResult
     from dextera_build.recipe.plan import Plan
     from dextera_build.remotes.exchange import Exchange
     from dextera_build.runs.events import Listener
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Order:
-    """What one build is asked for, and how it goes about it; see `engine.execute.build`."""
+    """What one build is asked for, and how it goes about it; see `engine.policy.Policy`."""
 
     targets: Sequence[str] = ("",)
     """Names of targets or addresses of nodes; "" means the default targets."""
@@ -50,29 +51,21 @@ class Order:
 class Built:
     """What became of an order."""
 
-    nodes: int
-    """How many the targets need."""
+    result: RunResult
+    """What became of every node."""
+    run: str
+    """Id of the run; "" where the store cannot be written."""
+    lost: int
+    """How many events had no room in the log of the run."""
     placed: Placed = field(default_factory=Placed)
     """The targets in `out/`."""
-    result: RunResult | None = None
-    """What became of every node."""
-    run: str = ""
-    """Id of the run; "" where there was none, or the store cannot be written."""
-    lost: int = 0
-    """How many events had no room in the log of the run."""
     notice: str = ""
     """What changed in `dxb.lock`."""
 
     @property
     def ok(self) -> bool:
         """Whether every target is up to date."""
-        return self.result is None or self.result.ok
-
-    @property
-    def run_result(self) -> RunResult:
-        """The `result` of a run."""
-        assert self.result is not None
-        return self.result
+        return self.result.ok
 
 
 def build(session: Session, order: Order, locking: Locking, listen: Listener, watch: Watch | None = None) -> Built:
@@ -92,17 +85,15 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, wa
         MachineError: A chosen backend is not installed.
         StoreError: The disk is full, or a folder cannot be written.
     """
-    from dextera_build.build.export import Out
-
     store = session.store
     store.leaves.watch = watch
     # Until its results are placed nobody may collect them.
     with executor(session, idle=order.bring_from is not None) as ready, store.running.announced():
         if watch is not None:
-            snapshots.note_packages(watch)
+            note_packages(watch)
         plan = session.plan()
         if watch is not None:
-            snapshots.note(session.project, watch, plan)
+            _note(session, watch, plan)
         wanted = [address for target in order.targets for address in addresses(plan.graph, target)]
         _refuse_unknown_force(order, plan)
         locking.refuse(session, plan, wanted)
@@ -115,7 +106,7 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, wa
             built = build.place(out, built)
             if not built.ok:
                 return built
-            locking.note(session, plan, wanted, built.run_result)
+            locking.note(session, plan, wanted, built.result)
             if watch is not None:
                 watch.present |= built.placed.present
             return replace(built, notice=locking.write())
@@ -132,38 +123,46 @@ class _Build:
 
     def run(self) -> Built:
         """Run what is stale, with the remotes of the settings and an event log."""
-        from dextera_build.engine.run import RunInfo, build
+        from dextera_build.engine.policy import Policy
+        from dextera_build.engine.run import build
         from dextera_build.runs.events import fan_out
         from dextera_build.runs.log import EventLog
 
         session, order, project = self.session, self.order, self.session.project
         brings = order.bring_from is not None
-        with EventLog(session.store, gathers=True) as log:
-            info = RunInfo(log.run, str(project.root), project.profile, __version__, tuple(order.argv), session.variant)
+        with EventLog(session.store) as log:
+            policy = Policy(
+                keep_going=order.keep_going,
+                force=order.forced,
+                # What is only brought runs nowhere.
+                only=frozenset() if brings or project.remotes.local == "r" else None,
+                recall=project.asks_again and not brings,
+                whole=order.whole or brings,
+                project=str(project.root),
+                profile=project.profile,
+                run=log.run,
+                dxb=__version__,
+                argv=tuple(order.argv),
+                variant=session.variant,
+            )
             result = build(
                 self.plan.graph,
                 self.wanted,
                 store=session.store,
                 executor=self.executor,
                 listen=fan_out(log, self.listen),
-                info=info,
-                keep_going=order.keep_going,
-                force=order.forced,
-                # What is only brought runs nowhere.
-                only=frozenset() if brings or project.remotes.local == "r" else None,
+                policy=policy,
                 exchange=order.bring_from or fetch.usable(session),
-                recall=project.asks_again and not brings,
-                whole=order.whole or brings,
                 pause=log.flush,
             )
         session.note_last()
-        return Built(result=result, nodes=len(result.nodes), run=log.run, lost=log.lost)
+        return Built(result, log.run, log.lost)
 
     def place(self, out: Out, built: Built) -> Built:
         """Place the targets; where bytes of one were damaged on disk, build once more."""
         from dextera_build.store.blobs import MissingBlob
 
-        result = built.run_result
+        result = built.result
         try:
             placed = out.place(result, self._out_of_date(out, result) if built.ok else ())
         except StoreError as error:
@@ -177,7 +176,7 @@ class _Build:
                 for file in entry.files if entry else ():
                     self.session.store.blobs.verify(file.digest)
             built = self.run()
-            placed = out.place(built.run_result)
+            placed = out.place(built.result)
         return replace(built, placed=placed)
 
     def _out_of_date(self, out: Out, result: RunResult) -> list[str]:
@@ -198,6 +197,25 @@ class _Build:
         except DxbError:
             return []  # the next build of these nodes says it
         return [node for node, output in others.items() if node not in now or not _makes(now[node], output)]
+
+
+def _note(session: Session, watch: Watch, plan: Plan) -> None:
+    """Note what planning read: recipes, code, configuration, and folders in which a new one would lie."""
+    from dextera_build.code.modules import was_read
+
+    recipes = {str(path) for path in plan.recipes}
+    for path in (*recipes, *session.project.looked_at()):
+        if os.path.isdir(path):
+            watch.folder(path)
+        else:
+            watch.file(path)
+        watch.doubt(path, was_read=path in recipes or was_read(path))
+
+
+def note_packages(watch: Watch) -> None:
+    """Note what can be imported, and which packages are installed; before anything is looked for."""
+    for entry in sys.path:
+        watch.modules(entry or os.getcwd())
 
 
 def _makes(node: Planned, output: str) -> bool:

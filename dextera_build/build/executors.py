@@ -45,7 +45,7 @@ def executor(session: Session, *, idle: bool = False) -> Iterator[Ready]:
         environment, capacity = {**_environment(project), **more}, project.capacity(gpus=False)
         with suppress(OSError):  # few rules need a temporary folder
             environment["TMPDIR"] = stack.enter_context(scratch())
-        workers = stack.enter_context(LocalExecutor(RUNNER, environment=environment, capacity=capacity))
+        workers = stack.enter_context(LocalExecutor(RUNNER, capacity, environment))
         if not idle:
             workers.warm()  # a build whose snapshot is not fresh mostly runs something
 

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build import digest as digests
-from dextera_build.build.snapshots import Placed, Signatures
 from dextera_build.errors import DxbError
 from dextera_build.session import Session
 from dextera_build.store import failpoints, files, headers, permissions, signature
@@ -26,10 +25,22 @@ if TYPE_CHECKING:
 TABLE = ".placed"
 """File beside the folders of the nodes: what dxb wrote there."""
 _FORM = 1
-_SMALL = 1 << 20
-"""Files up to this size [bytes] are written at once; larger ones never lie whole in memory."""
 _OLD_S = 3600.0
 """Unfinished folders of this age [s] go also where locks do not work."""
+
+
+@dataclass
+class Placed:
+    """What a build placed or found in place."""
+
+    paths: dict[str, str] = field(default_factory=dict)
+    """Address of a target -> whole path of its main file."""
+    present: dict[str, Signature] = field(default_factory=dict)
+    """Whole path -> signature of every file of the targets, as it was written."""
+    kept: dict[str, str] = field(default_factory=dict)
+    """Address of a target whose files somebody changed -> folder in which these are now."""
+    removed: list[str] = field(default_factory=list)
+    """Addresses of nodes whose copies were out of date."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +50,7 @@ class _Copy:
     output: str
     rule: str
     main: str = ""
-    files: Signatures = field(default_factory=dict)
+    files: Mapping[str, Signature] = field(default_factory=dict)
 
     def is_intact(self, folder: str) -> bool:
         """Whether every file is as it was written; files that somebody added do not count."""
@@ -139,12 +150,9 @@ class Out:
     def _restore(self, folder: str, node: str, copy: _Copy) -> str:
         """Write the files of an output into a folder; the name of the main one."""
         with headers.reading(f"`{node}`"):
-            main = _restore_file(self._session, folder, stem_of(node), copy.output)
-            if main is None:
-                kind, where = self._session.project.library.find(copy.rule).rule.returns, Path(folder)
-                written = kind.restore(copy.output, self._session.store.reader, where, stem_of(node))
-                main = written[0].relative_to(where).as_posix() if written else "."
-        return main
+            kind, where = self._session.project.library.find(copy.rule).rule.returns, Path(folder)
+            written = kind.restore(copy.output, self._session.store.reader, where, stem_of(node))
+            return written[0].relative_to(where).as_posix() if written else "."
 
     def _swap(self, node: str, old: _Copy | None) -> None:
         """Move the new folder of a node into its place; what somebody changed in the old one is kept."""
@@ -231,18 +239,3 @@ def _free(folder: str) -> str:
 def _signature(known: list[int]) -> Signature:
     mtime, ctime, size, inode = known
     return mtime, ctime, size, inode
-
-
-def _restore_file(session: Session, folder: str, stem: str, output: str) -> str | None:
-    """What `File.restore` does, without what takes longer to import than a thousand files to write; the file's name."""
-    stored = json.loads(session.store.blobs.get(output))
-    if stored["artifact"] != "File":
-        return None
-    digest, size = stored["fields"]["data"]["$bytes"]
-    if size > _SMALL:
-        session.store.reader.place(digest, Path(folder) / stem)
-        return stem
-    data = session.store.blobs.get(digest)
-    with open(f"{folder}/{stem}", "wb", buffering=0) as file:
-        file.write(data)
-    return stem

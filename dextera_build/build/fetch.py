@@ -29,8 +29,8 @@ def exchange(session: Session, mode: str, named: str | None = None) -> Exchange:
         UsageError: There is no such remote.
     """
     from dextera_build.remotes import spec as specs
-    from dextera_build.remotes.connect import guarded, open_remote
     from dextera_build.remotes.exchange import Exchange
+    from dextera_build.remotes.spec import guarded, open_remote
 
     choice = session.project.remotes
     known = choice.known if session.project.config else {}
@@ -54,8 +54,8 @@ def usable(session: Session) -> Exchange | None:
     used = session.project.used_remotes
     if not used or session.project.remotes.local == "r":
         return None
-    from dextera_build.remotes.connect import guarded
     from dextera_build.remotes.exchange import Exchange
+    from dextera_build.remotes.spec import guarded
 
     return Exchange(session.store, [guarded(spec) for spec in used])
 
@@ -68,8 +68,8 @@ def held(session: Session, nodes: Sequence[Planned]) -> set[str]:
     stale = [node for node in nodes if node.status == "stale" and node.key is not None]
     if not stale:
         return set()
-    from dextera_build.remotes.connect import guarded
     from dextera_build.remotes.remote import RemoteFault
+    from dextera_build.remotes.spec import guarded
     from dextera_build.remotes.threads import Crew
     from dextera_build.remotes.transfer import entry_at
 

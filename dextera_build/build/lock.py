@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from dextera_build.errors import StaleError, UsageError
+from dextera_build.project.project import LOCK
 
 if TYPE_CHECKING:
     from dextera_build.engine.dry import Planned
@@ -40,7 +41,7 @@ class Locking:
     def __init__(self, project: Project, *, lock: bool, locked: bool, added: Added) -> None:
         self._project, self._plain = project, not added
         self.lock, self.locked = lock, locked
-        self.path = project.pins
+        self.path = project.root / LOCK
         if lock and locked:
             raise UsageError("`--lock` and `--locked` do not go together", code="DXB-U160", hint="give one of them")
         if (lock or locked) and not self._plain:

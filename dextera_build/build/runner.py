@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
@@ -67,7 +66,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     # JSON mode takes a list for a tuple, and the engine speaks JSON.
     options = rule.options.model_validate_json(json.dumps(task["options"]))
     calls, reads = _Calls(task, store, emit), ProjectReads(Path(task["project"]), store) if rule.discovers else None
-    with _FullDiskSaid(store), ExitStack() as folders, _FullDiskSaid(store):
+    with _full_disk_told(store), ExitStack() as folders, _full_disk_told(store):
         # Most calls need no folder, and making one takes longer than a small call.
         ctx = Context(
             backend,
@@ -194,8 +193,8 @@ def _fetcher(task: Mapping[str, Any], store: Store) -> Callable[[str], ActionRes
 def _exchange(store: Store, project: str, listed: str) -> Exchange | None:
     """The remotes of this worker, opened once; `listed` is what the environment says of them."""
     from dextera_build.project.project import Project
-    from dextera_build.remotes.connect import guarded
     from dextera_build.remotes.exchange import Exchange
+    from dextera_build.remotes.spec import guarded
 
     known = Project(Path(project))
     used = known.used_remotes
@@ -223,25 +222,20 @@ def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[st
     }
 
 
-class _FullDiskSaid:
+@contextmanager
+def _full_disk_told(store: Store) -> Iterator[None]:
     """Turn what a library says of a full disk into the error of dxb, while the files that filled it are still there."""
-
-    def __init__(self, store: Store) -> None:
-        self._store = store
-
-    def __enter__(self) -> None:
-        """Nothing to do."""
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Look what is wrong."""
-        if isinstance(error, Exception) and not isinstance(error, DxbError):
-            full = disk_full.explain(error, self._store.root, Path(tempfile.gettempdir()))
-            if full is not None:
-                with suppress(OSError):
-                    traceback.print_exc()
-                raise full from None
+    try:
+        yield
+    except DxbError:
+        raise
+    except Exception as error:
+        full = disk_full.explain(error, store.root, Path(tempfile.gettempdir()))
+        if full is None:
+            raise
+        with suppress(OSError):
+            traceback.print_exc()
+        raise full from None
 
 
 @lru_cache(maxsize=1)

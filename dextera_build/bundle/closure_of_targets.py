@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build.bundle.config import Closure, Node
+from dextera_build.engine import dry
 from dextera_build.engine.graph import Address, Graph
-from dextera_build.engine.lookup import files_read, leaves
-from dextera_build.engine.policy import Policy
-from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.units import producers
 from dextera_build.store.store import Store
@@ -48,15 +46,8 @@ def survey(
         UsageError: A target names nothing.
         RecipeError: A file or folder is missing or cannot be read.
     """
-    scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True, whole=closure == "full"))
-    for leaf in leaves(graph, wanted):
-        scheduler.wiring.leaf(leaf)
-    scheduler.run(list(wanted))
-    store.leaves.save()
-    for unit, error in zip(scheduler.failed, scheduler.errors, strict=True):
-        if unit in scheduler.wishes:
-            raise error
-    targets = tuple(dict.fromkeys(scheduler.wiring.asked()))
+    scheduler, _ = dry.survey(graph, wanted, store, whole=closure == "full")
+    targets = tuple(dict.fromkeys(scheduler.wiring.asked))
     units = sorted(scheduler.wiring.nodes.values(), key=lambda unit: unit.address)
     # A node that shares its key with a target has its bytes, too.
     whole = {unit.key for unit in units if closure == "full" or unit.address in targets}
@@ -77,9 +68,9 @@ def survey(
                 is_whole=unit.key in whole,
                 seconds=unit.result.seconds,
                 depends_on=tuple(dict.fromkeys(other.address for other in producers(unit))),
-                files={slot: shown(path) for slot, path in files_read(unit.call).items()},
+                files={slot: shown(path) for slot, path in unit.call.files().items()},
             )
         )
     if not stale:
-        stale = [wish.address for wish in scheduler.wishes if wish.state is not State.DONE]
+        stale = [wish.address for wish in scheduler.wiring.wishes if wish.state is not State.DONE]
     return Survey(targets, tuple(nodes), tuple(stale))

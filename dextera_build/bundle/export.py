@@ -99,7 +99,7 @@ class Export:
         return Descriptor(oci.PACK, state.hexdigest(), size)
 
     def _keep(self, media_type: str, data: bytes) -> Descriptor:
-        found = Descriptor.of(media_type, data)
+        found = Descriptor(media_type, digests.of_bytes(data), len(data))
         self._documents[found.digest] = data
         return found
 

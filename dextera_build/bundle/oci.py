@@ -43,11 +43,6 @@ class Descriptor(NamedTuple):
     size: int
 
     @classmethod
-    def of(cls, media_type: str, data: bytes) -> Descriptor:
-        """The descriptor of some bytes."""
-        return cls(media_type, digests.of_bytes(data), len(data))
-
-    @classmethod
     def read(cls, raw: Mapping[str, Any]) -> Descriptor:
         """From JSON of the form of a descriptor."""
         return cls(raw["mediaType"], raw["digest"].removeprefix("sha256:"), raw["size"])

@@ -30,8 +30,6 @@ class Question:
     """Canonical bytes; attached bytes stand in it by digest and size."""
     octets: int
     """Bytes of the request with all that is attached."""
-    blobs: int
-    """How many attachments it has."""
     model: str = ""
     """What the request calls its model, for people."""
 
@@ -47,7 +45,7 @@ class Question:
 
     def facts(self) -> dict[str, object]:
         """What an error says of it."""
-        size = f"{self.octets:,} bytes, {self.blobs} attached blobs"
+        size = f"{self.octets:,} bytes"
         return {"service": self.service, "model": self.model or "-", "request": size, "call": self.key}
 
 
@@ -74,7 +72,7 @@ def question(service: str, request: object, secrets: Iterable[str] = ()) -> Ques
             )
     model = request.get("model") if isinstance(request, Mapping) else None
     size = len(document) + sum(map(len, attached))
-    return Question(service, document, size, len(attached), model if isinstance(model, str) else "")
+    return Question(service, document, size, model if isinstance(model, str) else "")
 
 
 def secret_in(data: bytes, secrets: Iterable[str] = ()) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,11 +33,11 @@ class CodeIndex:
     """Digests of first-party source files, each read and parsed once.
 
     Args:
-        roots: Mounted package -> folder of rule stages.
-        own: Top-level packages that are first-party although they are installed.
+        roots: Mounted package -> folder of rule stages; more may come.
+        own: Gives top-level packages that are first-party although they are installed.
     """
 
-    def __init__(self, roots: dict[str, Path], own: frozenset[str] = frozenset()) -> None:
+    def __init__(self, roots: Mapping[str, Path], own: Callable[[], Container[str]]) -> None:
         self._roots = roots
         self._modules = Modules(roots, own)
         self._parsed: dict[Path, syntax.Source] = {}

@@ -6,15 +6,22 @@ told with each task which sources the key stands for, and runs these; where it c
 
 from __future__ import annotations
 
+import os
+import re
 import sys
-from collections.abc import Mapping, Sequence
+import traceback
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib import invalidate_caches
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from pathlib import Path
 from types import CodeType, ModuleType
+from typing import NoReturn
 
 from dextera_build.code.code_digest import RULES
-from dextera_build.code.modules import DXB, digest_of, earlier, find_top, forget_changed, is_first_party, read
-from dextera_build.errors import Place, RuleError
+from dextera_build.code.modules import DXB, PACKAGE, digest_of, earlier, find_top, forget_changed, is_first_party, read
+from dextera_build.code.syntax import too_deep
+from dextera_build.errors import DxbError, MachineError, Place, RecipeError, RuleError
 
 _DIGESTED = tuple(f"{DXB}.{name}" for name in ("artifacts", "geometry", "learning", "policy", "sim"))
 """What of dxb itself enters the keys of rules."""
@@ -27,8 +34,8 @@ class Importer:
     is_of_dxb = True
 
     def __init__(self) -> None:
-        self.roots: set[str] = set()
-        """Packages under which rules are mounted."""
+        self.roots: dict[str, Path] = {}
+        """Packages under which rules are mounted -> their folders."""
         self.takes_dxb = False
         """Whether dxb's own modules are compiled from source as well."""
         self._wanted: dict[str, str] = {}
@@ -42,7 +49,11 @@ class Importer:
         wanted = self._wanted.get(name)
         if wanted == "":
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-        if not (wanted or self._may_be_ours(name)):
+        top = name.partition(".")[0]
+        may_be_ours = (
+            self.takes_dxb and name.startswith(_DIGESTED) if top == DXB else top not in sys.stdlib_module_names
+        )
+        if not (wanted or may_be_ours):
             return None
         spec = find_top(name) if path is None else PathFinder.find_spec(name, path)
         there = spec is not None and spec.has_location
@@ -110,12 +121,6 @@ class Importer:
         )
         return self._edited
 
-    def _may_be_ours(self, name: str) -> bool:
-        top = name.partition(".")[0]
-        if top == DXB:
-            return self.takes_dxb and name.startswith(_DIGESTED)
-        return top not in sys.stdlib_module_names
-
     def _is_ours(self, name: str, file: str) -> bool:
         top = name.partition(".")[0]
         return top == DXB or top in self.roots or name in self._wanted or is_first_party(file)
@@ -151,3 +156,62 @@ def install() -> Importer:
         place = sys.meta_path.index(PathFinder) if PathFinder in sys.meta_path else 0
         sys.meta_path.insert(place, IMPORTER)
     return IMPORTER
+
+
+@contextmanager
+def watched(path: str, file: Path) -> Iterator[None]:
+    """Import a module in the block: it cannot end the process.
+
+    Raises:
+        RecipeError: It tried to end the process.
+    """
+    leave, here = os._exit, os.getpid()
+
+    def ended(status: int) -> NoReturn:
+        if os.getpid() != here:  # a fork that ends is its own affair
+            leave(status)
+        raise SystemExit(status)
+
+    os._exit = ended
+    try:
+        yield
+    except SystemExit as error:
+        raise RecipeError(
+            f"{path} ends the process while it is imported",
+            code="DXB-R211",
+            where=Place(str(file)),
+            facts={"exit code": str(error.code)},
+            hint="raise an error in the rule's function instead",
+        ) from None
+    finally:
+        os._exit = leave
+
+
+def refused(path: str, file: Path, error: Exception) -> DxbError:
+    """What to say of an import that failed."""
+    if isinstance(error, DxbError):
+        return error
+    if isinstance(error, SyntaxError):
+        where = Place(error.filename or str(file), error.lineno or 0, error.offset or 0)
+        return RecipeError(f"{path} is not valid Python: {error.msg}", code="DXB-R206", where=where)
+    package = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
+    if package and not package.startswith("dxb_rules") and find_top(package) is None:
+        return MachineError(
+            f"{path} needs the package `{package}`, which is not installed",
+            code="DXB-E302",
+            where=Place(str(file)),
+            facts={"Python": sys.executable},
+            hint="install it; code of the project itself needs `pip install -e .`, or its folder on PYTHONPATH",
+        )
+    if isinstance(error, RecursionError) and "during" in str(error):
+        return too_deep(str(file))
+    said = str(error) if isinstance(error, ImportError) else f"{type(error).__name__}: {error}"
+    said = re.sub(r"\bdxb_rules_[0-9a-f]{12}\b", "rules", said)
+    return RecipeError(f"{path} cannot be imported: {said}", code="DXB-R205", where=_last(error, file))
+
+
+def _last(error: Exception, file: Path) -> Place:
+    """The last line of first-party code that an exception came through."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if is_first_party(frame.filename) and not frame.filename.startswith(str(PACKAGE))]
+    return Place(own[-1].filename, own[-1].lineno or 0) if own else Place(str(file))

@@ -12,6 +12,7 @@ import glob
 import importlib
 import importlib.machinery
 import importlib.util
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -21,11 +22,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest
-from dextera_build.code import import_errors
 from dextera_build.code.code_digest import RULES, Code, CodeIndex
-from dextera_build.code.importer import IMPORTER, install
+from dextera_build.code.importer import IMPORTER, install, refused, watched
+from dextera_build.code.modules import KNOWN, read
 from dextera_build.code.modules import PACKAGE as PACKAGE
-from dextera_build.code.modules import read
 from dextera_build.code.syntax import tree
 from dextera_build.errors import MachineError, Place, RecipeError, did_you_mean, install_extra, listing
 
@@ -35,31 +35,29 @@ if TYPE_CHECKING:
     from dextera_build.rule import Backend, Rule
 
 
-_WITH_DXB = {"PIL", "annotated_types", "numpy", "pydantic", "pydantic_core", "typing_extensions", "yaml"}
-"""Modules of every installation of dxb."""
-
-
 def bundled(kind: str) -> Path:
     """The `rules` or `recipes` that come with dxb: inside the wheel, or beside the package in a checkout."""
     inside = PACKAGE / "_bundled" / kind
     return inside if inside.is_dir() else PACKAGE.parent / kind
 
 
-@dataclass(frozen=True)
 class Root:
-    """One folder of stages, mounted as the package `name`."""
+    """One folder of stages, mounted as a package once per process.
 
-    name: str
-    path: Path
+    The package is named after the folder, so that libraries of several projects can stand in one process.
 
-    def mount(self) -> None:
-        """Make `import <name>.<stage>.<module>` work, once per process."""
-        install().roots.add(self.name)
-        if self.name in sys.modules:
-            return
-        spec = importlib.machinery.ModuleSpec(self.name, None, is_package=True)
-        spec.submodule_search_locations = [str(self.path)]
-        sys.modules[self.name] = importlib.util.module_from_spec(spec)
+    Args:
+        path: The folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.name = f"dxb_rules_{digest.of_bytes(str(path).encode())[:12]}"
+        install().roots[self.name] = path
+        if self.name not in sys.modules:
+            spec = importlib.machinery.ModuleSpec(self.name, None, is_package=True)
+            spec.submodule_search_locations = [str(path)]
+            sys.modules[self.name] = importlib.util.module_from_spec(spec)
 
     def module(self, file: Path) -> str:
         """The name under which a file below `path` is imported."""
@@ -70,7 +68,7 @@ class Root:
         if not all(part == "*" or part.isidentifier() for part in (stage, name)):
             return []  # a path, or a pattern of somebody else's
         found = [*self.path.glob(f"{stage}/{name}.py"), *self.path.glob(f"{stage}/*/{name}.py")]
-        return [file for file in sorted(found) if _holds_rule(file)]
+        return [file for file in sorted(found) if _line(file)]
 
 
 @dataclass(frozen=True)
@@ -100,11 +98,7 @@ class RuleFile:
     @property
     def place(self) -> Place:
         """The line of the rule's function, for messages."""
-        name = self.path.rpartition(".")[2]
-        for node in tree(read(self.file), str(self.file)).body:
-            if isinstance(node, ast.FunctionDef) and node.name == name:
-                return Place(str(self.file), node.lineno)
-        return Place(str(self.file))
+        return Place(str(self.file), _line(self.file))
 
     @cached_property
     def backends(self) -> dict[str, BackendFile]:
@@ -153,6 +147,9 @@ class Library:
     def __init__(self, project: Path | None = None) -> None:
         self.project = project or Path.cwd()
         self._project = project
+        folder = project / RULES if project else None
+        self._first = [Root(folder.resolve())] if folder and folder.is_dir() else []
+        """The project's own root, if it has one."""
         self._found: dict[str, RuleFile] = {}
         self.warnings: dict[str, str] = {}
         """What to say of modules that rules import and do not declare, by module."""
@@ -167,7 +164,7 @@ class Library:
         ]
         folders += [] if (own := bundled(RULES).resolve()) in folders else [own]
         known = {root.path for root in self._first}
-        return [*self._first, *(_mounted(folder) for folder in folders if folder not in known)]
+        return [*self._first, *(Root(folder) for folder in folders if folder not in known)]
 
     @cached_property
     def _points(self) -> Sequence[EntryPoint]:
@@ -176,12 +173,6 @@ class Library:
 
         return list(importlib.metadata.entry_points(group="dxb.rules"))
 
-    @cached_property
-    def _first(self) -> list[Root]:
-        """The project's own root, if it has one."""
-        folder = self._project / RULES if self._project else None
-        return [_mounted(folder.resolve())] if folder and folder.is_dir() else []
-
     def find(self, path: str, where: Place | None = None) -> RuleFile:
         """The rule called `path`.
 
@@ -189,7 +180,11 @@ class Library:
             RecipeError: No root has it.
         """
         if path not in self._found:
-            self._found[path] = self._search(path, where)
+            # What the project has itself is found without a look at what is installed.
+            found = _among(self._first, path) or _among(self.roots, path)
+            if found is None:
+                raise self._unknown(path, where)
+            self._found[path] = found
         return self._found[path]
 
     def rules(self) -> Iterator[RuleFile]:
@@ -212,7 +207,7 @@ class Library:
         """
         if found.root.path == bundled(RULES).resolve():
             return
-        known = sys.stdlib_module_names | _WITH_DXB | {package.replace("-", "_").lower() for package in packages}
+        known = KNOWN | {package.replace("-", "_").lower() for package in packages}
         unknown = code.foreign.keys() - known
         provided = {top for package in packages for top in _modules_of(package)} if unknown else set()
         for top in sorted(unknown - provided):
@@ -230,7 +225,8 @@ class Library:
         for path, rule in self._found.items():
             stage, _, name = path.partition(".")
             found.update(map(str, rule.candidates))
-            for root in self.roots[: self.roots.index(rule.root) + 1]:
+            roots = self._first if rule.root in self._first else self.roots
+            for root in roots[: roots.index(rule.root) + 1]:
                 folder = root.path / stage
                 # A new file in one of these can be the rule, or a backend of it.
                 inner = (place for place in folder.glob("*") if place.name != "__pycache__" and place.is_dir())
@@ -240,18 +236,13 @@ class Library:
     @cached_property
     def code(self) -> CodeIndex:
         """Code digests of the files in the roots, of dxb and of the project's own packages."""
-        own = frozenset(point.value.partition(".")[0] for point in self._points)
-        return CodeIndex({root.name: root.path for root in self.roots}, own)
+        return CodeIndex(IMPORTER.roots, lambda: {point.value.partition(".")[0] for point in self._points})
 
-    def _search(self, path: str, where: Place | None) -> RuleFile:
-        # What the project has itself is found without a look at what is installed.
-        found = _among(self._first, path) or _among(self.roots, path)
-        if found is not None:
-            return found
+    def _unknown(self, path: str, where: Place | None) -> RecipeError:
         stage = path.partition(".")[0]
         known = [found.path for found in self.rules()]
         same = [rule for rule in known if rule.startswith(f"{stage}.")]
-        raise RecipeError(
+        return RecipeError(
             f"no rule is called `{path}`",
             code="DXB-R201",
             where=where,
@@ -276,13 +267,6 @@ def _among(roots: Sequence[Root], path: str) -> RuleFile | None:
     return None
 
 
-def _mounted(folder: Path) -> Root:
-    # Named after the folder, so that libraries of several projects can stand in one process.
-    root = Root(f"dxb_rules_{digest.of_bytes(str(folder).encode())[:12]}", folder)
-    root.mount()
-    return root
-
-
 def choose_backend(found: RuleFile, wanted: str | None, profile: str, where: Place | None = None) -> BackendFile | None:
     """The backend that carries out a rule: the wanted one, or the profile's; None for a rule without backends.
 
@@ -302,11 +286,12 @@ def choose_backend(found: RuleFile, wanted: str | None, profile: str, where: Pla
         return None
     chosen = found.backends[wanted] if wanted else _of_profile(found, profile, where)
     if missing := chosen.missing():
+        others = (f"{name} ({other.facts.summary})" for name, other in found.backends.items() if other is not chosen)
         raise MachineError(
             f"backend `{chosen.name}` of {found.path} is not installed",
             code="DXB-E301",
             where=where,
-            facts={"needs": ", ".join(missing), "others": _others(found, chosen.name)},
+            facts={"needs": ", ".join(missing), "others": listing(others)},
             hint=install_extra(chosen.facts.extra) if chosen.facts.extra else f"`pip install {' '.join(missing)}`",
         )
     return chosen
@@ -349,28 +334,19 @@ def _of_profile(found: RuleFile, profile: str, where: Place | None) -> BackendFi
     )
 
 
-def _others(found: RuleFile, but: str) -> str:
-    return listing(f"{name} ({b.facts.summary})" for name, b in found.backends.items() if name != but)
-
-
 def _import(root: Root, path: str, file: Path) -> ModuleType:
-    root.mount()
     try:
-        with import_errors.watched(path, file):
+        with watched(path, file):
             return importlib.import_module(root.module(file))
     except Exception as error:
-        raise import_errors.refused(path, file, error) from error
+        raise refused(path, file, error) from error
 
 
-def _holds_rule(file: Path) -> bool:
-    data = read(file)
-    if b"@rule(" not in data:
-        return False
-    try:
-        body = tree(data, str(file)).body
-    except RecipeError:
-        return True  # importing it says where the error is
-    return any(isinstance(node, ast.FunctionDef) and node.name == file.stem and node.decorator_list for node in body)
+def _line(file: Path) -> int:
+    """The line of the function with `@rule` that bears a file's name; 0 where it has none."""
+    text = read(file).decode(errors="replace")
+    found = re.search(rf"^@rule\(.*?^def {file.stem}\b", text, re.MULTILINE | re.DOTALL)
+    return text.count("\n", 0, found.end()) + 1 if found else 0
 
 
 def _backend_facts(file: Path) -> Backend | None:

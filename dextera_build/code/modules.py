@@ -10,7 +10,7 @@ import json
 import os
 import pkgutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
@@ -24,6 +24,9 @@ PACKAGE = Path(__file__).parent.parent
 DXB = "dextera_build"
 _LIBRARY = os.path.dirname(os.path.realpath(os.__file__))
 _INSTALLED = {"site-packages", "dist-packages"}
+_BESIDE = {"PIL", "annotated_types", "numpy", "pydantic", "pydantic_core", "typing_extensions", "yaml"}
+KNOWN = sys.stdlib_module_names | _BESIDE
+"""Top-level modules of Python, and of every installation of dxb."""
 _READ: dict[str, bytes] = {}
 _SHARED = "DEXTERA_SOURCES"
 
@@ -131,16 +134,15 @@ class Modules:
     """Looks modules up, each once, and notes where it looked.
 
     Args:
-        roots: Mounted package -> its folder.
-        own: Top-level packages that are first-party although they are installed.
+        roots: Mounted package -> its folder; more may come.
+        own: Gives top-level packages that are first-party although they are installed.
     """
 
-    def __init__(self, roots: dict[str, Path], own: frozenset[str] = frozenset()) -> None:
-        known = {name: Module(name, None, (str(folder),)) for name, folder in roots.items()}
-        known[DXB] = Module(DXB, PACKAGE / "__init__.py", (str(PACKAGE),))
-        self._found: dict[str, Module | None] = dict(known)
+    def __init__(self, roots: Mapping[str, Path], own: Callable[[], Container[str]]) -> None:
+        self._roots = roots
+        self._found: dict[str, Module | None] = {DXB: Module(DXB, PACKAGE / "__init__.py", (str(PACKAGE),))}
         self._own = own
-        self._foreign: dict[str, bool] = {}
+        self._foreign: set[str] = set()
         self.looked_at: set[str] = set()
         """Folders that were searched, and files that would have been found first."""
 
@@ -154,7 +156,7 @@ class Modules:
     def is_foreign(self, top: str) -> bool:
         """Whether a top-level module is there, and not first-party."""
         self.find(top)
-        return self._foreign.get(top, False)
+        return top in self._foreign
 
     def _inner(self, name: str, tail: str, parent: str) -> Module | None:
         above = self.find(parent)
@@ -168,17 +170,19 @@ class Modules:
         return None if spec is None else _module(name, spec)
 
     def _top(self, name: str) -> Module | None:
+        if name in self._roots:
+            return Module(name, None, (str(self._roots[name]),))
         if name in sys.builtin_module_names:
-            self._foreign[name] = True
+            self._foreign.add(name)
             return None
         spec = find_top(name)
         if spec is None:
             return None
         found = _module(name, spec)
         places = [str(found.file)] if found.file else [os.path.join(folder, "_") for folder in found.search or ()]
-        if name in self._own or all(is_first_party(place) for place in places):
+        if all(is_first_party(place) for place in places) or (name not in KNOWN and name in self._own()):
             return found
-        self._foreign[name] = True
+        self._foreign.add(name)
         return None
 
 

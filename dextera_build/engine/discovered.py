@@ -40,9 +40,9 @@ class Reading:
         """Look a node up in the store; with discovered inputs its key depends on what it would read."""
         if not node.rule.discovers:
             return self._store.actions.find(node.key or "")
-        static = self._static(node)
-        steps, held = traces.find(self._store, static, self._answers(node))
-        self._take(node, steps, traces.spelled(static, steps))
+        held = self._store.actions.find(node.key or "") if self.follow(node) else None
+        if held is None:
+            self.begin(node)
         return held
 
     def is_missing(self, node: Node) -> bool:

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from dextera_build.engine.discovered import Reading
-from dextera_build.engine.graph import RuleFacts
-from dextera_build.engine.policy import Hooks, Policy
+from dextera_build.engine.policy import Policy
 from dextera_build.engine.publish import log_of, publish
 from dextera_build.engine.remote_results import Sharing
 from dextera_build.engine.states import State
-from dextera_build.engine.units import End, Node, UnitStates
+from dextera_build.engine.units import End, Node, States
 from dextera_build.errors import DxbError
+from dextera_build.runs import events
+from dextera_build.runs.events import Listener
+from dextera_build.runs.history import History
+from dextera_build.store.backoff import backoff
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.workers.admission import Admission, estimate, lacks
-from dextera_build.workers.capacity import Capacity, Needs
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.protocol import Ended, Executor, Report, Said, Task
 
 _PATIENCE_S = 0.02
@@ -33,11 +36,15 @@ class Dispatch:
 
     store: Store
     executor: Executor | None
-    states: UnitStates
+    states: States
     sharing: Sharing
     policy: Policy
     reading: Reading
-    hooks: Hooks
+    listen: Listener
+    pause: Callable[[], None]
+    """Called before time passes."""
+    history: History | None
+    """How long nodes ran the last time, and how much memory they took."""
     forced: Callable[[Node], bool]
 
     def __post_init__(self) -> None:
@@ -45,8 +52,6 @@ class Dispatch:
         self._tickets = itertools.count()
         self._resting: list[Node] = []
         self._admission: Admission[Node] = Admission(self.executor.capacity if self.executor else Capacity())
-        self._needs: dict[int, tuple[RuleFacts, Needs, Mapping[str, tuple[float, float]]]] = {}
-        """By identity, since rules cannot be hashed; an entry keeps its rule alive."""
         self._store_name = str(self.store.root)
 
     def start(self) -> Iterator[End]:
@@ -60,7 +65,7 @@ class Dispatch:
                 node.ticket, node.tries = next(self._tickets), node.tries + 1
                 self._running[node.ticket] = node
                 self.states.set(node, State.RUNNING)
-                self.hooks.started(node)
+                self._tell_started(node)
                 self.executor.submit(self._task(node, self._admission.devices(node)))
                 continue
             self._admission.end(node)
@@ -75,21 +80,14 @@ class Dispatch:
             self._resting = [node for node in self._resting if node.rests_until > now]
         while queue:
             node = queue.popleft()
-            needs, lacking = self._needs_of(node.rule)
+            needs = node.rule.needs
             if node.rests_until > now:
                 self._resting.append(node)
-            elif lacking:
+            elif lacking := needs.lacks(self._admission.capacity):
                 yield End(node, error=lacks(lacking))
             else:
-                self._admission.wait(node, estimate(needs, self.policy.peak_gb(node.address)))
-
-    def _needs_of(self, rule: RuleFacts) -> tuple[Needs, Mapping[str, tuple[float, float]]]:
-        """What calls of a rule need, and what of that is nowhere here."""
-        known = self._needs.get(id(rule))
-        if known is None:
-            needs = rule.needs
-            known = self._needs[id(rule)] = (rule, needs, needs.lacks(self._admission.capacity))
-        return known[1:]
+                peak_gb = self.history.peak_gb(node.address) if self.history else None
+                self._admission.wait(node, estimate(needs, peak_gb))
 
     @property
     def is_busy(self) -> bool:
@@ -98,7 +96,7 @@ class Dispatch:
 
     def wait(self, idle: bool) -> Iterator[End]:
         """Take what the executor reports, waiting for it where `idle`; gives the nodes that ended."""
-        self.hooks.pause()
+        self.pause()
         busy = self.states.locked or self.states.fetching
         patience = 0.0 if not idle else _PATIENCE_S if busy else _REST_S if self._resting else None
         if self._running and self.executor is not None:
@@ -133,7 +131,7 @@ class Dispatch:
             key = node.key
             assert key is not None
             if not self.store.locks.take(key):
-                self.hooks.said(node, "log", {"text": "another process builds the same key"})
+                self._log(node, "another process builds the same key")
                 self.states.set(node, State.LOCKED)
                 return None
             forced = self.forced(node)
@@ -158,7 +156,7 @@ class Dispatch:
             store=self._store_name,
             project=self.policy.project,
             profile=self.policy.profile,
-            needs=self._needs_of(rule)[0],
+            needs=rule.needs,
             devices=devices,
             key=node.key or "",
             sources=rule.sources,
@@ -171,10 +169,7 @@ class Dispatch:
         if node is None:
             return None
         if isinstance(report, Said):
-            if report.kind == "read":
-                self.reading.watch(node, report.data.get("steps"))
-            else:
-                self.hooks.said(node, report.kind, report.data)
+            self._hear(node, report)
             return None
         del self._running[report.ticket]
         self._admission.end(node)
@@ -196,14 +191,32 @@ class Dispatch:
         except DxbError as error:
             return End(node, error=error)
         if report.reply is not None and report.reply["output"] != result.output:
-            text = "its key gave another output before, which is kept: `dxb ls divergent`"
-            self.hooks.said(node, "log", {"text": text})
+            self._log(node, "its key gave another output before, which is kept: `dxb ls divergent`")
         return End(node, "ran", result)
 
     def _rest(self, node: Node, report: Ended, error: DxbError) -> None:
         """Have the node tried again after a while."""
-        wait_s = node.rule.retries.delay_s(node.tries, node.key or "")
+        # Spread by the node's key, so that nodes which failed together do not come back together.
+        wait_s = backoff(node.tries, node.rule.retries.wait_s, node.key or "")
         node.rests_until = time.monotonic() + wait_s
         log = log_of(self.store, report)
-        self.hooks.said(node, "retried", {"tries": node.tries, "wait_s": wait_s, "error": error.to_json(), "log": log})
+        self.listen(events.NodeRetried(time.time(), node.address, node.tries, wait_s, error.to_json(), log))
         self.states.set(node, State.QUEUED)
+
+    def _hear(self, node: Node, said: Said) -> None:
+        data = said.data
+        if said.kind == "read":
+            self.reading.watch(node, data.get("steps"))
+        elif said.kind == "progress":
+            done, total, what = int(data["done"]), int(data["total"]), str(data.get("what", ""))
+            self.listen(events.NodeProgress(time.time(), node.address, done, total, what))
+        elif said.kind == "log":
+            self._log(node, str(data["text"]))
+
+    def _log(self, node: Node, text: str) -> None:
+        self.listen(events.NodeLog(time.time(), node.address, text))
+
+    def _tell_started(self, node: Node) -> None:
+        rule, last = node.rule, self.history.get(node.address) if self.history else None
+        seconds = last.seconds if last else None
+        self.listen(events.NodeStarted(time.time(), node.address, rule.path, rule.backend, node.key or "", seconds))

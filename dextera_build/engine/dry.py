@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
 
-from dextera_build.engine.expand import Wiring
-from dextera_build.engine.graph import Address, Graph, RuleFacts, parse_address
-from dextera_build.engine.lookup import copy_of, leaves, lookup, reach
+from dextera_build.engine.graph import Address, Call, Graph, RuleFacts, parse_address
 from dextera_build.engine.policy import Policy
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
@@ -44,33 +42,41 @@ class Planned:
         return self.spell()
 
 
+def survey(
+    graph: Graph, targets: Sequence[Address], store: Store, *, whole: bool = False
+) -> tuple[Scheduler, list[Path]]:
+    """Look at every node that `targets` need; gives what was found, and the calls that they may need.
+
+    Raises:
+        UsageError: A target names a copy that its group does not have.
+        RecipeError: A file or folder is missing or cannot be read.
+    """
+    scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True, whole=whole))
+    calls = scheduler.wiring.look(targets)
+    scheduler.run(targets)
+    for unit, error in zip(scheduler.failed, scheduler.errors, strict=True):
+        if unit in scheduler.wiring.wishes:
+            raise error
+    store.leaves.save()
+    return scheduler, calls
+
+
 def plan(
     graph: Graph, targets: Sequence[Address | tuple[str, ...]], store: Store, *, history: History | None = None
 ) -> list[Planned]:
-    """What a build of `targets` would do with each node that they need, in the order of the recipe.
-
-    Raises:
-        UsageError: A target names nothing.
-        RecipeError: A file or folder is missing or cannot be read.
-    """
+    """What a build of `targets` would do with each node that they need, in the order of the recipe; see `survey`."""
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
-    for target in wanted:
-        lookup(graph, target)
-    scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True))
-    scheduler.run(wanted)
-    for error in scheduler.wiring.unread:
-        raise error
-    for unit, error in zip(scheduler.failed, scheduler.errors, strict=True):
-        if unit in scheduler.wishes:
-            raise error
-    if scheduler.wiring.openings:  # what copies read of a group that is not open yet
-        for leaf in leaves(graph, wanted):
-            scheduler.wiring.leaf(leaf)
-    store.leaves.save()
-    return [
-        _planned(entry, scheduler, history) if isinstance(entry, Node) else _open(graph, entry, history)
-        for entry in _entries(graph, wanted, scheduler.wiring)
-    ]
+    scheduler, calls = survey(graph, wanted, store)
+    nodes: dict[Path, list[Node]] = {}
+    for node in scheduler.wiring.nodes.values():
+        nodes.setdefault(node.path, []).append(node)
+    needed, found = set(calls), list[Planned]()
+    for path, call in graph.calls():
+        if path in nodes:
+            found += [_planned(node, scheduler, history) for node in nodes[path]]
+        elif path in needed:
+            found.append(_unopened(path, call, history))
+    return found
 
 
 def _planned(node: Node, scheduler: Scheduler, history: History | None) -> Planned:
@@ -96,27 +102,8 @@ def _planned(node: Node, scheduler: Scheduler, history: History | None) -> Plann
     return Planned(node.address, "stale", node.key, seconds, node.rule, bare=node.bare, spell=spell)
 
 
-def _entries(graph: Graph, wanted: Sequence[Address], wiring: Wiring) -> Iterator[Node | Path]:
-    """Nodes, and calls whose copies are not known yet, in the order of the recipe."""
-    copies: dict[Path, list[Node]] = {}
-    for node in wiring.nodes.values():
-        if node.labels:
-            copies.setdefault(node.path, []).append(node)
-    # Where no group is needed each call is one node, so that the graph need not be walked once more.
-    reached = set(reach(graph, wanted)) if wiring.openings else set()
-    for name in graph.members:
-        if name in wiring.nodes:
-            yield wiring.nodes[name]
-        elif reached:
-            for path, _ in graph.below(name):
-                if path in copies:
-                    yield from copies[path]
-                elif path in reached:
-                    yield path
-
-
-def _open(graph: Graph, path: Path, history: History | None) -> Planned:
-    name = ".".join(path)
+def _unopened(path: Path, call: Call, history: History | None) -> Planned:
+    """Copies that are not known yet."""
     known = history.all() if history else {}
     past = [entry.seconds for address, entry in known.items() if parse_address(address).call == path]
-    return Planned(name, "unknown", None, sum(past) if past else None, copy_of(graph, path, ()).rule)
+    return Planned(".".join(path), "unknown", None, sum(past) if past else None, call.rule)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
-from pathlib import Path as FilePath
 
 from dextera_build.engine.graph import (
     Address,
@@ -17,13 +17,18 @@ from dextera_build.engine.graph import (
     Item,
     Leaf,
     Output,
+    Pack,
+    no_copy,
     node_address,
     parts_of,
 )
-from dextera_build.engine.lookup import copy_of, group_at, leaves_of, no_copy
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Labels, Node, Opening, Path, Unit
-from dextera_build.errors import DxbError
+from dextera_build.errors import DxbError, RuleError
+from dextera_build.store import headers
+from dextera_build.store.store import Store
+
+_LABEL = re.compile(r"[^\[\]/\\\x00-\x1f]+")
 
 
 class Wiring:
@@ -31,10 +36,10 @@ class Wiring:
 
     Args:
         graph: The plan.
-        digest_leaf: Puts a file or folder into the store and returns its artifact's digest.
+        store: Takes files and folders, and has the headers of outputs.
     """
 
-    def __init__(self, graph: Graph, digest_leaf: Callable[[FilePath], str]) -> None:
+    def __init__(self, graph: Graph, store: Store) -> None:
         self.graph = graph
         self.nodes: dict[str, Node] = {}
         """By address."""
@@ -44,29 +49,21 @@ class Wiring:
         self._gatherings: dict[tuple[Path, Labels, tuple[str, ...]], Gathering] = {}
         self.leaves: dict[str, str] = {}
         """Files and folders that were looked at -> digest; as texts they take a quarter of the memory."""
-        self.unread: list[DxbError] = []
-        """Why files and folders could not be looked at."""
-        self.readers: list[Node] = []
-        """Nodes that read files or folders directly; one that was connected again stands there again."""
-        self._asked: list[Gathering] = []
+        self.wishes: list[Gathering] = []
         """The targets."""
-        self._digest_leaf = digest_leaf
+        self._store = store
 
-    def ask(self, targets: Iterable[Address]) -> list[Gathering]:
-        """Ask for targets."""
-        self._asked = [self._wish(target) for target in targets]
-        return self._asked
+    def ask(self, targets: Iterable[Address]) -> None:
+        """Ask for all copies of calls that targets name."""
+        for target in targets:
+            unit = Gathering(address=str(target), path=target.call, labels=target.labels or (), collect=False)
+            self.wishes.append(unit)
+            self.fresh.append(unit)
 
+    @property
     def asked(self) -> Iterator[str]:
         """The nodes that targets name, as far as groups are open."""
-        for wish in self._asked:
-            yield from (node.address for node in wish.nodes.values())
-
-    def _wish(self, target: Address) -> Gathering:
-        """Ask for all copies of a call that `target` names."""
-        unit = Gathering(address=str(target), path=target.call, labels=target.labels or (), collect=False)
-        self.fresh.append(unit)
-        return unit
+        return (node.address for wish in self.wishes for node in wish.nodes.values())
 
     def node(self, path: Path, labels: Labels) -> Node:
         """The copy of a call with these labels."""
@@ -74,7 +71,7 @@ class Wiring:
         unit = self.nodes.get(address)
         if unit is None:
             unit = self.nodes[address] = Node(
-                address=address, path=path, labels=labels, call=copy_of(self.graph, path, labels)
+                address=address, path=path, labels=labels, call=self.graph.copy(path, labels)
             )
             self.fresh.append(unit)
         return unit
@@ -83,7 +80,7 @@ class Wiring:
         """The group at `path` within the copies with these labels."""
         unit = self.openings.get((path, labels))
         if unit is None:
-            group = group_at(self.graph, path)
+            group = self.graph.group(path)
             unit = Opening(address=node_address(path, labels), path=path, labels=labels, group=group)
             self.openings[path, labels] = unit
             self.fresh.append(unit)
@@ -98,16 +95,29 @@ class Wiring:
         path = str(leaf.path)
         if path not in self.leaves:
             try:
-                self.leaves[path] = self._digest_leaf(leaf.path)
+                self.leaves[path] = self._store.leaves.digest_leaf(leaf.path)
             except DxbError as error:
                 error.where = error.where or leaf.where
-                self.unread.append(error)
                 raise
         return self.leaves[path]
 
+    def look(self, targets: Sequence[Address]) -> list[Path]:
+        """Look at every file and folder that targets may need; returns the addresses of all calls that they may need.
+
+        Raises:
+            UsageError: A target names a copy that its group does not have.
+            RecipeError: A file or folder is missing or cannot be read.
+        """
+        paths = list(self.graph.walk(targets))
+        for path in paths:
+            for call in self.graph.variants(path):
+                for leaf in call.leaves():
+                    self.leaf(leaf)
+        return paths
+
     def forget_leaves(self, node: Node) -> None:
         """Look anew at the files and folders of `node` when it is connected again."""
-        for leaf in leaves_of((node.call,)):
+        for leaf in node.call.leaves():
             self.leaves.pop(str(leaf.path), None)
 
     def note_leaves(self, node: Node, call: Call) -> None:
@@ -116,7 +126,7 @@ class Wiring:
         Raises:
             RecipeError: One of them cannot be read.
         """
-        node.leaves = [(leaf, self.leaf(leaf)) for leaf in leaves_of((call,))]
+        node.leaves = [(leaf, self.leaf(leaf)) for leaf in call.leaves()]
 
     def connect(self, unit: Unit) -> None:
         """Find what `unit` reads and wait for what is not known; what is met for the first time is connected next.
@@ -133,8 +143,6 @@ class Wiring:
         if isinstance(unit, Node):
             call = unit.call
             self.note_leaves(unit, call)
-            if unit.leaves:
-                self.readers.append(unit)
             sources = (self.sources(source, unit) for source in call.inputs.values())
             unit.await_(dict.fromkeys(chain.from_iterable(sources)))
         elif isinstance(unit, Opening) and not isinstance(unit.group.over, Fixed):
@@ -161,6 +169,63 @@ class Wiring:
         if isinstance(part, Item):
             return self.opening(part.group, reader.labels[: len(part.group) - 1])
         return self._gathering(part, reader.path[:-1], reader.labels)
+
+    def value(self, source: Input, reader: Unit) -> str:
+        """The digest of an input of `reader`, whose sources are known; a collection that the recipe lists is stored.
+
+        Raises:
+            DxbError: A field does not exist, a file cannot be read, or the store cannot take the collection.
+        """
+        blobs = self._store.blobs
+        if isinstance(source, Pack):
+            parts = {label: self.value(part, reader) for label, part in source.parts.items()}
+            return blobs.put(headers.collection_header(parts))
+        if isinstance(source, Leaf):
+            return self.leaf(source)
+        unit = self.source(source, reader)
+        start: str | None = None
+        if isinstance(unit, Node | Gathering):
+            start = unit.output
+        elif isinstance(unit, Opening):
+            start = unit.items[reader.labels[len(unit.labels)]]
+        assert start is not None, f"{reader.address} is not ready"
+        # A gathering has followed the fields already.
+        fields = () if isinstance(source, Gather) else source.fields
+        return headers.project(blobs.get, start, fields) if fields else start
+
+    def items(self, unit: Opening) -> dict[str, str]:
+        """Label -> digest of each item of the collection of a group, which is known.
+
+        Raises:
+            DxbError: It is no collection, or a label cannot be one.
+        """
+        if isinstance(unit.group.over, Fixed):
+            found = dict.fromkeys(unit.group.over.labels, "")
+        else:
+            found = headers.items(self._store.blobs.get, self.value(unit.group.over, unit))
+        for label in found:
+            if not _LABEL.fullmatch(label):
+                raise RuleError(
+                    f"group `{unit.address}` cannot be opened: `{label}` is not a label",
+                    code="DXB-B306",
+                    facts={"labels": "one character or more, none of them [ ] / \\ or a control character"},
+                )
+        return found
+
+    def collection(self, unit: Gathering) -> str:
+        """Digest of the collection of the outputs of all copies, which are known; it is stored.
+
+        Raises:
+            DxbError: Two copies have one label, a field does not exist, or the store cannot take the collection.
+        """
+        parts: dict[str, str] = {}
+        for labels, node in sorted(unit.nodes.items()):
+            assert node.output is not None
+            label = ".".join(labels[len(unit.labels) :])
+            if label in parts:
+                raise RuleError(f"`{unit.address}` has two copies called `{label}`", code="DXB-B307")
+            parts[label] = headers.project(self._store.blobs.get, node.output, unit.fields)
+        return self._store.blobs.put(headers.collection_header(parts))
 
     def expand(self, unit: Gathering, opened: Opening) -> None:
         """Go on from a group that `unit` waited for and that is open now.

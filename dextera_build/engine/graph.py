@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TypeAlias
 
-from dextera_build.errors import Place, UsageError
+from dextera_build.errors import Place, UsageError, did_you_mean, listing
 from dextera_build.workers.capacity import Needs
 from dextera_build.workers.retries import Retries
 
@@ -64,6 +65,8 @@ class Fixed:
     labels: tuple[str, ...]
 
 
+Names: TypeAlias = tuple[str, ...]
+"""Names from the root of the graph: the address of a call or group without labels."""
 Input: TypeAlias = Leaf | Output | Item | Gather | Pack
 
 
@@ -101,7 +104,7 @@ class RuleFacts:
     sources: Mapping[str, str] = field(default_factory=dict)
     """What a worker compares before it runs the code; `code` is what the key holds of it."""
 
-    @property
+    @cached_property
     def needs(self) -> Needs:
         """What a call takes of a machine; no part of the key, and neither are retries."""
         return Needs(self.cpus, self.memory_gb, self.gpus, self.gpu_gb, self.named)
@@ -120,6 +123,21 @@ class Call:
     option_places: Mapping[str, Place] = field(default_factory=dict)
     """Where the recipe (or the command line) sets an option."""
     salt: str = ""
+
+    def leaves(self) -> Iterator[Leaf]:
+        """Every file and folder that it reads."""
+        for source in self.inputs.values():
+            yield from (part for part in parts_of(source) if isinstance(part, Leaf))
+
+    def files(self) -> dict[str, Path]:
+        """The slots that read a file or folder, `slot[label]` for those that list several."""
+        found = {}
+        for slot, source in self.inputs.items():
+            parts = source.parts if isinstance(source, Pack) else {"": source}
+            for label, part in parts.items():
+                if isinstance(part, Leaf):
+                    found[f"{slot}[{label}]" if label else slot] = part.path
+        return found
 
 
 @dataclass(frozen=True)
@@ -146,22 +164,78 @@ class Graph:
 
     def calls(self) -> Iterator[tuple[tuple[str, ...], Call]]:
         """Every call with its address, groups in order; one after another, because there may be many."""
-        for name, member in self.members.items():
-            yield from _calls(name, member)
+        stack: list[tuple[tuple[str, ...], Call | Group]] = []
+        for first, outer in self.members.items():
+            stack.append(((first,), outer))
+            while stack:
+                address, member = stack.pop()
+                if isinstance(member, Call):
+                    yield address, member
+                else:
+                    stack += [((*address, name), inner) for name, inner in reversed(list(member.members.items()))]
 
-    def below(self, name: str) -> Iterator[tuple[tuple[str, ...], Call]]:
-        """The calls of one group at the root, or the call that stands there."""
-        return _calls(name, self.members[name])
+    def group(self, path: Names) -> Group:
+        """The group at `path`."""
+        members = self.members
+        for name in path[:-1]:
+            outer = members[name]
+            assert isinstance(outer, Group), f"{path} leads through a call"
+            members = outer.members
+        group = members[path[-1]]
+        assert isinstance(group, Group), f"{path} is a call"
+        return group
 
+    def copy(self, path: Names, labels: tuple[str, ...] = ()) -> Call:
+        """The call at `path`, or what replaces it in the copy with these labels."""
+        inner, call = self._call(path)
+        return inner.overrides.get(labels[-1], {}).get(call.name, call) if inner and labels else call
 
-def _calls(name: str, outer: Call | Group) -> Iterator[tuple[tuple[str, ...], Call]]:
-    stack: list[tuple[tuple[str, ...], Call | Group]] = [((name,), outer)]
-    while stack:
-        address, member = stack.pop()
-        if isinstance(member, Call):
-            yield address, member
-        else:
-            stack += [((*address, name), inner) for name, inner in reversed(list(member.members.items()))]
+    def variants(self, path: Names) -> list[Call]:
+        """The call at `path`, and what replaces it in some copies of its group."""
+        inner, call = self._call(path)
+        replaced = inner.overrides.values() if inner else ()
+        return [call, *(members[call.name] for members in replaced if call.name in members)]
+
+    def needs(self, path: Names) -> Iterator[Names]:
+        """The calls that some copy of the call at `path` reads, and those whose collections its groups open over."""
+        inputs = [given for call in self.variants(path) for given in call.inputs.values()]
+        over = [self.group(path[:depth]).over for depth in range(1, len(path))]
+        for source in (*over, *(part for given in inputs for part in parts_of(given))):
+            if isinstance(source, Output | Gather):
+                yield source.call
+
+    def walk(self, targets: Sequence[Address]) -> Iterator[Names]:
+        """The address of every call that `targets` may need, in the order in which they are met.
+
+        Raises:
+            UsageError: A target names a copy that its group does not have.
+        """
+        for target in targets:
+            self._refuse_unknown(target)
+        seen: set[Names | str] = set()
+        stack = [target.call for target in reversed(targets)]
+        while stack:
+            path = stack.pop()
+            name = path if len(path) > 1 else path[0]  # most stand at the root, and a tuple around each shows
+            if name not in seen:
+                seen.add(name)
+                stack += self.needs(path)
+                yield path
+
+    def _call(self, path: Names) -> tuple[Group | None, Call]:
+        """The call at `path`, and the group that it stands in."""
+        inner = self.group(path[:-1]) if len(path) > 1 else None
+        call = (inner.members if inner else self.members)[path[-1]]
+        assert isinstance(call, Call), f"{path} is a group"
+        return inner, call
+
+    def _refuse_unknown(self, target: Address) -> None:
+        """Refuse a copy that a group does not have which lists its copies."""
+        labels = target.labels or ()
+        for depth, label in enumerate(labels):
+            over, path = self.group(target.call[: depth + 1]).over, target.call[: depth + 1]
+            if isinstance(over, Fixed) and label not in over.labels:
+                raise no_copy(str(target), node_address(path, labels[:depth]), label, over.labels)
 
 
 @dataclass(frozen=True)
@@ -229,6 +303,16 @@ def parse_address(text: str) -> Address:
     if not names or not bare or text.endswith("."):
         raise _malformed(text)
     return Address(tuple(names), tuple(labels) or None)
+
+
+def no_copy(target: str, group: str, label: str, known: Iterable[str]) -> UsageError:
+    """What to say where `target` names a copy that `group` does not have."""
+    return UsageError(
+        f"`{target}`: there is no `{label}` in `{group}`",
+        code="DXB-U203",
+        facts={"copies": listing(known)},
+        hint=did_you_mean(label, known),
+    )
 
 
 def _malformed(text: str) -> UsageError:

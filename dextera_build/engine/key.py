@@ -19,44 +19,34 @@ SCHEMA = 2
 
 _OWN = ("inputs", "options", "salt")
 """Parts of the document that calls of one rule differ in, in their order."""
+_MARK = "\0"
+"""Stands for these parts; no field of a rule is this text."""
 
 Document: TypeAlias = dict[str, Any]
 Kind: TypeAlias = Literal["option", "code", "package", "backend", "input", "version", "type", "weights", "salt", "read"]
 
 
-def manifest(call: Call, inputs: Mapping[str, str]) -> Document:
-    """The key document of a call whose inputs (slot -> digest) are known."""
-    return _rule_part(call.rule) | _call_part(call) | {"inputs": _input_part(inputs)}
-
-
-def key_of(call: Call, inputs: Mapping[str, str]) -> str:
-    """The key of a call whose inputs (slot -> digest) are known."""
-    return digests.of_value(manifest(call, inputs))
-
-
 class Writer:
-    """Writes key documents as canonical bytes; what many nodes share is spelled out once.
-
-    `document(call, inputs)` equals `digest.canonical(manifest(call, inputs))`.
-    """
+    """Writes key documents as canonical bytes; what calls of one rule share is spelled once."""
 
     def __init__(self) -> None:
         self._rules: dict[int, tuple[RuleFacts, list[bytes]]] = {}
 
     def document(self, call: Call, inputs: Mapping[str, str]) -> bytes:
-        """Canonical bytes of the key document."""
-        quoted, around = digests.quoted, self._around(call.rule)
-        pairs = ",".join([f"[{quoted(slot)},{quoted(inputs[slot])}]" for slot in sorted(inputs)])
-        options = digests.canonical(call.options if type(call.options) is dict else dict(call.options))
+        """The key document of a call whose inputs (slot -> digest) are known."""
+        around, spell = self._around(call.rule), digests.canonical
+        pairs = [[slot, inputs[slot]] for slot in sorted(inputs)]
         # In the order of `_OWN`.
-        own = (f"[{pairs}]".encode(), options, quoted(call.salt).encode())
+        own = (spell(pairs), spell(dict(call.options)), spell(call.salt))
         return b"%b%b%b%b%b%b%b" % (around[0], own[0], around[1], own[1], around[2], own[2], around[3])
 
     def _around(self, rule: RuleFacts) -> list[bytes]:
+        """The bytes before, between and after the parts that each call has of its own."""
         # By identity: the mappings in the facts cannot be hashed, and the entry keeps them alive.
         known = self._rules.get(id(rule))
         if known is None:
-            known = self._rules[id(rule)] = (rule, _around(_rule_part(rule)))
+            text = digests.canonical(_shared(rule) | dict.fromkeys(_OWN, _MARK))
+            known = self._rules[id(rule)] = (rule, text.split(digests.canonical(_MARK)))
         return known[1]
 
 
@@ -89,7 +79,7 @@ def compare(old: Document, new: Document) -> list[Change]:
     return list(changes)
 
 
-def _rule_part(rule: RuleFacts) -> Document:
+def _shared(rule: RuleFacts) -> Document:
     reads: Document = {traces.READ: None} if rule.discovers else {}
     return reads | {
         "schema": SCHEMA,
@@ -101,27 +91,6 @@ def _rule_part(rule: RuleFacts) -> Document:
         "weights": list(rule.weights),
         "types": dict(rule.types),
     }
-
-
-def _call_part(call: Call) -> Document:
-    return {"options": dict(call.options), "salt": call.salt}
-
-
-def _input_part(inputs: Mapping[str, str]) -> list[list[str]]:
-    return [[slot, inputs[slot]] for slot in sorted(inputs)]
-
-
-def _around(shared: Document) -> list[bytes]:
-    """The canonical bytes before, between and after the parts that each call has of its own."""
-    parts, text = [], b"{"
-    for place, name in enumerate(sorted({*shared, *_OWN})):
-        text += b',"%s":' % name.encode() if place else b'"%s":' % name.encode()
-        if name in _OWN:
-            parts.append(text)
-            text = b""
-        else:
-            text += digests.canonical(shared[name])
-    return [*parts, text + b"}"]
 
 
 def _rows(kind: Kind, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Change]:

@@ -1,36 +1,15 @@
-"""What became of the nodes of a run: one record for each, which is also the event that tells of it."""
+"""What became of a node: one record, which is also the event that tells of it."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
 
-from dextera_build.engine.expand import Wiring
-from dextera_build.engine.lookup import files_read
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node, Unit, producers
 from dextera_build.errors import DxbError
-from dextera_build.runs.events import NodeFinished, Status
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """What became of a run."""
-
-    ok: bool
-    """Whether every target is up to date."""
-    nodes: Mapping[str, NodeFinished]
-    """Address -> what became of the node, in the order in which the run came to them."""
-    targets: tuple[str, ...]
-    """Addresses of the nodes that were asked for, every copy by itself."""
-    run: str = ""
-    """Id of the run."""
-    wiring: Wiring | None = field(default=None, repr=False, compare=False)
-    """What the run was made of."""
-    errors: Mapping[str, DxbError] = field(default_factory=dict)
-    """Address of whatever failed, a node, group, collection or target -> why."""
+from dextera_build.runs.events import NodeFinished
 
 
 def record_of(node: Node, project: str, blockers: Sequence[str] = ()) -> NodeFinished:
@@ -41,7 +20,8 @@ def record_of(node: Node, project: str, blockers: Sequence[str] = ()) -> NodeFin
         project: Folder that paths are told from.
         blockers: Addresses of the failed units that it waits for.
     """
-    status, rule = _status(node), node.rule
+    status, rule = node.status, node.rule
+    assert status is not None, f"nothing became of {node.address}"
     made = node.result if node.state is State.DONE else None
     last = node.last if status in ("ran", "failed") else None
     called = (last.reply or {}).get("calls") if last else None
@@ -62,7 +42,7 @@ def record_of(node: Node, project: str, blockers: Sequence[str] = ()) -> NodeFin
         inputs=node.inputs,
         depends_on=[source.address for source in producers(node)],
         log=made.log if made else node.log,
-        files={slot: _shown(path, project) for slot, path in files_read(node.call).items()},
+        files={slot: _shown(path, project) for slot, path in node.call.files().items()},
         remote=node.remote if status == "fetched" else "",
         usage=last.usage if last else {},
         tries=node.tries,
@@ -76,14 +56,6 @@ def record_of_group(unit: Unit, error: DxbError) -> NodeFinished:
     return NodeFinished(
         time.time(), unit.address, "each", None, "failed", None, None, 0.0, error=error, depends_on=depends_on
     )
-
-
-def _status(node: Node) -> Status:
-    if node.state is State.DONE:
-        return "ran" if node.status == "ran" else "fetched" if node.status == "fetched" else "cached"
-    if node.state is State.FAILED:
-        return "failed"
-    return "waits" if node.state is State.BLOCKED else "cancelled"
 
 
 def _shown(path: Path, project: str) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, TypeAlias
 
 from dextera_build.engine.discovered import Reading
 from dextera_build.engine.states import State
-from dextera_build.engine.units import End, Node, UnitStates
+from dextera_build.engine.units import End, Node, States
+from dextera_build.runs import events
+from dextera_build.runs.events import Listener
 
 if TYPE_CHECKING:
     # A build without remotes need not wait for these.
@@ -15,6 +18,8 @@ if TYPE_CHECKING:
 
 Remotes: TypeAlias = "Exchange | None"
 """The remotes of a run; None if there are none."""
+_TICK_S = 0.5
+"""How often it is said how far uploads are [s]."""
 
 
 class Sharing:
@@ -24,10 +29,11 @@ class Sharing:
         exchange: Asks and tells remotes.
         states: The states of all units.
         reading: Knows the discovered inputs of nodes.
+        listen: Is told of remotes that are given up, and of uploads.
     """
 
-    def __init__(self, exchange: Remotes, states: UnitStates, reading: Reading) -> None:
-        self._exchange, self._states, self._reading = exchange, states, reading
+    def __init__(self, exchange: Remotes, states: States, reading: Reading, listen: Listener) -> None:
+        self._exchange, self._states, self._reading, self._listen = exchange, states, reading, listen
         self._fetching: dict[str, Node] = {}
         self._missed: set[str] = set()
         self._arrived: list[Arrival] = []
@@ -62,6 +68,7 @@ class Sharing:
 
     def settle(self) -> Iterator[End]:
         """Go on with the nodes whose answers came; those that no remote has are to run."""
+        self._tell()
         if not self._fetching:
             return
         self.wait(0.0)
@@ -95,3 +102,30 @@ class Sharing:
         """Upload what the node made."""
         if self._exchange is not None and node.status == "ran" and node.key is not None:
             self._exchange.offer(node.key)
+
+    def _tell(self) -> None:
+        for notice in self._exchange.notices() if self._exchange else ():
+            self._listen(events.RemoteGivenUp(time.time(), notice.remote, notice.address, notice.doing, notice.reason))
+
+    def finish(self, pause: Callable[[], None]) -> None:
+        """Wait for uploads, and say how far they are; `pause` is called before time passes."""
+        if self._exchange is None:
+            return
+        pause()
+        while left := self._exchange.wait(_TICK_S):
+            total = self._exchange.offered
+            self._tell()
+            self._listen(events.Uploading(time.time(), total - left, total))
+            pause()
+
+    def close(self) -> None:
+        """Let connections go, and say what was uploaded and what was not."""
+        if self._exchange is None:
+            return
+        uploads = self._exchange.close()
+        self._tell()
+        for upload in uploads:
+            left = len(upload.left)
+            self._listen(
+                events.Uploaded(time.time(), upload.remote, upload.results, upload.octets, left, upload.reason)
+            )

@@ -11,16 +11,15 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
 from dextera_build.engine.expand import Wiring
-from dextera_build.engine.resolve import value
 from dextera_build.engine.states import State
-from dextera_build.engine.units import Gathering, Node, Opening, Unit, UnitStates
+from dextera_build.engine.units import Gathering, Node, States, Unit
 from dextera_build.store.store import Store
 
 _MOST = 3
 """How often one blob may vanish under one reader."""
 
 
-def rewind(unit: Unit, digest: str, store: Store, states: UnitStates) -> list[Unit] | None:
+def rewind(unit: Unit, digest: str, store: Store, states: States) -> list[Unit] | None:
     """Blob `digest` is gone: take `unit`, and all between it and nodes whose results are lost, back to waiting.
 
     Returns:
@@ -42,13 +41,13 @@ def absent(node: Node, store: Store, wiring: Wiring) -> list[Node]:
         bare = [maker for maker in _makers(wiring.sources(source, node)) if maker.bare]
         if not bare:
             continue
-        given = node.inputs.get(slot) or value(source, node, wiring, store.blobs)  # in a dry run inputs are not held
+        given = node.inputs.get(slot) or wiring.value(source, node)  # in a dry run inputs are not held
         if not store.actions.references.are_here(given):
             found |= dict.fromkeys(maker for maker in bare if not _is_here(maker, store))
     return list(found)
 
 
-def send_back(unit: Unit, missing: Iterable[Node], states: UnitStates) -> list[Unit]:
+def send_back(unit: Unit, missing: Iterable[Node], states: States) -> list[Unit]:
     """Take `unit`, and all between it and these nodes that it reads, back to waiting; they must be connected again."""
     wanted = {id(node) for node in missing}
     return _back(unit, _above(unit, lambda source: id(source) in wanted), states)
@@ -72,33 +71,26 @@ def _is_here(node: Node, store: Store) -> bool:
 
 
 def _above(unit: Unit, gone: Callable[[Unit], bool]) -> list[Unit]:
-    """Known sources of `unit`, through openings and gatherings, that are gone or read what is, readers first.
+    """What `unit` reads and is gone, with all openings and gatherings on the way; nothing where nothing is gone.
 
     A source that is gone may be on its way already; then only its readers must wait for it again.
     """
-    order: list[Unit] = []
+    found: list[Unit] = []
+    any_gone = False
     seen = {id(unit)}
     stack = list(unit.sources)
     while stack:
         source = stack.pop()
-        if id(source) not in seen:
-            seen.add(id(source))
-            order.append(source)
-            if not isinstance(source, Node):
-                stack += source.sources
-    broken: set[int] = set()
-    # A source stands after every reader of it that is not a node, so backwards each is judged before its readers.
-    for source in _readers_last(order):
-        if gone(source) or any(id(s) in broken for s in source.sources):
-            broken.add(id(source))
-    return [source for source in order if id(source) in broken and source.state is State.DONE]
-
-
-def _readers_last(order: list[Unit]) -> list[Unit]:
-    nodes = [unit for unit in order if isinstance(unit, Node)]
-    openings = [unit for unit in order if isinstance(unit, Opening)]
-    gatherings = [unit for unit in order if isinstance(unit, Gathering)]
-    return [*nodes, *sorted(openings, key=lambda unit: len(unit.path)), *gatherings]
+        if id(source) in seen:
+            continue
+        seen.add(id(source))
+        is_gone, is_node = gone(source), isinstance(source, Node)
+        any_gone |= is_gone
+        if is_gone or not is_node:
+            found.append(source)
+        if not is_node:
+            stack += source.sources
+    return [source for source in found if source.state is State.DONE] if any_gone else []
 
 
 def _gone(source: Unit, store: Store) -> bool:
@@ -109,7 +101,7 @@ def _gone(source: Unit, store: Store) -> bool:
     return False
 
 
-def _back(unit: Unit, again: list[Unit], states: UnitStates) -> list[Unit]:
+def _back(unit: Unit, again: list[Unit], states: States) -> list[Unit]:
     for other in (*again, unit):
         other.forget()
         if other.state is not State.WAITS:

@@ -18,8 +18,8 @@ All walks are loops: chains may be long.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
+import time
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 
 from dextera_build import digest as digests
@@ -27,22 +27,23 @@ from dextera_build.engine import rewind
 from dextera_build.engine.discovered import Reading
 from dextera_build.engine.dispatch import Dispatch
 from dextera_build.engine.expand import Wiring
-from dextera_build.engine.graph import Address, Fixed, Graph
+from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.key import Writer
-from dextera_build.engine.policy import Hooks, Policy
+from dextera_build.engine.policy import Policy
+from dextera_build.engine.records import record_of, record_of_group
 from dextera_build.engine.remote_results import Remotes, Sharing
-from dextera_build.engine.resolve import inputs_of, value
-from dextera_build.engine.states import LOST, State, States
-from dextera_build.engine.units import End, Gathering, Node, Opening, Unit, UnitStates
-from dextera_build.errors import DxbError, RuleError, StaleError, StoreError
-from dextera_build.store import headers
+from dextera_build.engine.states import LOST, State
+from dextera_build.engine.units import End, Gathering, Node, Opening, States, Unit
+from dextera_build.errors import DxbError, StaleError, StoreError
+from dextera_build.runs import events
+from dextera_build.runs.events import Listener, Status
+from dextera_build.runs.history import Entry, History
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.workers.protocol import Executor
 
 _BATCH = 64
-_LABEL = re.compile(r"[^\[\]/\\\x00-\x1f]+")
 
 
 class Scheduler:
@@ -53,8 +54,10 @@ class Scheduler:
         store: Where results come from and go to.
         executor: What runs nodes; None only for a dry run.
         policy: How the run goes.
-        hooks: Who listens.
+        listen: Takes every event.
+        history: What is remembered of the nodes; nothing of a dry run is.
         exchange: The remotes, where there are any.
+        pause: Called when all that there is to tell was told, before time passes.
     """
 
     def __init__(
@@ -63,21 +66,24 @@ class Scheduler:
         store: Store,
         executor: Executor | None,
         policy: Policy,
-        hooks: Hooks | None = None,
+        *,
+        listen: Listener = lambda event: None,
+        history: History | None = None,
         exchange: Remotes = None,
+        pause: Callable[[], None] = lambda: None,
     ) -> None:
         self.graph = graph
         self.store = store
         self.policy = policy
-        self.hooks = hooks or Hooks()
-        self.states: UnitStates = States()
-        self.wiring = Wiring(graph, store.leaves.digest_leaf)
-        self.wishes: list[Gathering] = []
+        self.listen = listen
+        self.history = history
+        self.states = States()
+        self.wiring = Wiring(graph, store)
         self.failed: list[Unit] = []
         self.errors: list[DxbError] = []
         self._writer = Writer()
         self.reading = Reading(store, self._writer)
-        self.sharing = Sharing(exchange, self.states, self.reading)
+        self.sharing = Sharing(exchange, self.states, self.reading, listen)
         self.dispatch = Dispatch(
             store=store,
             executor=executor,
@@ -85,7 +91,9 @@ class Scheduler:
             sharing=self.sharing,
             policy=policy,
             reading=self.reading,
-            hooks=self.hooks,
+            listen=listen,
+            pause=pause,
+            history=history,
             forced=self._is_forced,
         )
         self._owners: dict[str, Node] = {}
@@ -105,7 +113,7 @@ class Scheduler:
         Raises:
             AssertionError: Nodes wait for one another in a circle.
         """
-        self.wishes = self.wiring.ask(targets)
+        self.wiring.ask(targets)
         while True:
             more = self._settle()
             self._measure()
@@ -126,7 +134,7 @@ class Scheduler:
         for end in ends:
             if end.error is not None:
                 self._broke(end.node, end.error)
-            elif end.result is not None:
+            elif end.result is not None and end.status is not None:
                 self._succeed(end.node, end.status, end.result, bare=end.bare)
             else:
                 self._queue(end.node)
@@ -147,7 +155,12 @@ class Scheduler:
             if unit is None:
                 continue
             try:
-                self._settle_one(unit)
+                if isinstance(unit, Node):
+                    self._look_up(unit)
+                elif isinstance(unit, Opening):
+                    self._open(unit)
+                elif isinstance(unit, Gathering):
+                    self._gather(unit)
             except DxbError as error:
                 self._broke(unit, error)
         return True
@@ -159,7 +172,7 @@ class Scheduler:
         if known != self._measured and not (self.wiring.fresh and known[0] < 2 * self._measured[0]):
             self._measured = known
             unopened = sum(unit.state is not State.DONE and unit.state not in LOST for unit in openings.values())
-            self.hooks.sized(known[0], unopened)
+            self.listen(events.RunSized(time.time(), known[0], unopened))
 
     def _connect(self, unit: Unit) -> None:
         try:
@@ -172,19 +185,11 @@ class Scheduler:
         elif unit.pending == 0:
             self.states.set(unit, State.READY)
 
-    def _settle_one(self, unit: Unit) -> None:
-        if isinstance(unit, Node):
-            self._look_up(unit)
-        elif isinstance(unit, Opening):
-            self._open(unit)
-        elif isinstance(unit, Gathering):
-            self._gather(unit)
-
     def _look_up(self, node: Node) -> None:
         call = node.call
         if node.leaves:
             self.wiring.note_leaves(node, call)  # another node that reads one of them may have looked again since
-        inputs = node.inputs = inputs_of(call, node, self.wiring, self.store.blobs)
+        inputs = node.inputs = {slot: self.wiring.value(source, node) for slot, source in call.inputs.items()}
         document = node.document = self._writer.document(call, inputs)
         node.key = digests.of_bytes(document)
         try:
@@ -214,7 +219,7 @@ class Scheduler:
             self.states.set(node, State.STALE)
         else:
             if hit is not None and not forced and node.output is None:
-                self.hooks.missed(node, node)
+                self._tell_missed(node, node)
             self._owners[node.owned] = node
             # What is forced shall run, and a result that others made is not what it asks for.
             if forced or not self.sharing.ask(node):
@@ -249,7 +254,7 @@ class Scheduler:
         """Let `unit` wait until these nodes have their bytes; False where there are none."""
         for node in missing:
             if node.state is State.DONE:
-                self.hooks.missed(node, node if node.asked else unit)
+                self._tell_missed(node, node if node.asked else unit)
             node.asked = True
         if missing:
             self._connect_again(rewind.send_back(unit, missing, self.states))
@@ -263,37 +268,19 @@ class Scheduler:
         self.wiring.fresh += units
 
     def _open(self, unit: Opening) -> None:
-        if isinstance(unit.group.over, Fixed):
-            unit.items = dict.fromkeys(unit.group.over.labels, "")
-        else:
-            over = value(unit.group.over, unit, self.wiring, self.store.blobs)
-            unit.items = headers.items(self.store.blobs.get, over)
-        for label in unit.items:
-            if not _LABEL.fullmatch(label):
-                raise RuleError(
-                    f"group `{unit.address}` cannot be opened: `{label}` is not a label",
-                    code="DXB-B306",
-                    facts={"labels": "one character or more, none of them [ ] / \\ or a control character"},
-                )
-        self.hooks.opened(unit)
+        unit.items = self.wiring.items(unit)
+        self.listen(events.GroupOpened(time.time(), unit.address, list(unit.items)))
         self._measured = (0, 0)
         self._done(unit)
 
     def _gather(self, unit: Gathering) -> None:
         if unit.collect:
-            parts: dict[str, str] = {}
-            for labels, node in sorted(unit.nodes.items()):
-                assert node.output is not None
-                label = ".".join(labels[len(unit.labels) :])
-                if label in parts:
-                    raise RuleError(f"`{unit.address}` has two copies called `{label}`", code="DXB-B307")
-                parts[label] = headers.project(self.store.blobs.get, node.output, unit.fields)
-            unit.output = self.store.blobs.put(headers.collection_header(parts))
+            unit.output = self.wiring.collection(unit)
         elif not self.policy.dry and self._send_back(unit, [node for node in unit.nodes.values() if node.bare]):
             return
         self._done(unit)
 
-    def _succeed(self, node: Node, status: str, result: ActionResult, *, bare: bool = False) -> None:
+    def _succeed(self, node: Node, status: Status, result: ActionResult, *, bare: bool = False) -> None:
         node.result, node.status, node.error, node.bare = result, status, None, bare
         self._any_bare |= bare
         if status == "ran" and (self.policy.force or self.policy.recall):
@@ -315,7 +302,7 @@ class Scheduler:
     def _done(self, unit: Unit) -> None:
         self.states.set(unit, State.DONE)
         if isinstance(unit, Node):
-            self.hooks.settled(unit)
+            self._tell_settled(unit)
         for dependent in unit.release():
             if dependent.state is State.WAITS:
                 dependent.pending -= 1
@@ -359,14 +346,14 @@ class Scheduler:
         if isinstance(unit, Node):
             unit.error, unit.status = error, "failed"
             followers = self._disown(unit)
-            self.hooks.settled(unit)
+            self._tell_settled(unit)
             for follower in followers:
                 if error.code == "DXB-B304":  # a file of the other node changed; this one may read another
                     self.states.set(follower, State.READY)
                 else:
                     self._fail(follower, error)
         else:
-            self.hooks.broken(unit, error)
+            self.listen(record_of_group(unit, error))
         self._block_readers(unit)
 
     def _block(self, unit: Unit) -> None:
@@ -380,6 +367,20 @@ class Scheduler:
             if reader.state is State.WAITS:
                 self.states.set(reader, State.BLOCKED)
                 stack += reader.dependents
+
+    def _tell_missed(self, node: Node, reader: Unit) -> None:
+        self.listen(events.BytesMissed(time.time(), node.address, reader.address))
+
+    def _tell_settled(self, node: Node) -> None:
+        """Say what became of a node, and remember it."""
+        if self.policy.dry:
+            return
+        record, result = record_of(node, self.policy.project), node.result
+        if self.history is not None and result is not None and record.result is not None and record.key is not None:
+            # How long a fetch took says nothing of how long the node runs.
+            entry = Entry(record.key, result.key_document, self.policy.run, result.seconds, record.time, record.usage)
+            self.history.note(node.address, entry)
+        self.listen(record)
 
     def _is_forced(self, node: Node) -> bool:
         if node.status or node.key in self._made or not (self.policy.force or self.policy.recall):

@@ -31,8 +31,6 @@ WAITS and READY are also the states of openings and gatherings, which are DONE w
 from __future__ import annotations
 
 import enum
-from collections import deque
-from typing import Generic, Protocol, TypeVar, cast
 
 
 class State(enum.Enum):
@@ -60,14 +58,14 @@ class State(enum.Enum):
     FAILED = "failed"
     """It has an error of its own."""
     BLOCKED = "blocked"
-    """It never ran because of `Unit.blockers`."""
+    """It never ran because a source failed, or is blocked itself."""
     CANCELLED = "cancelled"
     """It never ran because the run ended."""
     STALE = "stale"
     """Only in a dry run: it would run."""
 
 
-_NEXT: dict[State, frozenset[State]] = {
+NEXT: dict[State, frozenset[State]] = {
     State.WAITS: frozenset({State.READY, State.FAILED, State.BLOCKED, State.CANCELLED}),
     State.READY: frozenset(set(State) - {State.LOCKED, State.RUNNING}),
     State.SHARED: frozenset({State.READY, State.DONE, State.FAILED, State.BLOCKED, State.CANCELLED}),
@@ -84,55 +82,3 @@ _NEXT: dict[State, frozenset[State]] = {
 
 LOST = frozenset({State.FAILED, State.BLOCKED, State.CANCELLED})
 """States that no output will ever come from."""
-
-
-class Stateful(Protocol):
-    """Something with a state."""
-
-    state: State
-
-
-U = TypeVar("U", bound=Stateful)
-"""A unit."""
-N = TypeVar("N", bound=Stateful)
-"""A node, which is a unit that may run."""
-
-
-class States(Generic[U, N]):
-    """The states of all units of one run, with the queues that follow from them."""
-
-    def __init__(self) -> None:
-        self.ready: deque[U] = deque()
-        self.queue: deque[N] = deque()
-        self.locked: list[N] = []
-        self.running = 0
-        self.fetching = 0
-
-    def set(self, unit: U, state: State) -> None:
-        """Every change of state goes through here.
-
-        Raises:
-            AssertionError: The picture has no such arrow.
-        """
-        old = unit.state
-        if state not in _NEXT[old]:
-            raise AssertionError(f"{unit}: {old.value} -> {state.value}")
-        if old is State.LOCKED:
-            self.locked.remove(cast("N", unit))
-        self.running += (state is State.RUNNING) - (old is State.RUNNING)
-        self.fetching += (state is State.FETCHING) - (old is State.FETCHING)
-        unit.state = state
-        if state is State.READY:
-            self.ready.append(unit)
-        elif state is State.QUEUED:
-            self.queue.append(cast("N", unit))
-        elif state is State.LOCKED:
-            self.locked.append(cast("N", unit))
-
-    def next_ready(self) -> U | None:
-        """Take the next unit whose sources are known."""
-        while self.ready:
-            unit = self.ready.popleft()
-            if unit.state is State.READY:
-                return unit
-        return None

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 from dextera_build.engine.graph import Call, Group, Leaf, RuleFacts
-from dextera_build.engine.states import State, States
+from dextera_build.engine.states import NEXT, State
 from dextera_build.errors import DxbError
+from dextera_build.runs.events import Status
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.traces import Steps
 from dextera_build.workers.protocol import Ended
@@ -70,8 +71,8 @@ class Node(Unit):
     """One copy of a call."""
 
     call: Call
-    status: str = ""
-    """What it came to; one of `events.Status`, "" as long as that is open."""
+    status: Status | None = None
+    """What it came to; None as long as that is open."""
     asked: bool = False
     """Somebody reads its bytes or wants them; else it is enough to know its result."""
     bare: bool = False
@@ -147,14 +148,52 @@ class Gathering(Unit):
     """Digest of the collection."""
 
 
-UnitStates: TypeAlias = States[Unit, Node]
+class States:
+    """The states of all units of one run, with the queues that follow from them."""
+
+    def __init__(self) -> None:
+        self.ready: deque[Unit] = deque()
+        self.queue: deque[Node] = deque()
+        self.locked: list[Node] = []
+        self.running = 0
+        self.fetching = 0
+
+    def set(self, unit: Unit, state: State) -> None:
+        """Every change of state goes through here.
+
+        Raises:
+            AssertionError: The picture in `states.py` has no such arrow.
+        """
+        old = unit.state
+        if state not in NEXT[old]:
+            raise AssertionError(f"{unit}: {old.value} -> {state.value}")
+        unit.state = state
+        if state is State.READY:
+            self.ready.append(unit)
+        if isinstance(unit, Node):
+            if old is State.LOCKED:
+                self.locked.remove(unit)
+            self.running += (state is State.RUNNING) - (old is State.RUNNING)
+            self.fetching += (state is State.FETCHING) - (old is State.FETCHING)
+            if state is State.QUEUED:
+                self.queue.append(unit)
+            elif state is State.LOCKED:
+                self.locked.append(unit)
+
+    def next_ready(self) -> Unit | None:
+        """Take the next unit whose sources are known."""
+        while self.ready:
+            unit = self.ready.popleft()
+            if unit.state is State.READY:
+                return unit
+        return None
 
 
 class End(NamedTuple):
     """What became of a node elsewhere than in the scheduler: a result or an error; neither, where it has to run."""
 
     node: Node
-    status: str = ""
+    status: Status | None = None
     result: ActionResult | None = None
     bare: bool = False
     error: DxbError | None = None

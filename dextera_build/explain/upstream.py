@@ -17,7 +17,6 @@ from dextera_build.engine.graph import (
     parse_address,
     parts_of,
 )
-from dextera_build.engine.lookup import copy_of, group_at
 
 
 class Upstream:
@@ -38,7 +37,7 @@ class Upstream:
     def call(self, node: str) -> Call:
         """The call that a node is a copy of."""
         address = parse_address(node)
-        return copy_of(self._graph, address.call, address.labels or ())
+        return self._graph.copy(address.call, address.labels or ())
 
     def read_by(self, node: str) -> dict[str, list[str]]:
         """Slot -> the nodes that this input comes from; those that say which copies a collection has come first."""
@@ -60,7 +59,7 @@ class Upstream:
 
     def _of_part(self, reader: Address, part: Leaf | Output | Item | Gather | Fixed) -> Iterator[str]:
         while isinstance(part, Item):
-            part = group_at(self._graph, part.group).over
+            part = self._graph.group(part.group).over
         if isinstance(part, Leaf | Fixed):
             return
         labels, shared = reader.labels or (), _shared(reader.call, part.call)
@@ -72,7 +71,7 @@ class Upstream:
 
     def _opening(self, reader: Address, call: tuple[str, ...], first: int) -> Iterator[str]:
         for depth in range(first, len(call)):
-            yield from self._of_part(reader, group_at(self._graph, call[:depth]).over)
+            yield from self._of_part(reader, self._graph.group(call[:depth]).over)
 
 
 def _shared(reader: tuple[str, ...], source: tuple[str, ...]) -> int:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Set
+from collections.abc import Iterable, Set
 from dataclasses import dataclass, field
 from typing import Literal
 
-from dextera_build.gc.inventory import Inventory
+from dextera_build.gc.inventory import Inventory, Kept
 
 Reason = Literal["broken", "age", "size"]
 
@@ -48,65 +48,45 @@ class Choice:
 def choose(inventory: Inventory, roots: Set[str], limits: Limits, horizon: Horizon) -> Choice:
     """Choose what goes: broken results, blobs that nothing needs, results by age, then the oldest down to the size.
 
-    Results under `roots` stay whatever the limits say, and so does all that running builds may need.
+    Results under `roots` stay whatever the limits are, and so does everything that running builds may need.
     """
-    made = _Chooser(inventory, horizon)
-    for key in inventory.broken:
-        made.drop_result(key, "broken")
-    for digest in inventory.blobs:
-        made.drop_blob(digest)
-    for used, kind, key in _candidates(inventory, roots, horizon):
-        reason: Reason
-        if limits.since is not None and used < limits.since:
-            reason = "age"
-        elif limits.size is not None and made.choice.left > limits.size:
-            reason = "size"
-        else:
+    choice = Choice(left=inventory.bytes())
+    named = {name for entry in inventory.broken.values() for name in entry.needs}
+    readers = Counter(name for entry in inventory.results.values() for name in entry.needs)
+
+    def drop_blobs(digests: Iterable[str]) -> None:
+        for digest in digests:
+            size, used = inventory.blobs.get(digest, (0, math.inf))  # a bare result names blobs that are not there
+            if not readers[digest] and used < (horizon.results if digest in named else horizon.blobs):
+                choice.blobs.add(digest)
+                choice.left -= size
+
+    for key, entry in inventory.broken.items():
+        choice.results[key] = "broken"
+        choice.left -= entry.size
+    drop_blobs(inventory.blobs)
+    for used, key, kept in _candidates(inventory, roots):
+        is_old = limits.since is not None and used < limits.since
+        is_too_much = limits.size is not None and choice.left > limits.size
+        if used >= horizon.results or not (is_old or is_too_much):
             break
-        if kind == "keep":
-            made.drop_keep(key, reason)
+        reason: Reason = "age" if is_old else "size"
+        if kept is None:
+            choice.keep[key] = reason
+            choice.left -= inventory.keep[key][0]
         else:
-            made.drop_result(key, reason)
-    return made.choice
+            choice.results[key] = reason
+            choice.left -= kept.size
+            readers.subtract(kept.needs.keys())
+            named.update(kept.needs)
+            drop_blobs(kept.needs)
+    return choice
 
 
-def _candidates(inventory: Inventory, roots: Set[str], horizon: Horizon) -> list[tuple[float, str, str]]:
-    """(last use, what, key) of all that limits apply to, the longest unused first."""
-    found = [(entry.used, "result", key) for key, entry in inventory.results.items() if key not in roots]
-    found += [(used, "keep", key) for key, (_, used) in inventory.keep.items()]
-    return sorted(row for row in found if row[0] < horizon.results)
-
-
-class _Chooser:
-    def __init__(self, inventory: Inventory, horizon: Horizon) -> None:
-        self._inventory = inventory
-        self._horizon = horizon
-        self._named = {name for entry in inventory.broken.values() for name in entry.needs}
-        self._readers = Counter(name for entry in inventory.results.values() for name in entry.needs)
-        self.choice = Choice(left=inventory.bytes())
-
-    def drop_result(self, key: str, reason: Reason) -> None:
-        """Let a result go, and each blob that only it needs."""
-        self.choice.results[key] = reason
-        if reason == "broken":
-            self.choice.left -= self._inventory.broken[key].size
-            return
-        entry = self._inventory.results[key]
-        self.choice.left -= entry.size
-        for name in entry.needs:
-            self._readers[name] -= 1
-            self._named.add(name)
-            self.drop_blob(name)
-
-    def drop_blob(self, digest: str) -> None:
-        """Let a blob go, unless a result needs it or a running build may."""
-        horizon = self._horizon.results if digest in self._named else self._horizon.blobs
-        size, used = self._inventory.blobs.get(digest, (0, math.inf))  # a bare result names blobs that are not there
-        if not self._readers[digest] and used < horizon:
-            self.choice.blobs.add(digest)
-            self.choice.left -= size
-
-    def drop_keep(self, key: str, reason: Reason) -> None:
-        """Let the saved progress of a call go."""
-        self.choice.keep[key] = reason
-        self.choice.left -= self._inventory.keep[key][0]
+def _candidates(inventory: Inventory, roots: Set[str]) -> list[tuple[float, str, Kept | None]]:
+    """(last use, key, result or None for saved progress) of everything that limits apply to, longest unused first."""
+    found: list[tuple[float, str, Kept | None]] = [
+        (kept.used, key, kept) for key, kept in inventory.results.items() if key not in roots
+    ]
+    found += [(used, key, None) for key, (_, used) in inventory.keep.items()]
+    return sorted(found, key=lambda row: row[:2])

@@ -19,8 +19,7 @@ from pathlib import Path
 from dextera_build.errors import StoreError
 from dextera_build.gc import inventory
 from dextera_build.gc import roots as held_by
-from dextera_build.gc.choose import Choice, Horizon, Limits, choose
-from dextera_build.gc.inventory import Inventory
+from dextera_build.gc.choose import Horizon, Limits, choose
 from dextera_build.runs import log
 from dextera_build.store import failpoints, files, last_use
 from dextera_build.store.store import Store
@@ -61,8 +60,8 @@ class Collection:
     before: int = 0
     """Bytes of blobs, results and saved progress."""
     after: int = 0
-    running: int = 0
-    """How many builds ran meanwhile."""
+    running: bool = False
+    """Whether builds ran meanwhile."""
     vanished: list[str] = field(default_factory=list)
     """Projects whose folder is not there: what they built last is not held."""
 
@@ -84,10 +83,9 @@ def collect(store: Store, roots: Callable[[], Roots], limits: Limits | None = No
     Raises:
         StoreError: The store cannot be written.
     """
+    limits = limits or Limits()
     if dry:
-        return _Collector(
-            store, roots(), limits or Limits(), alone=store.locks.reliable() and not store.running.starts()
-        ).plan()
+        return _Collector(store, roots(), limits, alone=store.locks.reliable() and not store.running.starts()).said
     if (folder := inventory.unwritable(store)) is not None:
         raise StoreError(
             "the store cannot be collected, it may only be read",
@@ -96,7 +94,7 @@ def collect(store: Store, roots: Callable[[], Roots], limits: Limits | None = No
             hint="ask its owner, or set `DXB_CACHE` to a store of your own",
         )
     with store.running.collecting() as alone:
-        return _Collector(store, roots(), limits or Limits(), alone=alone).sweep()
+        return _Collector(store, roots(), limits, alone=alone).sweep()
 
 
 def collect_all(store: Store, *, size: int | None = None, age_s: float | None = None, dry: bool = True) -> Collection:
@@ -134,15 +132,15 @@ def collect_all(store: Store, *, size: int | None = None, age_s: float | None = 
 
 
 class _Collector:
+    """Chooses what goes when it is made; `said` tells of it, and `sweep` takes it."""
+
     def __init__(self, store: Store, roots: Roots, limits: Limits, *, alone: bool) -> None:
         self._store = store
-        self._roots = roots
         starts = store.running.starts()
-        now = _now(store)
         grace = last_use.STEP_S + last_use.SLACK_S
         if not store.locks.reliable():
             grace = max(grace, _LOCKLESS_S)
-        horizon = min([now, *starts]) - grace
+        horizon = min([_now(store), *starts]) - grace
         self._horizon = Horizon(results=math.inf if alone else horizon, blobs=horizon)
         self._held = inventory.read(store)
         everyone = frozenset().union(*roots.values())
@@ -150,85 +148,72 @@ class _Collector:
         results = self._held.results
         everyone |= {name for key in everyone if key in results for name in results[key].needs if name in results}
         self._choice = choose(self._held, everyone, limits, self._horizon)
-        self._said = Collection(before=self._held.bytes(), after=self._choice.left, running=store.running.processes())
+        self._leftovers = [left for left in inventory.leftovers(store) if left[2] < horizon]
+        self._entries = results | self._held.broken
+        self.said = Collection(before=self._held.bytes(), after=self._choice.left, running=bool(starts))
+        self._say_gone()
+        self._say_kept(roots)
 
-    def plan(self) -> Collection:
-        """Say what would go."""
-        held, choice, said = self._held, self._choice, self._said
-        entries = held.results | held.broken
+    def _say_gone(self) -> None:
+        held, choice, said = self._held, self._choice, self.said
         for reason, why in _WHY.items():
-            said.add("results", [entries[key].size for key, said in choice.results.items() if said == reason], why)
+            gone = [self._entries[key].size for key, because in choice.results.items() if because == reason]
+            said.add("results", gone, why)
         said.add("blobs", [held.blobs[digest][0] for digest in choice.blobs], "no result that stays needs them")
         said.add("keep", [held.keep[key][0] for key in choice.keep], "progress of abandoned calls")
-        left = [size for _, size, used in inventory.leftovers(self._store) if used < self._horizon.blobs]
+        left = [size for _, size, _ in self._leftovers]
         said.add("leftovers", left, "unfinished files of killed processes, damaged blobs in quarantine")
-        said.stays = list(_stays(held, choice, self._roots, self._horizon))
-        return said
+
+    def _say_kept(self, roots: Roots) -> None:
+        blobs = self._held.blobs
+        left = {key: entry for key, entry in self._held.results.items() if key not in self._choice.results}
+        counted = set(self._choice.blobs)
+        young = {key for key, entry in left.items() if entry.used >= self._horizon.results}
+        groups = [(keys, f"built last by {owner}") for owner, keys in sorted(roots.items())]
+        for keys, why in (*groups, (young, "builds that run now may need them"), (set(left), "within the limits")):
+            kept = [left.pop(key) for key in keys & left.keys()]
+            names = {name for entry in kept for name in entry.needs if name in blobs} - counted
+            counted |= names
+            if kept:
+                size = sum(entry.size for entry in kept) + sum(blobs[name][0] for name in names)
+                self.said.stays.append(Row("results", len(kept), size, why))
+        fresh = [size for digest, (size, _) in blobs.items() if digest not in counted]
+        if fresh:
+            self.said.stays.append(
+                Row("blobs", len(fresh), sum(fresh), "no result needs them, but they were used of late")
+            )
 
     def sweep(self) -> Collection:
-        """Take it."""
-        said = self.plan()
-        spared = self._drop_results()
+        """Take what was chosen, but for what a build began to use since."""
+        use, choice = self._store.blobs.use, self._choice
+        spared = 0
+        for key in choice.results:
+            path = inventory.path_of(self._store, key)
+            spared += not use.drop(path, math.nextafter(self._entries[key].used, math.inf))
         failpoints.reach("collect.results")
-        needed = self._needed(spared)
-        for digest in sorted(self._choice.blobs - needed):
-            path = str(self._store.blobs.path(digest))
-            used = self._held.blobs[digest][1]
-            if not self._store.blobs.use.drop(path, math.nextafter(used, math.inf)):
-                spared.add(digest)
-        for key in self._choice.keep:
+        needed = self._needed()
+        for digest in sorted(choice.blobs - needed):
+            path, used = str(self._store.blobs.path(digest)), self._held.blobs[digest][1]
+            spared += not use.drop(path, math.nextafter(used, math.inf))
+        for key in choice.keep:
             if self._store.locks.take(key):
                 self._store.keep.drop(key)
                 self._store.locks.release(key)
         failpoints.reach("collect.blobs")
-        for path, _, used in inventory.leftovers(self._store):
-            if used < self._horizon.blobs:
-                with suppress(OSError):
-                    inventory.remove(path)
-        if spared or needed & self._choice.blobs:
-            said.after = inventory.read(self._store).bytes()
-        return said
+        for left, _, _ in self._leftovers:
+            with suppress(OSError):
+                inventory.remove(left)
+        if spared or needed & choice.blobs:
+            self.said.after = inventory.read(self._store).bytes()
+        return self.said
 
-    def _drop_results(self) -> set[str]:
-        """Remove results; returns those that a build began to use since we looked."""
-        spared = set()
-        entries = self._held.results | self._held.broken
-        for key in self._choice.results:
-            path = inventory.path_of(self._store, key)
-            if not self._store.blobs.use.drop(path, math.nextafter(entries[key].used, math.inf)):
-                spared.add(key)
-        return spared
-
-    def _needed(self, spared: Set[str]) -> set[str]:
+    def _needed(self) -> set[str]:
         """Blobs that results need which are still there, also those published since we looked."""
         known = frozenset(key for key in self._held.results if key not in self._choice.results)
         needed = {name for key in known for name in self._held.results[key].needs}
-        for _, (entry, _) in inventory.results(self._store, known):
-            needed.update(entry.needs)
+        for _, kept in inventory.results(self._store, known):
+            needed.update(kept.needs)
         return needed
-
-
-def _stays(held: Inventory, choice: Choice, roots: Roots, horizon: Horizon) -> list[Row]:
-    left = {key: entry for key, entry in held.results.items() if key not in choice.results}
-    rows = []
-
-    def take(keys: list[str], why: str) -> None:
-        names = {name for key in keys for name in left[key].needs if name in held.blobs} - counted
-        counted.update(names)
-        size = sum(left.pop(key).size for key in keys) + sum(held.blobs[name][0] for name in names)
-        if keys:
-            rows.append(Row("results", len(keys), size, why))
-
-    counted: set[str] = set()
-    for owner, keys in sorted(roots.items()):
-        take([key for key in left if key in keys], f"built last by {owner}")
-    take([key for key, entry in left.items() if entry.used >= horizon.results], "builds that run now may need them")
-    take(list(left), "within the limits")
-    accounted = choice.blobs | counted
-    young = [size for digest, (size, _) in held.blobs.items() if digest not in accounted]
-    if young:
-        rows.append(Row("blobs", len(young), sum(young), "no result needs them, but they were used of late"))
-    return rows
 
 
 def _now(store: Store) -> float:

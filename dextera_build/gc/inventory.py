@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeAlias
 
 from dextera_build.store import entry as entries
 from dextera_build.store import files
 from dextera_build.store.blobs import listing
 from dextera_build.store.store import Store
 
-Sizes: TypeAlias = "dict[str, int | None] | None"
-"""Digest -> size of the blobs that a result names (see `entry.File`); None where the result cannot be read."""
+_LEFTOVERS = (f"{files.TEMPORARY}-*", f"*/{files.TEMPORARY}-*", f"*/*/{files.TEMPORARY}-*", "local/quarantine/*")
 
 
 @dataclass(frozen=True)
@@ -27,8 +25,8 @@ class Kept:
     """Bytes of the entry itself."""
     used: float
     """Last use (seconds since the epoch)."""
-    needs: tuple[str, ...]
-    """Digests of the blobs that it names, each once."""
+    needs: Mapping[str, int | None]
+    """Digest -> size of the blobs that it names, see `entry.File`; none where it cannot be read."""
 
 
 @dataclass
@@ -57,25 +55,24 @@ def read(store: Store) -> Inventory:
     # Entries first: blobs of results that are published meanwhile are named by no entry, but are too young to go.
     held = dict(results(store))
     found.blobs = {digest: (size, used) for digest, size, used in listing(store.blobs.root)}
-    for key, (entry, sizes) in held.items():
-        there = (size in (None, found.blobs.get(name, (-1, 0))[0]) for name, size in (sizes or {}).items())
-        whole = sizes is not None and all(there)
-        (found.results if whole else found.broken)[key] = entry
+    for key, kept in held.items():
+        there = (size in (None, found.blobs.get(name, (-1, 0))[0]) for name, size in kept.needs.items())
+        (found.results if kept.needs and all(there) else found.broken)[key] = kept
     found.keep = {key: (size, used) for key, size, used in store.keep.all()}
     return found
 
 
-def results(store: Store, known: frozenset[str] = frozenset()) -> Iterator[tuple[str, tuple[Kept, Sizes]]]:
-    """Every result except those of `known` keys: key, its size and last use, the blobs that it names."""
+def results(store: Store, known: frozenset[str] = frozenset()) -> Iterator[tuple[str, Kept]]:
+    """Every result except those of `known` keys."""
     names: dict[str, str] = {}
     for key, size, used in listing(store.actions.root):
         if key not in known:
-            sizes: Sizes = None
+            needs: dict[str, int | None] = {}
             with suppress(OSError, ValueError):
                 found = entries.read(files.read(path_of(store, key)))
                 if found.key == key:
-                    sizes = {names.setdefault(file.digest, file.digest): file.size for file in found.files}
-            yield key, (Kept(size, used, tuple(sizes or ())), sizes)
+                    needs = {names.setdefault(file.digest, file.digest): file.size for file in found.files}
+            yield key, Kept(size, used, needs)
 
 
 def path_of(store: Store, key: str) -> str:
@@ -85,24 +82,11 @@ def path_of(store: Store, key: str) -> str:
 
 def leftovers(store: Store) -> Iterator[tuple[str, int, float]]:
     """Unfinished files of processes that were killed, and damaged blobs set aside: (path, bytes, last change)."""
-    for folder, below, names in os.walk(store.root):
-        aside = folder == str(store.local / "quarantine")
-        begun = [name for name in below if name.startswith(f"{files.TEMPORARY}-")]
-        below[:] = [name for name in below if name not in begun]
-        if folder == str(store.root):
-            below[:] = [name for name in below if name in ("cas", "ac", "local")]
-        if folder == str(store.local):
-            below[:] = [name for name in below if name != "keep"]
-        for name in (*begun, *names):
-            if aside or name.startswith(files.TEMPORARY):
-                path = os.path.join(folder, name)
-                with suppress(FileNotFoundError):
-                    state = os.lstat(path)
-                    yield path, state.st_size, state.st_mtime
-
-    for left in store.keep.root.glob(f"{files.TEMPORARY}-*"):
-        with suppress(FileNotFoundError):
-            yield str(left), 0, os.lstat(left).st_mtime
+    for pattern in _LEFTOVERS:
+        for path in store.root.glob(pattern):
+            with suppress(FileNotFoundError):
+                state = path.lstat()
+                yield str(path), state.st_size, state.st_mtime
 
 
 def remove(path: str) -> None:

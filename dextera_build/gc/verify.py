@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import stat
 import threading
 import time
 from collections.abc import Callable
@@ -17,12 +16,8 @@ from dextera_build.errors import StoreError
 from dextera_build.gc import inventory
 from dextera_build.store import entry as entries
 from dextera_build.store import failpoints, files, last_use, permissions
-from dextera_build.store.blobs import is_digest, listing
+from dextera_build.store.blobs import listed, listing, shards
 from dextera_build.store.store import Store
-
-DAMAGE = ("damaged", "truncated", "misnamed", "unreadable", "lacking", "misfiled")
-"""Kinds of findings that can cost a build time; the others are only untidy."""
-_MODE = 0o444
 
 Progress = Callable[[int, int], None]
 """Takes how many blobs were read so far, and their bytes."""
@@ -33,8 +28,8 @@ class Finding:
     """One thing that is not as it should be."""
 
     kind: str
-    """`damaged`, `truncated`, `misnamed`: a blob; `unreadable`, `lacking`, `misfiled`: a result; `writable`: a blob
-    that may be written to; `leftover`: an unfinished file of a killed process."""
+    """`damaged`, `truncated`: a blob; `unreadable`, `lacking`, `misfiled`: a result; `leftover`: an unfinished file of
+    a killed process, which is no damage."""
     name: str
     """Digest, key or path."""
     detail: str
@@ -53,7 +48,7 @@ class Verdict:
     @property
     def is_whole(self) -> bool:
         """Whether nothing is damaged, or all of it was repaired."""
-        return all(finding.repaired or finding.kind not in DAMAGE for finding in self.findings)
+        return all(finding.repaired or finding.kind == "leftover" for finding in self.findings)
 
 
 def verify(
@@ -64,8 +59,8 @@ def verify(
     Args:
         store: The store; builds may run meanwhile.
         fast: Compare sizes only, and read no blob.
-        repair: Set damaged blobs aside, drop results that cannot stand, make blobs read-only, remove leftovers. What
-            was dropped is a miss, and is built again when it is needed.
+        repair: Set damaged blobs aside, drop results that cannot stand, remove leftovers. A result that was dropped is
+            a miss, and is built again when it is needed.
         jobs: How many blobs to read at a time; 0: one per core.
         progress: Is told how far it is, at most ten times a second.
 
@@ -97,46 +92,35 @@ class _Verifier:
         self._guard = threading.Lock()
         self._sizes = {
             digest: size
-            for _, (_, needs) in inventory.results(store)
-            for digest, size in (needs or {}).items()
+            for _, kept in inventory.results(store)
+            for digest, size in kept.needs.items()
             if size is not None
         }
         self.verdict = Verdict()
 
     def blobs(self, jobs: int) -> None:
         """Read every blob, folder by folder in parallel: hashing and reading let other threads run."""
-        root = str(self._store.blobs.root)
-        shards = [entry.path for entry in os.scandir(root) if entry.is_dir()] if os.path.isdir(root) else []
         with ThreadPoolExecutor(jobs) as pool:
-            for _ in pool.map(self._shard, sorted(shards)):
+            for _ in pool.map(self._shard, shards(self._store.blobs.root)):
                 pass
 
     def _shard(self, folder: str) -> None:
-        if os.path.basename(folder) == files.TEMPORARY:
-            return
-        for entry in sorted(os.scandir(folder), key=lambda entry: entry.name):
-            if entry.name.startswith(files.TEMPORARY):
-                continue
+        for digest, size, _ in listed(folder):
+            with self._guard:
+                self.verdict.blobs += 1
+                self.verdict.bytes += size
+                self._tell()
             with suppress(FileNotFoundError):
-                state = entry.stat(follow_symlinks=False)
-                self._blob(os.path.basename(folder) + entry.name, entry.path, state)
+                self._blob(digest, size)
 
-    def _blob(self, name: str, path: str, state: os.stat_result) -> None:
-        if not (is_digest(name) and stat.S_ISREG(state.st_mode) and len(os.path.basename(os.path.dirname(path))) == 2):
-            self._find("misnamed", path, "not a blob's name", lambda: self._aside(path))
-            return
-        with self._guard:
-            self.verdict.blobs += 1
-            self.verdict.bytes += state.st_size
-            self._tell()
-        size = self._sizes.get(name, state.st_size)
+    def _blob(self, digest: str, size: int) -> None:
+        path = self._store.blobs.path(digest)
+        wanted = self._sizes.get(digest, size)
         # A result may be wrong about a size; the digest decides.
-        if (state.st_size != size or not self._fast) and not _is_named_right(name, path):
-            kind = "truncated" if state.st_size < size else "damaged"
-            what = f"{state.st_size} of {size} bytes" if kind == "truncated" else "its bytes are not those of its name"
-            self._find(kind, name, what, lambda: self._aside(path))
-        elif stat.S_IMODE(state.st_mode) & 0o222:
-            self._find("writable", name, f"mode {stat.S_IMODE(state.st_mode):04o}", lambda: os.chmod(path, _MODE))
+        if (size != wanted or not self._fast) and not _is_named_right(digest, path):
+            kind = "truncated" if size < wanted else "damaged"
+            what = f"{size} of {wanted} bytes" if kind == "truncated" else "its bytes are not those of its name"
+            self._find(kind, digest, what, lambda: self._aside(path, digest))
 
     def results(self) -> None:
         """Read every result."""
@@ -180,10 +164,10 @@ class _Verifier:
         with self._guard:
             self.verdict.findings.append(Finding(kind, name, detail, repaired))
 
-    def _aside(self, path: str) -> None:
+    def _aside(self, path: Path, digest: str) -> None:
         folder = self._store.local / "quarantine"
         permissions.make_folder(str(folder))
-        os.replace(path, folder / (os.path.basename(os.path.dirname(path)) + os.path.basename(path)))
+        os.replace(path, folder / digest)
 
     def _tell(self) -> None:
         if time.monotonic() - self._told >= 0.1:
@@ -191,9 +175,9 @@ class _Verifier:
             self._progress(self.verdict.blobs, self.verdict.bytes)
 
 
-def _is_named_right(name: str, path: str) -> bool:
+def _is_named_right(digest: str, path: Path) -> bool:
     try:
-        return digests.of_file(Path(path)) == name
+        return digests.of_file(path) == digest
     except FileNotFoundError:
         raise
     except OSError:

@@ -19,7 +19,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from dextera_build.errors import Place, RecipeError, StoreError
 from dextera_build.project.settings import PROFILES, parse_toml
@@ -75,7 +74,14 @@ def read(path: Path, shown: str | None = None) -> dict[Name, Pin] | None:
         return None
     except (OSError, UnicodeDecodeError) as error:
         raise RecipeError(f"cannot read the lock file: {error}", code="DXB-R501", where=where) from None
-    raw = _parsed(text, where)
+    if mark := _CONFLICT.search(text):
+        raise RecipeError(
+            "the lock file holds a merge conflict",
+            code="DXB-R502",
+            where=Place(where.file, text.count("\n", 0, mark.start()) + 1),
+            hint=f"take either side with `git checkout --ours {where.file}`, then `dxb build --lock` the targets in it",
+        )
+    raw = parse_toml(text, where, _wrong)
     if raw.pop("version", None) != _VERSION:
         raise _wrong(f"the lock file has no `version = {_VERSION}`", where)
     found = {}
@@ -124,18 +130,6 @@ def spell(pins: Pins) -> str:
         quoted = json.dumps(str(name), ensure_ascii=False).replace("\x7f", "\\u007f")
         blocks.append(f'[{name.profile}.{quoted}]\nkey = "{pin.key}"\noutput = "{pin.output}"\nsize = {pin.size}\n')
     return "\n".join(blocks)
-
-
-def _parsed(text: str, where: Place) -> dict[str, Any]:
-    mark = _CONFLICT.search(text)
-    if mark is not None:
-        raise RecipeError(
-            "the lock file holds a merge conflict",
-            code="DXB-R502",
-            where=Place(where.file, text.count("\n", 0, mark.start()) + 1),
-            hint=f"take either side with `git checkout --ours {where.file}`, then `dxb build --lock` the targets in it",
-        )
-    return parse_toml(text, where, _wrong)
 
 
 def _pin(name: str, fields: object, where: Place) -> Pin:

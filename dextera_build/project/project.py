@@ -91,11 +91,6 @@ class Project:
         return self._path(str(self.config["cache"].value))
 
     @property
-    def pins(self) -> Path:
-        """The lock file, there or not."""
-        return self.root / LOCK
-
-    @property
     def profile(self) -> str:
         """The profile in force."""
         return str(self.config["profile"].value)

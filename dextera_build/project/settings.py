@@ -71,9 +71,11 @@ def read(file: Path) -> dict[str, Any]:
         reason = error.strerror if isinstance(error, OSError) else error
         raise _wrong(f"the settings cannot be read: {reason}", where) from None
     values = parse_toml(text, where, _wrong)
-    if file.name != PYPROJECT:
-        return values
-    return _table(_table(values, "tool", file), "dxb", file)
+    for name in ("tool", "dxb") if file.name == PYPROJECT else ():
+        values = values.get(name, {})
+        if not isinstance(values, dict):
+            raise _wrong(f"`{name}` is not a table", where)
+    return values
 
 
 def parse_toml(text: str, where: Place, wrong: Callable[[str, Place], RecipeError]) -> dict[str, Any]:
@@ -128,13 +130,6 @@ def choose(name: str, value: object, origin: str) -> None:
 def is_on(value: object) -> bool:
     """What a switch says."""
     return str(value).lower() in _ON
-
-
-def _table(values: Mapping[str, Any], name: str, file: Path) -> dict[str, Any]:
-    table = values.get(name, {})
-    if not isinstance(table, dict):
-        raise _wrong(f"`{name}` is not a table", Place(str(file)))
-    return table
 
 
 def _wrong(message: str, where: Place) -> RecipeError:

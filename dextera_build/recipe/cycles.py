@@ -5,7 +5,6 @@ from __future__ import annotations
 from graphlib import CycleError, TopologicalSorter
 
 from dextera_build.engine.graph import Graph
-from dextera_build.engine.lookup import needs
 from dextera_build.errors import RecipeError
 
 
@@ -17,7 +16,7 @@ def refuse(graph: Graph) -> None:
     """
     calls = dict(graph.calls())
     try:
-        TopologicalSorter({address: list(needs(graph, address)) for address in calls}).prepare()
+        TopologicalSorter({address: list(graph.needs(address)) for address in calls}).prepare()
     except CycleError as error:
         loop = error.args[1][::-1]
         raise RecipeError(

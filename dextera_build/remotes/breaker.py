@@ -9,12 +9,11 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import BinaryIO, Literal, NamedTuple, TypeVar
+from typing import BinaryIO, Literal, NamedTuple
 
 from dextera_build.errors import DxbError, StoreError
-from dextera_build.remotes.remote import Digest, Remote, RemoteFault
+from dextera_build.remotes.remote import Digest, Remote, RemoteFault, T
 
-T = TypeVar("T")
 Doing = Literal["read", "write"]
 _BOTH: tuple[Doing, ...] = ("read", "write")
 
@@ -34,7 +33,7 @@ class GivenUp(NamedTuple):
     reason: str
 
 
-class Guarded:
+class Guarded(Remote):
     """A remote with a circuit breaker; itself a `Remote`, for one build.
 
     Args:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from dextera_build.errors import StoreError
-from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault
+from dextera_build.remotes.remote import Digest, Kind, Remote, RemoteFault, T
 from dextera_build.store import failpoints, files
 
 _CHUNK = 1 << 20
@@ -24,7 +24,7 @@ _ABANDONED_S = 86400.0
 """Age from which what somebody did not write to its end counts as left by a killed process [s]."""
 
 
-class Directory:
+class Directory(Remote):
     """Blobs under `cas/ab/cdef...` and results under `ac/ab/cdef...` of one folder.
 
     Args:
@@ -36,25 +36,6 @@ class Directory:
         self._root = root
         self._tidied = False
 
-    def get_entry(self, key: str) -> bytes | None:
-        """As `Remote`."""
-        try:
-            with open(self._file("ac", key), "rb") as file:
-                size = os.fstat(file.fileno()).st_size
-                if size > MOST_ENTRY:
-                    raise RemoteFault(self.address, f"the entry of `{key[:12]}` has {size:,} bytes")
-                return file.read(size)
-        except _ABSENT:
-            return None
-        except OSError as error:
-            raise self._fault(error) from None
-
-    def put_entry(self, key: str, message: bytes) -> None:
-        """As `Remote`."""
-        with self._writing("ac", key) as target:
-            failpoints.reach("remote.entry")
-            files.write_all(target, message)
-
     def has(self, digest: Digest) -> bool:
         """As `Remote`."""
         try:
@@ -65,10 +46,9 @@ class Directory:
             raise self._fault(error) from None
         return state.st_size == digest.size and stat.S_ISREG(state.st_mode)
 
-    def fetch(self, digest: Digest, take: Callable[[Iterator[bytes]], bool]) -> bool | None:
-        """As `Remote`."""
+    def _get(self, kind: Kind, name: str, take: Callable[[Iterator[bytes]], T]) -> T | None:
         try:
-            file = open(self._file("cas", digest.hash), "rb")  # noqa: SIM115 - closed below; only opening may find nothing
+            file = open(self._file(kind, name), "rb")  # noqa: SIM115 - closed below; only opening may find nothing
         except _ABSENT:
             return None
         except OSError as error:
@@ -76,14 +56,13 @@ class Directory:
         with file:
             return take(self._pieces(file))
 
-    def send(self, digest: Digest, file: BinaryIO) -> None:
-        """As `Remote`."""
-        with self._writing("cas", digest.hash) as target, open(target, "wb", closefd=False) as to:
-            failpoints.reach("remote.blob")
+    def _put(self, kind: Kind, digest: Digest, file: BinaryIO) -> None:
+        with self._writing(kind, digest.hash) as target, open(target, "wb", closefd=False) as to:
+            if kind == "cas":
+                failpoints.reach("remote.blob")
+            else:
+                failpoints.reach("remote.entry")
             shutil.copyfileobj(file, to, _CHUNK)
-
-    def close(self) -> None:
-        """As `Remote`; there are no connections."""
 
     def _pieces(self, file: BinaryIO) -> Iterator[bytes]:
         try:

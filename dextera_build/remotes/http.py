@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import BinaryIO
 
 import httpx
 
-from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault
-from dextera_build.remotes.spec import is_loopback
+from dextera_build.remotes.remote import Digest, Kind, Remote, RemoteFault, T, is_loopback
 
 _CHUNK = 1 << 18
 _CONNECTIONS = 32
@@ -27,7 +26,7 @@ _REFUSED = {
 }
 
 
-class HttpCache:
+class HttpCache(Remote):
     """One server.
 
     Args:
@@ -56,23 +55,6 @@ class HttpCache:
             follow_redirects=True,
         )
 
-    def get_entry(self, key: str) -> bytes | None:
-        """As `Remote`."""
-        with self._faults(), self._client.stream("GET", self._url("ac", key)) as answer:
-            if answer.status_code == 404:
-                return None
-            self._expect(answer, 200)
-            found = bytearray()
-            for piece in answer.iter_raw(_CHUNK):
-                found += piece
-                if len(found) > MOST_ENTRY:
-                    raise RemoteFault(self.address, f"the entry of `{key[:12]}` does not end")
-            return bytes(found)
-
-    def put_entry(self, key: str, message: bytes) -> None:
-        """As `Remote`."""
-        self._put("ac", key, message, {})
-
     def has(self, digest: Digest) -> bool:
         """As `Remote`."""
         with self._faults():
@@ -82,27 +64,22 @@ class HttpCache:
         self._expect(answer, 200, 204)
         return True
 
-    def fetch(self, digest: Digest, take: Callable[[Iterator[bytes]], bool]) -> bool | None:
+    def close(self) -> None:
         """As `Remote`."""
-        with self._faults(), self._client.stream("GET", self._url("cas", digest.hash)) as answer:
+        self._client.close()
+
+    def _get(self, kind: Kind, name: str, take: Callable[[Iterator[bytes]], T]) -> T | None:
+        with self._faults(), self._client.stream("GET", self._url(kind, name)) as answer:
             if answer.status_code == 404:
                 return None
             self._expect(answer, 200)
             # Not decoded: nothing unpacks to more than was sent.
             return take(answer.iter_raw(_CHUNK))
 
-    def send(self, digest: Digest, file: BinaryIO) -> None:
-        """As `Remote`."""
+    def _put(self, kind: Kind, digest: Digest, file: BinaryIO) -> None:
+        url, content = self._url(kind, digest.hash), iter(lambda: file.read(_CHUNK), b"")
         # With its length said, so that it is not sent in chunks, which not every server takes.
-        size = {"Content-Length": str(digest.size)}
-        self._put("cas", digest.hash, iter(lambda: file.read(_CHUNK), b""), size)
-
-    def close(self) -> None:
-        """As `Remote`."""
-        self._client.close()
-
-    def _put(self, kind: str, digest: str, content: bytes | Iterator[bytes], headers: Mapping[str, str]) -> None:
-        url = self._url(kind, digest)
+        headers = {"Content-Length": str(digest.size)}
         with self._faults(), self._client.stream("PUT", url, content=content, headers=headers) as answer:
             self._expect(answer, 200, 201, 202, 204)
             said = 0

@@ -6,13 +6,26 @@ never wrong, and never makes it fail.
 
 from __future__ import annotations
 
+import ipaddress
 from collections.abc import Callable, Iterator
-from typing import BinaryIO, NamedTuple, Protocol
+from io import BytesIO
+from typing import BinaryIO, Literal, NamedTuple, TypeAlias, TypeVar
 
 from dextera_build.redact import redact
 
+T = TypeVar("T")
+Kind: TypeAlias = Literal["ac", "cas"]
+"""Entries or blobs."""
 MOST_ENTRY = 64 << 20
 """A result under a key that is longer is not taken [bytes]; one blob takes about 150 bytes there."""
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine can be reached, or can reach us, at a host."""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 class Digest(NamedTuple):
@@ -39,8 +52,11 @@ class RemoteFault(Exception):  # noqa: N818 - says what happened, as `MissingBlo
         self.refused = refused
 
 
-class Remote(Protocol):
-    """Two maps. Every method may be called from several threads, and raises `RemoteFault` and nothing else."""
+class Remote:
+    """Two maps. Every method may be called from several threads, and raises `RemoteFault` and nothing else.
+
+    A subclass implements `has`, `_get` and `_put`.
+    """
 
     address: str
     """As the command line names it, without secrets."""
@@ -50,27 +66,42 @@ class Remote(Protocol):
 
         One that is longer than `MOST_ENTRY` is a `RemoteFault`, found before all of it is in memory.
         """
-        ...
+        return self._get("ac", key, self._short)
 
     def put_entry(self, key: str, message: bytes) -> None:
         """Publish a result, all of whose blobs the remote holds."""
-        ...
+        self._put("ac", Digest(key, len(message)), BytesIO(message))
 
     def has(self, digest: Digest) -> bool:
         """Whether the remote holds a blob, with this size."""
-        ...
+        raise NotImplementedError
 
     def fetch(self, digest: Digest, take: Callable[[Iterator[bytes]], bool]) -> bool | None:
         """Hand `take` the bytes of a blob in pieces, and return what it returns; None if the remote lacks the blob.
 
         `take` checks size and bytes, and may stop before the last piece. Its errors pass through.
         """
-        ...
+        return self._get("cas", digest.hash, take)
 
     def send(self, digest: Digest, file: BinaryIO) -> None:
         """Upload a blob, from the place where the file stands."""
-        ...
+        self._put("cas", digest, file)
 
     def close(self) -> None:
         """Let connections go; calls that wait for an answer end with a `RemoteFault`."""
-        ...
+
+    def _short(self, pieces: Iterator[bytes]) -> bytes:
+        found = bytearray()
+        for piece in pieces:
+            found += piece
+            if len(found) > MOST_ENTRY:
+                raise RemoteFault(self.address, "an entry does not end")
+        return bytes(found)
+
+    def _get(self, kind: Kind, name: str, take: Callable[[Iterator[bytes]], T]) -> T | None:
+        """What `take` makes of an entry or a blob; None if the remote lacks it."""
+        raise NotImplementedError
+
+    def _put(self, kind: Kind, digest: Digest, file: BinaryIO) -> None:
+        """Upload an entry or a blob of this name and size."""
+        raise NotImplementedError

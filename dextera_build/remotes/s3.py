@@ -16,7 +16,7 @@ import obstore
 from obstore import exceptions
 from obstore.store import from_url
 
-from dextera_build.remotes.remote import MOST_ENTRY, Digest, RemoteFault
+from dextera_build.remotes.remote import Digest, Kind, Remote, RemoteFault, T
 
 _CHUNK = 1 << 20
 _PART = 8 << 20
@@ -25,26 +25,11 @@ _METADATA = "169.254.169.254"
 _REQUEST = re.compile(r"^(Generic \w+ error: )?(Error performing \w+ \S+ in [\d.]+\w+(, after \d+ retries.*?)? +- )?")
 _CAUSE = re.compile(r'(?:message|error): "([^"]+)"')
 _REFUSALS = (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError, exceptions.NotSupportedError)
-_CLIENT = (
-    "allow_http",
-    "allow_invalid_certificates",
-    "connect_timeout",
-    "default_content_type",
-    "http1_only",
-    "http2_only",
-    "http2_keep_alive_interval",
-    "http2_keep_alive_timeout",
-    "http2_keep_alive_while_idle",
-    "pool_idle_timeout",
-    "pool_max_idle_per_host",
-    "proxy_url",
-    "timeout",
-    "user_agent",
-)
-"""What obstore's configuration says of the connection."""
+_CLIENT = re.compile("allow_|connect_timeout|default_content_type|http[12]_|pool_|proxy_|timeout|user_agent")
+"""Beginnings of the options that obstore takes for the connection."""
 
 
-class ObjectStore:
+class ObjectStore(Remote):
     """One bucket, or what lies under a prefix of it.
 
     Args:
@@ -62,33 +47,17 @@ class ObjectStore:
         patience = timedelta(seconds=timeout_s)
         said = options or {}
         # Among the settings of the bucket these make the library panic.
-        config: Any = {name: value for name, value in said.items() if name not in _CLIENT}
+        config: Any = {name: value for name, value in said.items() if not _CLIENT.match(name)}
         # The library must not retry ten times on its own: a build retries once, or goes on without the remote.
         retry: Any = {"max_retries": 1, "retry_timeout": patience}
         client: Any = {"timeout": f"{max(timeout_s * 6, 60.0):g}s", "connect_timeout": f"{min(timeout_s, 5.0):g}s"}
-        client |= {name: value for name, value in said.items() if name in _CLIENT}
+        client |= {name: value for name, value in said.items() if _CLIENT.match(name)}
         # Credentials go over TLS, or to a server of this machine, as `refuse_clear` has made sure.
         client["allow_http"] = any(value.startswith("http://") for name, value in config.items() if "endpoint" in name)
         try:
             self._store = from_url(self.address, config=config, client_options=client, retry_config=retry)
         except exceptions.BaseError as error:
             raise ValueError(str(error)) from None
-
-    def get_entry(self, key: str) -> bytes | None:
-        """As `Remote`."""
-        with self._faults():
-            try:
-                found = obstore.get(self._store, f"ac/{key}")
-            except FileNotFoundError:
-                return None
-            if found.meta["size"] > MOST_ENTRY:
-                raise RemoteFault(self.address, f"the entry of `{key[:12]}` has {found.meta['size']:,} bytes")
-            return bytes(found.bytes())
-
-    def put_entry(self, key: str, message: bytes) -> None:
-        """As `Remote`."""
-        with self._faults():
-            obstore.put(self._store, f"ac/{key}", message)
 
     def has(self, digest: Digest) -> bool:
         """As `Remote`."""
@@ -98,22 +67,17 @@ class ObjectStore:
             except FileNotFoundError:
                 return False
 
-    def fetch(self, digest: Digest, take: Callable[[Iterator[bytes]], bool]) -> bool | None:
-        """As `Remote`."""
+    def _get(self, kind: Kind, name: str, take: Callable[[Iterator[bytes]], T]) -> T | None:
         with self._faults():
             try:
-                found = obstore.get(self._store, f"cas/{digest.hash}")
+                found = obstore.get(self._store, f"{kind}/{name}")
             except FileNotFoundError:
                 return None
             return take(map(bytes, found.stream(min_chunk_size=_CHUNK)))
 
-    def send(self, digest: Digest, file: BinaryIO) -> None:
-        """As `Remote`."""
+    def _put(self, kind: Kind, digest: Digest, file: BinaryIO) -> None:
         with self._faults():
-            obstore.put(self._store, f"cas/{digest.hash}", file, chunk_size=_PART, max_concurrency=4)
-
-    def close(self) -> None:
-        """As `Remote`; the library closes connections that nobody uses."""
+            obstore.put(self._store, f"{kind}/{digest.hash}", file, chunk_size=_PART, max_concurrency=4)
 
     @contextmanager
     def _faults(self) -> Iterator[None]:

@@ -1,18 +1,23 @@
-"""What is said of one remote: its name, address, mode; from the table `remotes` of the settings, or by its address."""
+"""One remote: its name, address and mode, from the settings or the command line; and how it is opened."""
 
 from __future__ import annotations
 
-import ipaddress
 import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from dextera_build.errors import UsageError, did_you_mean, listing
+from dextera_build.errors import MachineError, UsageError, did_you_mean, install_extra, listing
 from dextera_build.redact import redact
+from dextera_build.remotes.remote import is_loopback
+
+if TYPE_CHECKING:
+    # Settings name remotes in every command; what speaks to one is loaded when it is needed.
+    from dextera_build.remotes.breaker import Guarded
+    from dextera_build.remotes.remote import Remote
 
 MODES = ("r", "rw", "w", "off")
 SCHEMES = ("http", "https", "s3", "gs", "az", "file")
@@ -80,14 +85,6 @@ def refuse_clear(address: str, options: Mapping[str, str]) -> None:
             )
 
 
-def is_loopback(host: str) -> bool:
-    """Whether only this machine can be reached, or can reach us, at a host."""
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
 def from_table(table: Mapping[str, Any], where: str) -> dict[str, Spec]:
     """The remotes of a settings file: name -> address, or name -> {address, mode, timeout_s, ...}.
 
@@ -110,16 +107,19 @@ def from_table(table: Mapping[str, Any], where: str) -> dict[str, Spec]:
         if not isinstance(patience, int | float) or isinstance(patience, bool) or not 0 < patience < _LONGEST_S:
             raise _wrong(f"`timeout_s` of remote `{name}` is not a time", where)
         if mode not in MODES:
-            raise _wrong(f"`{mode}` is not a mode of remote `{name}`", where, "DXB-U132", modes=listing(MODES))
+            raise _wrong(f"`{mode}` is not a mode of remote `{name}`", where, modes=listing(MODES))
         if options and address.partition("://")[0] not in BUCKETS:
-            known = {"settings": listing(_SETTINGS), "more": f"for {listing(BUCKETS)} alone"}
-            raise _wrong(f"remote `{name}` has no setting `{next(iter(options))}`", where, **known)
+            known, hint = listing(_SETTINGS), did_you_mean(next(iter(options)), _SETTINGS)
+            more = f"for {listing(BUCKETS)} alone"
+            raise _wrong(
+                f"remote `{name}` has no setting `{next(iter(options))}`", where, hint, settings=known, more=more
+            )
         found[name] = Spec(name, checked(address), mode, float(patience), options)
     return found
 
 
-def _wrong(message: str, where: str, code: str = "DXB-U131", **facts: str) -> UsageError:
-    return UsageError(message, code=code, facts={"from": where, **facts})
+def _wrong(message: str, where: str, hint: str | None = None, **facts: str) -> UsageError:
+    return UsageError(message, code="DXB-U131", facts={"from": where, **facts}, hint=hint)
 
 
 def named(what: str, known: Mapping[str, Spec]) -> Spec:
@@ -155,3 +155,61 @@ def checked(address: str) -> str:
             hint=did_you_mean(scheme, SCHEMES, "`{}://`"),
         )
     return address
+
+
+def open_remote(spec: Spec) -> Remote:
+    """The remote of an address; nothing is asked yet.
+
+    Raises:
+        MachineError: A package is missing.
+        UsageError: The address holds a variable that is not set, is malformed, or would send a password in the clear.
+    """
+    address = checked(_filled(spec.address, spec.name))  # a variable may have brought anything
+    options = {name: _filled(value, spec.name) for name, value in spec.options.items()}
+    refuse_clear(address, options)
+    scheme = address.partition("://")[0] if "://" in address else "file"
+    try:
+        if scheme in ("http", "https"):
+            from dextera_build.remotes.http import HttpCache
+
+            return HttpCache(address, timeout_s=spec.timeout_s)
+        if scheme in BUCKETS:
+            from dextera_build.remotes.s3 import ObjectStore
+
+            return ObjectStore(address, options, timeout_s=spec.timeout_s)
+        from dextera_build.remotes.folder import Directory
+
+        return Directory(Path(os.path.expanduser(address.removeprefix("file://"))).absolute())
+    except ImportError as error:
+        raise MachineError(
+            f"remote `{spec.name}` needs a package that is not installed",
+            code="DXB-E330",
+            facts={"address": spec.shown, "missing": error.name or str(error)},
+            hint=install_extra("share"),
+        ) from None
+    except ValueError as error:
+        raise UsageError(
+            f"`{spec.shown}` is not the address of a remote",
+            code="DXB-U131",
+            facts={"remote": spec.name, "because": str(error).partition(chr(10))[0]},
+        ) from None
+
+
+def guarded(spec: Spec) -> Guarded:
+    """The remote with its circuit breaker; connects when it is first needed."""
+    from dextera_build.remotes.breaker import Guarded
+
+    return Guarded(spec.name, spec.shown, lambda: open_remote(spec), timeout_s=spec.timeout_s, mode=spec.mode)
+
+
+def _filled(text: str, name: str) -> str:
+    def value(match: re.Match[str]) -> str:
+        if match[1] not in os.environ:
+            raise UsageError(
+                f"remote `{name}` needs the variable `{match[1]}`, which is not set",
+                code="DXB-U135",
+                hint=f"export {match[1]}=...",
+            )
+        return os.environ[match[1]]
+
+    return re.sub(r"\$\{(\w+)\}", value, text)

@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class Crew:
-    """At most `size` threads that carry out jobs; made as they are needed.
+    """At most `size` threads that carry out jobs; one more is made with each of the first jobs.
 
     They are daemons: a share that hangs must not keep dxb from ending.
 
@@ -24,14 +24,12 @@ class Crew:
         self._size, self._name = size, name
         self._jobs: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._guard = threading.Lock()
-        self._threads = self._idle = 0
+        self._threads = 0
 
     def start(self, job: Callable[[], None]) -> None:
         """Carry out `job` when a thread is free; it must not raise."""
         with self._guard:
-            if self._idle > 0:
-                self._idle -= 1
-            elif self._threads < self._size:
+            if self._threads < self._size:
                 self._threads += 1
                 threading.Thread(target=self._work, name=self._name, daemon=True).start()
         self._jobs.put(job)
@@ -72,5 +70,3 @@ class Crew:
     def _work(self) -> None:
         while (job := self._jobs.get()) is not None:
             job()
-            with self._guard:
-                self._idle += 1

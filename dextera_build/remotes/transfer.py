@@ -156,7 +156,7 @@ def entry_at(remote: Remote, key: str) -> Entry | None:
         RemoteFault: The remote did not answer rightly.
     """
     message = remote.get_entry(key)
-    if message is None or len(message) > MOST_ENTRY:
+    if message is None:
         return None
     try:
         found = entries.read(message)

@@ -48,7 +48,7 @@ class Node:
     artifact: str = ""
     fields: dict[str, Any] = field(default_factory=dict)
     usage: Mapping[str, float] = field(default_factory=dict)
-    """Its resource usage in this run; see `engine.usage`."""
+    """Its resource usage in this run; see `Ended.usage`."""
     tries: int = 0
     calls: list[Mapping[str, Any]] = field(default_factory=list)
     """Recorded calls that its result came of."""

@@ -57,12 +57,11 @@ class RunStarted(Event):
 
 @dataclass(frozen=True)
 class GroupOpened(Event):
-    """A group's collection is known; `nodes` copies of its calls were made."""
+    """A group's collection is known; its calls have one copy for each label."""
 
     kind: ClassVar[str] = "group_opened"
     group: str
     labels: list[str]
-    nodes: int
 
 
 @dataclass(frozen=True)
@@ -140,7 +139,7 @@ class NodeFinished(Event):
     result document, `log` that of what it printed (also when it failed). A node may finish twice in a run, when its
     bytes turn out to be lost; the last word counts. A group that cannot be opened fails like a node, with rule `each`.
     `files` are the slots (`photo`, or `photos[left]` of a listed collection) that read a file or folder, with its
-    path: from the project's folder where it lies inside. `usage` is what a node used that ran; see `usage.Usage`.
+    path: from the project's folder where it lies inside. `usage` is what a node used that ran; see `Ended.usage`.
     """
 
     kind: ClassVar[str] = "node_finished"
@@ -172,7 +171,7 @@ class NodeFinished(Event):
 
 @dataclass(frozen=True)
 class RemoteGivenUp(Event):
-    """A remote is left alone for the rest of the run."""
+    """A remote is not used for the rest of the run."""
 
     kind: ClassVar[str] = "remote_given_up"
     remote: str

@@ -29,7 +29,7 @@ class Entry:
     time: float
     """Seconds since the epoch."""
     usage: Mapping[str, float] = field(default_factory=dict)
-    """What its last run on this machine used; see `usage.Usage`."""
+    """What its last run on this machine used; see `Ended.usage`."""
 
 
 class History:

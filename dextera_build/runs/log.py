@@ -27,22 +27,21 @@ _NOT_WRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, *disk_full.FULL}
 class EventLog:
     """A listener that writes every event down; use it as a context manager.
 
+    Events are gathered and written together: whoever tells them calls `flush` before he waits for anything.
     Whole lines are written at a time, so a killed build leaves whole lines and at most one torn one at the end. Where
     the disk is full an event is left out: what the build makes matters more, and says by itself where it has no room.
 
     Args:
         store: The run gets the next free id there.
-        gathers: Events are written together; whoever tells them calls `flush` before he waits for anything.
 
     Attributes:
         run: Id of the run, `0143`; "" where the store cannot be written, then nothing is.
         lost: How many events had no room.
     """
 
-    def __init__(self, store: Store, *, gathers: bool = False) -> None:
+    def __init__(self, store: Store) -> None:
         self.run = ""
         self.lost = 0
-        self._gathers = gathers
         self._lines: list[bytes] = []
         self._told: dict[str, float] = {}
         self._descriptor = -1
@@ -67,7 +66,7 @@ class EventLog:
         if self._descriptor < 0 or self._is_told(event):
             return
         self._lines.append(event.to_line().encode() + b"\n")
-        if not self._gathers or len(self._lines) >= _MOST:
+        if len(self._lines) >= _MOST:
             self.flush()
 
     def flush(self) -> None:

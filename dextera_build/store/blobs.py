@@ -30,7 +30,7 @@ class MissingBlob(StoreError):  # noqa: N818 - says what it found
     def __init__(self, digest: str, reason: str = "it is not there") -> None:
         super().__init__(
             f"blob `{digest[:12]}` cannot be read: {reason}",
-            code=self.CODE,
+            code="DXB-S103",
             facts={"digest": digest},
             hint="build again: its producer runs again",
         )
@@ -44,10 +44,12 @@ class Blobs:
 
     Args:
         root: The folder; made when the first blob comes.
+        takes: False where nothing may be written: what is put stays in memory, and of files only the digest is known.
     """
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, *, takes: bool = True) -> None:
         self.root = root
+        self._unwritten: dict[str, bytes] | None = None if takes else {}
         self._base = f"{root}/"
         self._workshop = f"{root}/{files.TEMPORARY}"
         self._quarantine = root.parent / "local" / "quarantine"
@@ -67,7 +69,7 @@ class Blobs:
             state = os.stat(self._file(digest))
             if stat.S_ISREG(state.st_mode):
                 return state.st_size
-        return None
+        return len(self._unwritten[digest]) if self._unwritten and digest in self._unwritten else None
 
     def put(self, data: bytes) -> str:
         """Store `data` and return its digest.
@@ -76,6 +78,9 @@ class Blobs:
             StoreError: The disk is full, or the store cannot be written.
         """
         digest = hashlib.sha256(data).hexdigest()
+        if self._unwritten is not None:
+            self._unwritten[digest] = data
+            return digest
         path = f"{self._base}{digest[:2]}/{digest[2:]}"
         # Most are new: that is asked first, for no exception has to be made of the answer.
         # A short file is what a power cut leaves; it is replaced.
@@ -114,17 +119,12 @@ class Blobs:
             OSError: `path` cannot be read.
             StoreError: The disk is full, or the store cannot be written.
         """
-        source = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-        try:
-            size = os.fstat(source).st_size
-            if size <= _SMALL:
-                data = os.read(source, size + 1)
-                if len(data) == size:
-                    return self.put(data), size
-                os.lseek(source, 0, os.SEEK_SET)
-            return self._take(source)
-        finally:
-            os.close(source)
+        with open(path, "rb", buffering=0) as file:
+            size = os.fstat(file.fileno()).st_size
+            if size <= _SMALL and self._unwritten is None and len(data := file.read(size + 1) or b"") == size:
+                return self.put(data), size
+            file.seek(0)
+            return self._take(file.fileno())
 
     def receive(self, digest: str, size: int | None, pieces: Iterable[bytes]) -> bool:
         """Store bytes that come from elsewhere; False where they are not those that `digest` and `size` name.
@@ -158,6 +158,8 @@ class Blobs:
         Raises:
             MissingBlob: It is not there, or its bytes are not what they were; then it was set aside.
         """
+        if self._unwritten and digest in self._unwritten:
+            return self._unwritten[digest]
         try:
             data = files.read(self._file(digest))
         except OSError as error:
@@ -174,18 +176,11 @@ class Blobs:
             MissingBlob: The blob is not there, or is damaged.
             StoreError: The target's disk is full, or cannot be written.
         """
-        try:
-            source = os.open(self._file(digest), os.O_RDONLY | os.O_CLOEXEC)
-        except OSError as error:
-            raise _absent(digest, error) from None
-        try:
-            with files.new_file(str(target), 0o644) as descriptor:
-                if self._copy(source, descriptor) != digest:
-                    self.quarantine(digest)
-                    raise MissingBlob(digest, _DAMAGED)
-                failpoints.reach("place.copied")
-        finally:
-            os.close(source)
+        with self.open(digest) as source, files.new_file(str(target), 0o644) as descriptor:
+            if _copy(source.fileno(), descriptor) != digest:
+                self.quarantine(digest)
+                raise MissingBlob(digest, _DAMAGED)
+            failpoints.reach("place.copied")
 
     def open(self, digest: str) -> BinaryIO:
         """The bytes of a blob as a file, not checked.
@@ -228,35 +223,37 @@ class Blobs:
 
     def _copied(self, digest: str) -> bool:
         try:
-            with open(self._file(digest), "rb", buffering=0) as source:
+            with self.open(digest) as source:
                 return self.receive(digest, None, files.chunks(source.fileno()))
         except (OSError, StoreError):
             return False
 
     def _take(self, source: int) -> tuple[str, int]:
-        known = hashlib.sha256()
-        for chunk in files.chunks(source):
-            known.update(chunk)
-        digest, size = known.hexdigest(), os.lseek(source, 0, os.SEEK_CUR)
-        if self.holds(digest, size, lambda: self.verify(digest)):
-            return digest, size
-        os.lseek(source, 0, os.SEEK_SET)
-        with files.new_file(self._file(digest), workshop=self._workshop) as target:
-            copied = self._copy(source, target)
-            if copied != digest:
-                raise _ChangedError(digest)
+        digest, size = _digest(source), os.lseek(source, 0, os.SEEK_CUR)
+        if self._unwritten is None and not self.holds(digest, size, lambda: self.verify(digest)):
+            os.lseek(source, 0, os.SEEK_SET)
+            with files.new_file(self._file(digest), workshop=self._workshop) as target:
+                if _copy(source, target) != digest:
+                    raise _ChangedError(digest)
         return digest, size
 
-    def _copy(self, source: int, target: int) -> str:
-        state = hashlib.sha256()
-        if files.clone(source, target):
-            for chunk in files.chunks(target):
-                state.update(chunk)
-            return state.hexdigest()
-        for chunk in files.chunks(source):
-            state.update(chunk)
-            files.write_all(target, chunk)
-        return state.hexdigest()
+
+def _copy(source: int, target: int) -> str:
+    """Copy one open file to another, sharing blocks where the file system can; returns the digest of what arrived."""
+    if files.clone(source, target):
+        return _digest(target)
+    state = hashlib.sha256()
+    for chunk in files.chunks(source):
+        state.update(chunk)
+        files.write_all(target, chunk)
+    return state.hexdigest()
+
+
+def _digest(descriptor: int) -> str:
+    state = hashlib.sha256()
+    for chunk in files.chunks(descriptor):
+        state.update(chunk)
+    return state.hexdigest()
 
 
 def _absent(digest: str, error: OSError) -> MissingBlob:
@@ -277,13 +274,23 @@ class _ChangedError(StoreError):
 
 def listing(root: Path) -> Iterator[tuple[str, int, float]]:
     """Every file `ab/cdef...` below `root` whose name is a digest: (digest, bytes, last use)."""
-    for shard in _scan(str(root)):
-        if len(shard.name) == 2 and shard.is_dir(follow_symlinks=False):
-            for entry in _scan(shard.path):
-                if is_digest(shard.name + entry.name):
-                    with suppress(FileNotFoundError):
-                        state = entry.stat(follow_symlinks=False)
-                        yield shard.name + entry.name, state.st_size, state.st_mtime
+    for shard in shards(root):
+        yield from listed(shard)
+
+
+def shards(root: Path) -> list[str]:
+    """The folders `ab` below `root`."""
+    return [entry.path for entry in _scan(str(root)) if len(entry.name) == 2 and entry.is_dir(follow_symlinks=False)]
+
+
+def listed(shard: str) -> Iterator[tuple[str, int, float]]:
+    """The part of a `listing` that lies in one folder."""
+    for entry in _scan(shard):
+        digest = shard[-2:] + entry.name
+        if is_digest(digest):
+            with suppress(FileNotFoundError):
+                state = entry.stat(follow_symlinks=False)
+                yield digest, state.st_size, state.st_mtime
 
 
 def _scan(folder: str) -> list[os.DirEntry[str]]:

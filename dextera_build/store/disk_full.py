@@ -41,13 +41,8 @@ def explain(error: BaseException, store: Path, scratch: Path) -> StoreError | No
     tight = min(places, key=lambda name: (not _holds(places[name], file), free_bytes(places[name])))
     facts = {"file": str(file)} if file else {}
     facts |= {"it says": str(found or error).splitlines()[0]} if str(found or error) else {}
-    facts |= {f"free in {name}": f"{free(place)} ({place})" for name, place in places.items()}
+    facts |= {f"free in {name}": f"{free_bytes(place) / 2**20:,.0f} MiB ({place})" for name, place in places.items()}
     return StoreError("the disk is full", code="DXB-S106", facts=facts, hint=_HINTS[tight])
-
-
-def free(path: Path | str) -> str:
-    """Free space on the disk of a path, as messages say it: `12 MiB`."""
-    return f"{free_bytes(path) / 2**20:,.0f} MiB"
 
 
 def free_bytes(path: Path | str) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 from dextera_build import digest as digests
@@ -61,10 +62,10 @@ class Divergent:
 
 
 def _parsed(key: str, row: bytes) -> Divergence | None:
-    try:
+    with suppress(ValueError):
         match digests.plain(row):
-            case [str(node), str(first), [*again], int() | float() as time] if all(type(one) is str for one in again):
+            case [str(node), str(first), [*again], int() | float() as time] if all(
+                isinstance(one, str) for one in again
+            ):
                 return Divergence(key, node, first, tuple(again), time)
-    except ValueError:
-        pass
     return None

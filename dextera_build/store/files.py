@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import errno
 import fcntl
-import itertools
 import os
 import re
 import time
@@ -23,12 +22,9 @@ from dextera_build.store import disk_full, failpoints, permissions
 _FICLONE = 0x40049409
 _CHUNK = 1 << 20
 _NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
-_COUNTER = itertools.count()
-# Bytes at random, since two machines may write to one folder with equal process ids.
-_TOKEN = f"{os.urandom(4).hex()}-{os.getpid()}-"
 TEMPORARY = ".tmp"
 """How the names of unfinished files, and of folders for them, begin."""
-_UNFINISHED = re.compile(rf"{re.escape(TEMPORARY)}-[0-9a-f]{{8}}-\d+-\d+")
+_UNFINISHED = re.compile(rf"{re.escape(TEMPORARY)}-[0-9a-f]{{16}}")
 
 
 def store_error(error: OSError, path: str) -> StoreError:
@@ -37,7 +33,11 @@ def store_error(error: OSError, path: str) -> StoreError:
         return StoreError(
             "the store is full",
             code="DXB-S101",
-            facts={"file": path, "system says": error.strerror, "free": disk_full.free(path)},
+            facts={
+                "file": path,
+                "system says": error.strerror,
+                "free": f"{disk_full.free_bytes(path) / 2**20:,.0f} MiB",
+            },
             hint="`dxb cache size` shows its size; free space, or set `DXB_CACHE` to a larger disk and build again",
         )
     no_folder = error.errno in (errno.EEXIST, errno.ENOTDIR)
@@ -81,17 +81,8 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
 
 
 def unique() -> str:
-    """A name that no other process, here or on another machine, and no other call of this one takes."""
-    return f"{_TOKEN}{next(_COUNTER)}"
-
-
-def _be_another() -> None:
-    """This process was forked: process ids come again, and what a dead process left is there still."""
-    global _TOKEN
-    _TOKEN = f"{os.urandom(4).hex()}-{os.getpid()}-"
-
-
-os.register_at_fork(after_in_child=_be_another)
+    """A name that no other call takes, in this process or another, here or on another machine."""
+    return os.urandom(8).hex()
 
 
 def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None) -> None:

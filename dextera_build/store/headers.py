@@ -113,12 +113,10 @@ def project(read: Read, digest: str, fields: Sequence[str]) -> str:
         else:
             known = here["$map"]
             owner = f"in `{fields[place - 1]}` of {kind}"
-        if step not in known:
-            raise _no_field(step, owner, known)
-        here = known[step]
+        here = known.get(step)
         last = place == len(fields) - 1
         if not isinstance(here, dict) or ("$ref" not in here and (last or "$map" not in here)):
-            raise _no_artifact(step, owner, here, known)
+            raise _refused(step, owner, known)
     return str(here["$ref"])
 
 
@@ -164,19 +162,17 @@ def _refuse_escapes(labels: Iterable[str]) -> None:
     """Labels become names of files; a header may come from anywhere."""
     for label in labels:
         if label.startswith("/") or "\0" in label or (".." in label and ".." in label.split("/")):
-            raise StoreError(f"label {label!a} leads out of the folder that it would be written to", code=ESCAPES)
+            raise StoreError(f"label {label!a} leads out of the folder that it would be written to", code="DXB-S219")
 
 
-def _no_field(step: str, owner: str, known: Mapping[str, Any]) -> RuleError:
-    return RuleError(
-        f"`{step}` is not {owner}",
-        code="DXB-B311",
-        facts={"known": listing(known)},
-        hint=did_you_mean(step, known),
-    )
-
-
-def _no_artifact(step: str, owner: str, value: Any, known: Mapping[str, Any]) -> RuleError:
+def _refused(step: str, owner: str, known: Mapping[str, Any]) -> RuleError:
     reach = [name for name, body in known.items() if isinstance(body, dict) and ("$ref" in body or "$map" in body)]
-    state = "is not set" if value is None else "is not an artifact"
+    if step not in known:
+        return RuleError(
+            f"`{step}` is not {owner}",
+            code="DXB-B311",
+            facts={"known": listing(known)},
+            hint=did_you_mean(step, known),
+        )
+    state = "is not set" if known[step] is None else "is not an artifact"
     return RuleError(f"`{step}`, {owner}, {state}", code="DXB-B312", facts={"artifacts": listing(reach)})

@@ -35,7 +35,6 @@ class Use:
 
     def __init__(self, locks: Locks) -> None:
         self._locks = locks
-        self._gates: dict[str, str] = {}
 
     def note(self, path: str, stamp: float) -> bool:
         """Whether a build that found `path`, last used at `stamp`, may rely on it until it ends.
@@ -84,11 +83,7 @@ class Use:
     @contextmanager
     def gate(self, path: str) -> Iterator[None]:
         """Keep everyone else from noting and dropping files of the folder of `path`."""
-        folder = os.path.dirname(path)
-        name = self._gates.get(folder)
-        if name is None:
-            # The last two folders, since machines may mount one store at different places.
-            place = "/".join(folder.split(os.sep)[-2:])
-            name = self._gates[folder] = digests.of_bytes(f"gate {place}".encode())
-        with self._locks.hold(name, _PATIENCE_S):
+        # By the last two folders, since machines may mount one store at different places.
+        place = "/".join(os.path.dirname(path).split(os.sep)[-2:])
+        with self._locks.hold(digests.of_bytes(f"gate {place}".encode()), _PATIENCE_S):
             yield

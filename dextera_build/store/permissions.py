@@ -71,10 +71,9 @@ def _bits(folder: str) -> int:
 
 
 def _make_shared(folder: str, shared: int) -> None:
-    import tempfile  # slow to import, and few stores are shared
-
     # Aside first: others find it with its final permissions, or not at all.
-    aside = tempfile.mkdtemp(prefix=".tmp-", dir=os.path.dirname(folder))
+    aside = f"{os.path.dirname(folder)}/.tmp-{os.urandom(8).hex()}"
+    os.mkdir(aside, 0o700)
     try:
         failpoints.reach("folder.aside")
         os.chmod(aside, 0o700 | shared)

@@ -7,7 +7,7 @@ call's result is in the store the folder goes.
 from __future__ import annotations
 
 import os
-import time
+import shutil
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -33,25 +33,18 @@ class Keep:
         """Remove the folder of a key. Whoever looks meanwhile, or after a kill, sees all of it or none."""
         if not os.access(f"{self.root}/{key}", os.F_OK):  # as for nearly all, so it is to be quick
             return
-        folder = self.path(key)
-        aside = self.root / f"{files.TEMPORARY}-{key[:16]}-{os.getpid()}-{time.monotonic_ns()}"
+        aside = self.root / f"{files.TEMPORARY}-{files.unique()}"
         # A store that cannot be written keeps it: nothing can be published there either.
         with suppress(OSError):
-            os.rename(folder, aside)
+            os.rename(self.path(key), aside)
             failpoints.reach("keep.aside")
-            _remove(aside)
+            shutil.rmtree(aside, ignore_errors=True)
 
     def all(self) -> Iterator[tuple[str, int, float]]:
         """Every folder as (key, bytes, last change)."""
         for folder in sorted(self.root.iterdir()) if self.root.is_dir() else ():
             if not folder.name.startswith(files.TEMPORARY):
                 yield folder.name, *_looked_at(folder)
-
-
-def _remove(folder: Path) -> None:
-    import shutil  # slow to import, and few calls keep anything
-
-    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _looked_at(folder: Path) -> tuple[int, float]:

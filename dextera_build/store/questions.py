@@ -43,8 +43,6 @@ class Look:
         self._real = os.path.realpath(root)
         self._store = os.path.realpath(store)
         self._leaves = leaves
-        self._safe: dict[str, bool] = {}
-        """Folder below the root -> whether it lies inside."""
 
     def answer(self, kind: str, name: str) -> str:
         """What a call would be told now; see `steps`.
@@ -55,9 +53,9 @@ class Look:
         """
         if kind == "names":
             return digests.of_value(self.names(name))
-        if kind == "there":
-            return YES if self._state(name) is not None else NO
         state = self._state(name)
+        if kind == "there":
+            return YES if state is not None else NO
         is_file = state is not None and not stat.S_ISDIR(state.st_mode)
         return self._leaves.digest_leaf(Path(self.path(name))) if is_file else NONE
 
@@ -92,11 +90,10 @@ class Look:
         Raises:
             RuleError: The name leads out of the project.
         """
-        if not is_plain(name):
-            raise _outside(name)
         path = os.path.join(self._root, name)
-        if not self._inside(name) or (os.path.islink(path) and not self._is_ours(os.path.realpath(path))):
-            raise _outside(name, os.path.realpath(path))
+        real = os.path.realpath(path) if is_plain(name) else ""
+        if not self._is_ours(real):
+            raise _outside(name, real)
         return path
 
     def _state(self, name: str) -> os.stat_result | None:
@@ -146,17 +143,6 @@ class Look:
             self._leaves.watch.file(path)
             self._leaves.watch.folder(path)
         return True
-
-    def _inside(self, name: str) -> bool:
-        """Whether the folder that a name lies in is in the project; asked once."""
-        folder = posixpath.dirname(name)
-        if folder not in self._safe:
-            real = os.path.realpath(os.path.join(self._root, folder))
-            if not folder or os.path.isdir(real):
-                self._safe[folder] = self._is_ours(real)
-            else:
-                return self._is_ours(real)
-        return self._safe[folder] and os.path.join(self._real, name) != self._store
 
     def _is_ours(self, real: str) -> bool:
         inside = real == self._real or real.startswith(f"{self._real.rstrip('/')}/")

@@ -6,7 +6,6 @@ collection that finds nobody announced holds the lock `_ALONE`, and builds that 
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Iterator
@@ -49,7 +48,7 @@ class Running:
         try:
             # Without a blob's mode: whoever collects may have to remove it.
             with suppress(StoreError):
-                files.write(path, json.dumps({"pid": os.getpid(), "host": os.uname().nodename}).encode(), 0o644)
+                files.write(path, f"process {os.getpid()} on {os.uname().nodename}\n".encode(), 0o644)
             failpoints.reach("running.announced")
             while self._locks.is_held_elsewhere(_ALONE):
                 time.sleep(_PATIENCE_S)
@@ -63,10 +62,7 @@ class Running:
     def starts(self) -> list[float]:
         """When the builds began that run now (seconds since the epoch); announcements of dead ones are removed."""
         found = []
-        known = self._folder.iterdir() if self._folder.is_dir() else ()
-        for path in known:
-            if path.name.startswith(files.TEMPORARY):
-                continue
+        for path in self._folder.glob("[!.]*"):
             with suppress(OSError):
                 began = path.stat().st_mtime
                 if self._is_dead(path.name, began):
@@ -75,14 +71,6 @@ class Running:
                 else:
                     found.append(began)
         return sorted(found)
-
-    def processes(self) -> int:
-        """How many processes have announced themselves, dead ones included; a build does so more than once."""
-        found = set()
-        for path in self._folder.iterdir() if self._folder.is_dir() else ():
-            with suppress(OSError):
-                found.add(path.read_bytes())
-        return len(found)
 
     @contextmanager
     def collecting(self) -> Iterator[bool]:

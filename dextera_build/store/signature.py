@@ -7,7 +7,6 @@ write could bear the same time stamp. `is_racy` finds those, as git does.
 from __future__ import annotations
 
 import os
-import stat
 import time
 from typing import TypeAlias
 
@@ -118,28 +117,9 @@ class Watch:
 
     def settled(self) -> bool:
         """Whether every file is what it was at the first look, and none may change without a trace."""
+        files = self.files.items()
         return (
-            all(
-                look(path) == known and (known is None or not is_racy(known, self.started_ns))
-                for path, known in self.files.items()
-            )
-            and self._listed()
+            all(look(path) == known and not (known and is_racy(known, self.started_ns)) for path, known in files)
+            and all(names(path) == known for path, known in self.folders.items())
+            and all(modules(path) == known for path, known in self.paths.items())
         )
-
-    def _listed(self) -> bool:
-        return all(names(path) == known for path, known in self.folders.items()) and all(
-            modules(path) == known for path, known in self.paths.items()
-        )
-
-
-def kind(mode: int) -> str:
-    """What sort of thing a `stat` mode names, for messages."""
-    sorts = (
-        (stat.S_ISREG, "file"),
-        (stat.S_ISDIR, "folder"),
-        (stat.S_ISSOCK, "socket"),
-        (stat.S_ISFIFO, "pipe"),
-        (stat.S_ISCHR, "device"),
-        (stat.S_ISBLK, "device"),
-    )
-    return next((name for test, name in sorts if test(mode)), "special file")

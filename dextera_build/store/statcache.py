@@ -56,7 +56,7 @@ class StatCache:
         name = os.path.abspath(path)
         state = _stat(name)
         if not stat.S_ISDIR(state.st_mode):
-            return self._blobs.put(headers.file_header(*self._file(name, state)))
+            return self._blobs.put(headers.file_header(*(self._recall(name, state) or self._read(name, state))))
         inside = list(self._walk(name))
         found = self._files(inside)
         start = len(name.rstrip(os.sep)) + 1
@@ -85,9 +85,6 @@ class StatCache:
         known = {path: row for path, row in found.items() if row is not None}
         return known | {path: row for (path, _), row in zip(unread, read, strict=True)}
 
-    def _file(self, path: str, state: os.stat_result) -> tuple[str, int]:
-        return self._recall(path, state) or self._read(path, state)
-
     def _recall(self, path: str, state: os.stat_result) -> tuple[str, int] | None:
         known = self._load().get(path)
         seen = signature.of(state)
@@ -102,7 +99,11 @@ class StatCache:
 
     def _read(self, path: str, state: os.stat_result) -> tuple[str, int]:
         if not stat.S_ISREG(state.st_mode):
-            raise _refused(path, state)
+            raise RecipeError(
+                f"`{path}` is neither a file nor a folder",
+                code="DXB-R303",
+                hint="name a file or a folder, or take it out of the folder",
+            )
         for _ in range(_TRIES):
             before, now = signature.of(state), time.time_ns()
             self._note(path, before)
@@ -208,14 +209,6 @@ def _unreadable(path: str, error: OSError) -> RecipeError:
         )
     return RecipeError(
         f"`{path}` cannot be read", code="DXB-R302", facts={"system says": error.strerror}, hint=f"ls -ld {path}"
-    )
-
-
-def _refused(path: str, state: os.stat_result) -> RecipeError:
-    return RecipeError(
-        f"`{path}` is a {signature.kind(state.st_mode)}, not a file or a folder",
-        code="DXB-R303",
-        hint="name a file or a folder, or take it out of the folder",
     )
 
 

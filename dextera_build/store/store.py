@@ -13,7 +13,6 @@ from dextera_build.store.blobs import Blobs, MissingBlob, listing
 from dextera_build.store.divergent import Divergent
 from dextera_build.store.locks import Locks
 from dextera_build.store.progress import Keep
-from dextera_build.store.read_only import Aside
 from dextera_build.store.results import Actions
 from dextera_build.store.running import Running
 from dextera_build.store.statcache import StatCache
@@ -84,7 +83,7 @@ class Store:
         if make:
             self._prepare()
         takes = make or self._may_be_written()
-        self.blobs = Blobs(self.root / "cas") if takes else Aside(self.root / "cas")
+        self.blobs = Blobs(self.root / "cas", takes=takes)
         self.actions = Actions(self.root / "ac", self.blobs)
         self.state = State(str(self.local / "state.db"), takes=takes)
         self.leaves = StatCache(self.blobs, self.state)

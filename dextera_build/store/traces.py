@@ -25,7 +25,6 @@ from dextera_build.errors import DxbError
 from dextera_build.store.blobs import is_digest
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.references import UNREADABLE
-from dextera_build.store.results import Found
 from dextera_build.store.store import Store
 
 Step: TypeAlias = tuple[str, str, str]
@@ -100,13 +99,6 @@ def checked(rows: Any) -> Steps:
         if kind not in _ANSWERS or not is_plain(name) or not _ANSWERS[kind](answer):
             raise ValueError("a step says what cannot be")
     return found
-
-
-def find(store: Store, static: Static, answer: Answer) -> tuple[Steps | None, Found | None]:
-    """The trace that fits today, and its result; None twice if the store has no such result."""
-    steps = fitting(store, static, answer)
-    held = store.actions.find(digests.of_bytes(spelled(static, steps))) if steps is not None else None
-    return (steps, held) if held is not None else (None, None)
 
 
 def fitting(store: Store, static: Static, answer: Answer) -> Steps | None:

@@ -51,11 +51,6 @@ class Ledger:
         self._sizes = [max(_count(gpu.memory_gb), 1) for gpu in capacity.gpus]
         self._left = list(self._sizes)
 
-    @property
-    def is_busy(self) -> bool:
-        """Whether no core is free, so that nothing fits."""
-        return self._free["cpu"] < _UNITS
-
     def place(self, needs: Needs) -> Grant | None:
         """Where `needs` fit now, or None. More cores or memory than there are become all that there is."""
         grant = Grant(self._amounts(needs))
@@ -67,13 +62,12 @@ class Ledger:
             return None if devices is None else grant
         return Grant(grant.amounts, devices)
 
-    def take(self, grant: Grant) -> None:
-        """No longer free."""
-        self._move(grant, -1)
-
-    def give_back(self, grant: Grant) -> None:
-        """Free again."""
-        self._move(grant, 1)
+    def move(self, grant: Grant, sign: int) -> None:
+        """Take what was granted, with -1, or give it back, with 1."""
+        for name, amount in grant.amounts:
+            self._free[name] += sign * amount
+        for device, amount in grant.devices:
+            self._left[device] += sign * amount
 
     def _amounts(self, needs: Needs) -> tuple[tuple[str, int], ...]:
         wanted = {"cpu": max(needs.cpus, 1) * _UNITS, "memory": _count(needs.memory_gb)}
@@ -92,12 +86,6 @@ class Ledger:
             return tuple((n, self._sizes[n]) for n in fit[:count]) if len(fit) >= count else None
         rooms = [(left, n) for n, left in enumerate(self._left) if left >= least]
         return ((min(rooms)[1], least),) if rooms else None
-
-    def _move(self, grant: Grant, sign: int) -> None:
-        for name, amount in grant.amounts:
-            self._free[name] += sign * amount
-        for device, amount in grant.devices:
-            self._left[device] += sign * amount
 
 
 @dataclass(slots=True)
@@ -135,29 +123,27 @@ class Admission(Generic[T]):
 
     def wait(self, task: T, needs: Needs) -> None:
         """Join the line; `needs` lack nothing of the capacity."""
-        line = self._lines.get(needs)
-        if line is None:
-            line = self._lines[needs] = _Line(needs)
+        line = self._lines.setdefault(needs, _Line(needs))
         line.waiting.append((next(self._order), task))
 
     def next(self) -> T | None:
         """Take the task that starts now, with what it needs; None where none fits."""
-        if not self._lines or self._ledger.is_busy:
-            return None
         reserved: _Line[T] | None = None
         for line in sorted(self._lines.values(), key=lambda line: line.place):
             grant = self._ledger.place(line.needs)
             if grant is None:
                 if reserved is None and line.passed >= self._passes:
                     reserved = line
-                    self._reserve(line.place)
+                    if self._reserved != line.place:
+                        self._reserved = line.place
+                        self._passers.clear()
             elif reserved is None or self._fit_together(reserved.needs, grant):
                 return self._start(line, grant, passes=reserved is not None)
         return None
 
     def end(self, task: T) -> None:
         """What `task` had is free again."""
-        self._ledger.give_back(self._running.pop(task))
+        self._ledger.move(self._running.pop(task), 1)
         self._passers.discard(task)
 
     def devices(self, task: T) -> tuple[str, ...]:
@@ -171,23 +157,18 @@ class Admission(Generic[T]):
             del self._lines[line.needs]
         for other in self._lines.values():
             other.passed += other.place < place
-        self._ledger.take(grant)
+        self._ledger.move(grant, -1)
         self._running[task] = grant
         if passes:
             self._passers.add(task)
         return task
 
-    def _reserve(self, place: int) -> None:
-        if self._reserved != place:
-            self._reserved = place
-            self._passers.clear()
-
     def _fit_together(self, elder: Needs, grant: Grant) -> bool:
         """Whether `elder` fits beside those that passed it and one more."""
         ledger = Ledger(self.capacity)
         for passer in self._passers:
-            ledger.take(self._running[passer])
-        ledger.take(grant)
+            ledger.move(self._running[passer], -1)
+        ledger.move(grant, -1)
         return ledger.place(elder) is not None
 
 

@@ -71,7 +71,10 @@ class Ended:
     raised: tuple[str, ...] = ()
     """The exception that the rule let escape, with its bases."""
     usage: Mapping[str, float] = field(default_factory=dict)
-    """See `usage.Usage`."""
+    """`cpu_seconds`, `memory_bytes` (peak), `read_bytes` and `written_bytes` (by read and write calls, cached or not).
+
+    A number that the system does not give is left out.
+    """
 
 
 Report: TypeAlias = Said | Ended

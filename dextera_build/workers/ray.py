@@ -14,12 +14,11 @@ from types import TracebackType
 from typing import Any, Self
 
 from dextera_build.errors import DxbError, MachineError
-from dextera_build.remotes.connect import open_remote
+from dextera_build.remotes.spec import open_remote
 from dextera_build.store.store import Store
-from dextera_build.workers import shapes
 from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.protocol import Ended, Report, Task
-from dextera_build.workers.ray_cluster import RayCluster
+from dextera_build.workers.ray_cluster import Amounts, RayCluster, capacity, fits, shape
 from dextera_build.workers.ray_worker import Setup
 from dextera_build.workers.staging import Staging
 
@@ -35,7 +34,7 @@ class RayExecutor:
         cluster: Where calls run; closed here.
         store: The driver's store.
         setup: What workers are told.
-        said: Amounts that the configuration names, over what the cluster has; see `shapes.capacity`.
+        said: Amounts that the configuration names, over what the cluster has; see `ray_cluster.capacity`.
         discovering: Rules that read files of the project by themselves, which no other machine has.
     """
 
@@ -52,9 +51,9 @@ class RayExecutor:
         self._said, self._discovering = said or {}, discovering
         self._nodes = cluster.nodes()
         self._looked = time.monotonic()
-        self.capacity: Capacity = shapes.capacity(self._nodes, self._said)
+        self.capacity: Capacity = capacity(self._nodes, self._said)
         self._staging = Staging(store, open_remote(setup.shared))
-        self._calls: dict[Any, tuple[Task, shapes.Amounts]] = {}
+        self._calls: dict[Any, tuple[Task, Amounts]] = {}
         """By what Ray knows them as."""
         self._reports: list[Report] = []
 
@@ -76,9 +75,9 @@ class RayExecutor:
                     code="DXB-E370",
                     hint="build its nodes with `--executor local` first; the cluster then takes their results",
                 )
-            shape = shapes.shape(task.needs, self._nodes, self._said.get("gpu_memory", 0.0))
+            reserved = shape(task.needs, self._nodes, self._said.get("gpu_memory", 0.0))
             self._staging.send(task.inputs.values())
-            self._calls[self._cluster.begin(self._setup, task, shape)] = task, shape
+            self._calls[self._cluster.begin(self._setup, task, reserved)] = task, reserved
         except DxbError as error:
             self._reports.append(Ended(task.ticket, 0.0, b"", error=error))
 
@@ -123,8 +122,8 @@ class RayExecutor:
     def _look(self) -> None:
         """Let no call wait for a machine that is gone."""
         self._nodes, self._looked = self._cluster.nodes(), time.monotonic()
-        for call, (_, shape) in list(self._calls.items()):
-            if not any(shapes.fits(shape, node) for node in self._nodes):
+        for call, (_, reserved) in list(self._calls.items()):
+            if not any(fits(reserved, node) for node in self._nodes):
                 self._cluster.cancel(call)
                 self._hear(call, ConnectionError("no machine is left that has room for it"))
 

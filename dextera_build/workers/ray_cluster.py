@@ -1,22 +1,30 @@
-"""Ray itself, and nothing of it elsewhere: a connection, the nodes, calls and their answers."""
+"""Ray itself, and nothing of it elsewhere: a connection, what nodes have and calls reserve, calls and their answers."""
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import signal
 import socket
-from collections.abc import Iterable, Iterator
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from dextera_build.errors import MachineError, UsageError, install_extra
+from dextera_build.workers.capacity import MEASURED, Capacity, Gpu, Needs
 from dextera_build.workers.protocol import Report, Task
 from dextera_build.workers.ray_worker import Setup, carry_out
-from dextera_build.workers.shapes import Amounts, options
+
+Amounts: TypeAlias = Mapping[str, float]
+"""What a node has or a call reserves, by Ray's names: `CPU`, `GPU`, `memory` [bytes], or one that nodes declare."""
 
 _CONNECT_S = 5.0
+_GIB = 2**30
+_FINEST = 100
+"""Parts of a GPU are counted in hundredths."""
 
 
 class RayCluster:
@@ -72,7 +80,10 @@ class RayCluster:
 
     def begin(self, setup: Setup, task: Task, reserved: Amounts) -> Any:
         """Queue a call."""
-        return self._call.options(**options(reserved)).remote(setup, task)
+        amounts = dict(reserved)
+        cpus, gpus, memory = (amounts.pop(name, 0.0) for name in ("CPU", "GPU", "memory"))
+        options = {"num_cpus": cpus, "num_gpus": gpus, "memory": int(memory) or None, "resources": amounts or None}
+        return self._call.options(**options).remote(setup, task)
 
     def hear(self, calls: Iterable[Any], timeout_s: float) -> Iterator[tuple[Any, Report | Exception]]:
         """What calls say, once there is something; an exception is a call's last word."""
@@ -93,6 +104,70 @@ class RayCluster:
     def close(self) -> None:
         """Disconnect; Ray ends what is left."""
         self._ray.shutdown()
+
+
+def capacity(nodes: Collection[Amounts], said: Mapping[str, float]) -> Capacity:
+    """All nodes together.
+
+    Args:
+        nodes: What each has.
+        said: Amounts of the configuration: `cpu` is the most to use of the cluster, `gpu_memory` the memory of one of
+            its GPUs [GiB], named resources count beside those that nodes declare.
+    """
+    totals = defaultdict[str, float](float)
+    for name, amount in (item for node in nodes for item in node.items()):
+        totals[name] += amount
+    cpus = int(min(totals["CPU"], said.get("cpu") or math.inf))
+    gpus = tuple(Gpu(str(number), said.get("gpu_memory", 0.0)) for number in range(int(totals["GPU"])))
+    # Ray itself adds resources for addresses and kinds of devices.
+    own = [name for name in totals if ":" in name and not name.startswith(("node:", "accelerator_type:"))]
+    named = {name: totals[name] for name in own} | {n: amount for n, amount in said.items() if n not in MEASURED}
+    return Capacity(max(cpus, 1), max(totals["memory"] / _GIB, 0.25), gpus, named)
+
+
+def shape(needs: Needs, nodes: Collection[Amounts], gpu_memory_gb: float = 0.0) -> Amounts:
+    """What a call with `needs` reserves. More cores or memory than a node has become all that it has.
+
+    Args:
+        needs: What the rule declares.
+        nodes: What each node has.
+        gpu_memory_gb: Memory of one GPU; 0 where it is not known, then a call that wants a part of one has it whole.
+
+    Raises:
+        MachineError: No single node has the GPUs and the named resources, or there is no node.
+    """
+    if not nodes:
+        raise MachineError(
+            "no machine of the cluster is left",
+            code="DXB-E354",
+            hint="`ray status` lists nodes; finished results are kept, build again",
+        )
+    # Resources that only the configuration names are counted by the driver; Ray knows nothing of them.
+    counted = {name for node in nodes for name in node}
+    fixed = {name: amount for name, amount in needs.named if name in counted}
+    if needs.gpus:
+        fixed["GPU"] = float(needs.gpus)
+    elif needs.gpu_gb:
+        part = needs.gpu_gb / gpu_memory_gb if gpu_memory_gb else 1.0
+        fixed["GPU"] = min(math.ceil(part * _FINEST) / _FINEST, 1.0)
+    wish = {"CPU": float(max(needs.cpus, 1)), "memory": float(math.ceil(needs.memory_gb * _GIB))}
+    given = [{n: min(wish[n], node.get(n, 0.0)) for n in wish} for node in nodes if fits(fixed, node)]
+    if not given:
+        wanted = ", ".join(f"{amount:g} of `{name}`" for name, amount in fixed.items())
+        most = {name: max(node.get(name, 0.0) for node in nodes) for name in fixed}
+        raise MachineError(
+            f"it needs {wanted} on one node, which no node of the cluster has",
+            code="DXB-E352",
+            facts={f"most `{name}` of a node": f"{amount:g}" for name, amount in most.items()},
+            hint="choose another backend, or add a node that has all of it: `ray start --address=HOST:PORT`",
+        )
+    best = max(given, key=lambda amounts: (amounts["CPU"], amounts["memory"]))
+    return {name: amount for name, amount in (best | fixed).items() if amount}
+
+
+def fits(wanted: Amounts, node: Amounts) -> bool:
+    """Whether a node has so much in all."""
+    return all(node.get(name, 0.0) >= amount for name, amount in wanted.items())
 
 
 def _imported() -> Any:

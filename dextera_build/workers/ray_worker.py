@@ -14,8 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dextera_build.errors import DxbError
-from dextera_build.remotes.connect import open_remote
-from dextera_build.remotes.spec import Spec
+from dextera_build.remotes.spec import Spec, open_remote
 from dextera_build.store.store import Store
 from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
@@ -53,7 +52,7 @@ class NodeWorker:
         self._announced = self._store.running.announced()
         self._announced.__enter__()
         self._staging = Staging(self._store, open_remote(setup.shared))
-        self._pool = LocalExecutor(setup.runner, environment=setup.environment, capacity=Capacity(memory_gb=1.0))
+        self._pool = LocalExecutor(setup.runner, Capacity(), setup.environment)
 
     def run(self, task: Task) -> Iterator[Report]:
         """Run a call with this node's store and project in place of the driver's; the last report is its end."""

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from dextera_build.errors import DxbError, MachineError
-from dextera_build.store.backoff import backoff
 
 _DIED = "DXB-B301"
 _OF_CLUSTERS = ("DXB-E354", "DXB-E355")
@@ -39,13 +38,6 @@ class Retries:
         if tries > self.most:
             return False
         return error.code == _DIED or isinstance(error, MachineError) or not set(self.on).isdisjoint(raised)
-
-    def delay_s(self, tries: int, key: str) -> float:
-        """How long to wait before the next try [s].
-
-        Spread over half of its length by the node's key, so that nodes which failed together do not come back together.
-        """
-        return backoff(tries, self.wait_s, key)
 
 
 def name_of(kind: type[BaseException]) -> str:

@@ -16,6 +16,7 @@ import importlib
 import io
 import json
 import os
+import resource
 import signal
 import socket
 import sys
@@ -28,7 +29,6 @@ from typing import Any
 from dextera_build.errors import DxbError, MachineError
 from dextera_build.workers.protocol import escaped, printed
 from dextera_build.workers.retries import names_of
-from dextera_build.workers.usage import Meter
 
 _PR_SET_PDEATHSIG = 1
 _PROGRESS_S = 0.05
@@ -44,8 +44,7 @@ class Worker:
     """
 
     def __init__(self, runner: str, pool: socket.socket) -> None:
-        self._runner_name = runner
-        self._runner: Callable[..., Mapping[str, Any]] | None = None
+        self._named = runner
         self._pool = pool
         self._writing = threading.Lock()
         self._last_progress = 0.0
@@ -56,33 +55,23 @@ class Worker:
         with self._pool.makefile("rb") as told:
             # The same path in the same order: an import finds here what it finds there.
             sys.path[:] = json.loads(told.readline() or "null") or sys.path
-            with contextlib.suppress(Exception):  # the first task is answered with what is wrong
-                load(self._runner_name)
+            try:
+                runner = load(self._named)
+            except Exception as error:
+                runner = _refusing(error)
             self._write({"ready": True})
             for line in told:
-                self._answer(json.loads(line))
+                self._answer(runner, json.loads(line))
 
-    def _answer(self, task: Mapping[str, Any]) -> None:
+    def _answer(self, runner: Callable[..., Mapping[str, Any]], task: Mapping[str, Any]) -> None:
         if os.fstat(1).st_size:
             os.ftruncate(1, 0)
         self._last_progress = 0.0
-        answer = attempt(lambda: self._load()(task, self._emit), task["project"])
+        answer = attempt(lambda: runner(task, self._emit), task["project"])
         self._flush()
         answer["error"] = answer["error"] and answer["error"].to_json()
         answer["log"] = printed(1).decode("latin-1")  # any bytes; the next task writes over them
         self._write(answer)
-
-    def _load(self) -> Callable[..., Mapping[str, Any]]:
-        if self._runner is None:
-            try:
-                self._runner = load(self._runner_name)
-            except Exception as error:
-                traceback.print_exc()
-                raise MachineError(
-                    f"a worker cannot start: {type(error).__name__}: {error}", code="DXB-E201", hint="dxb doctor"
-                ) from None
-        runner: Callable[..., Mapping[str, Any]] = self._runner
-        return runner
 
     def _emit(self, kind: str, data: Mapping[str, Any]) -> None:
         if kind == "progress":
@@ -129,11 +118,73 @@ def attempt(call: Callable[[], Mapping[str, Any]], project: str) -> dict[str, An
     return {"reply": reply, "error": error, "raised": raised, "seconds": seconds, "usage": meter.end()}
 
 
+class Meter:
+    """Measures one task in the process that runs it, from now on."""
+
+    def __init__(self) -> None:
+        with contextlib.suppress(OSError), open("/proc/self/clear_refs", "wb") as peak:
+            peak.write(b"5")  # the peak counts from here
+        self._own, self._children, self._moved = time.process_time(), _children(), _moved()
+
+    def end(self) -> dict[str, float]:
+        """What the process used, and the children that it waited for; see `Ended.usage`."""
+        (before, record), (children, peak), moved = self._children, _children(), _moved()
+        used: dict[str, float] = {"cpu_seconds": round(time.process_time() - self._own + children - before, 6)}
+        if self._moved is not None and moved is not None:
+            used["read_bytes"], used["written_bytes"] = moved[0] - self._moved[0], moved[1] - self._moved[1]
+        # Of children only the largest of all times is known: it is this task's where that record was broken meanwhile.
+        peak = max(_peak(), peak if peak > record else 0)
+        if peak:
+            used["memory_bytes"] = peak
+        return used
+
+
+def _children() -> tuple[float, int]:
+    """Of all children that were waited for: processor time [s], and the peak of the largest [bytes]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
+
+
+def _peak() -> int:
+    """Most that was resident since the last reset, or ever where that is not allowed [bytes]."""
+    for line in _text("/proc/self/status").splitlines():
+        if line.startswith(b"VmHWM:"):
+            return int(line.split()[1]) * 1024
+    return 0
+
+
+def _moved() -> tuple[int, int] | None:
+    """(read, written) so far [bytes]."""
+    words = _text("/proc/self/io").split(None, 4)
+    if len(words) < 4 or words[0] != b"rchar:" or words[2] != b"wchar:":
+        return None
+    return int(words[1]), int(words[3])
+
+
+def _text(path: str) -> bytes:
+    try:
+        with open(path, "rb") as file:
+            return file.read()
+    except OSError:
+        return b""
+
+
 def load(named: str) -> Callable[..., Any]:
     """The function that `module:function` names."""
     module, _, name = named.partition(":")
     found: Callable[..., Any] = getattr(importlib.import_module(module), name)
     return found
+
+
+def _refusing(error: Exception) -> Callable[..., Mapping[str, Any]]:
+    """What answers tasks where the runner cannot be loaded."""
+
+    def run(task: Mapping[str, Any], emit: object) -> Mapping[str, Any]:
+        traceback.print_exception(error)
+        said = f"{type(error).__name__}: {error}"
+        raise MachineError(f"a worker cannot start: {said}", code="DXB-E201", hint="dxb doctor")
+
+    return run
 
 
 def live_with(parent: int) -> None:

@@ -2,7 +2,7 @@
 
 The layered graph of `tests.benchmarks.engine` is built cold in a small and in a large size, each build in a process of
 its own, and the difference is shared out among the nodes that the large one has more. So no start-up is counted, of dxb
-or of workers, and no planning and no export either: the scheduler is measured within `engine.execute.build` alone.
+or of workers, and no planning and no export either: the scheduler is measured within `engine.run.build` alone.
 
 Processor times are the least of all repeats; two checkouts take turns, so that other work on the machine hits both.
 """

@@ -13,7 +13,7 @@ from dextera_build.bundle.config import Build, Closure, Contents
 from dextera_build.bundle.export import Export
 from dextera_build.digest import canonical
 from dextera_build.engine.graph import Address, Graph
-from dextera_build.engine.key import manifest as key_document
+from dextera_build.engine.key import Writer
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from tests.bundle.forge import unpacked
@@ -47,7 +47,7 @@ def large(store: Store, file: Path, size: int) -> Export:
     os.truncate(file, size)
     digest, _ = store.blobs.put_file(file)
     one = call("large", "const", "x")
-    document = store.blobs.put(canonical(key_document(one, {})))
+    document = store.blobs.put(Writer().document(one, {}))
     output = store.blobs.put(canonical({"artifact": "Film", "fields": {"data": {"$bytes": [digest, size]}}}))
     store.actions.put(document, ActionResult(output, "", (), {}, 1.0, None, document))
     return bundle(store, graph(one))

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dextera_build.bundle import importer, layout, sign, trust
+from dextera_build.bundle import importer, layout, sign
 from dextera_build.bundle.errors import BundleRefused
 from dextera_build.digest import of_bytes
 from dextera_build.engine.graph import Graph
@@ -56,7 +56,7 @@ def take(path: Path, root: Path) -> bool:
     error = None
     try:
         opened = importer.open_bundle(layout.Layout(path))
-        trust.judge(opened, sign.trusted([root / "key.pub"]))
+        sign.judge(opened, sign.trusted([root / "key.pub"]))
         importer.take(opened, other)
     except BundleRefused as refused:
         error = refused

@@ -53,7 +53,7 @@ def test_a_build_of_its_targets_runs_nothing(tmp_path, store, other, plan, closu
 
 
 def test_what_a_killed_attempt_left_goes(tmp_path, store, plan):
-    torn = tmp_path / ".tmp-12345678-1-1"
+    torn = tmp_path / ".tmp-0123456789abcdef"
     torn.write_bytes(b"torn")
     os.utime(torn, (0, 0))
     bundle(store, plan).write(tmp_path / "bundle.tar")

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.bundle import importer, layout, sign, trust
+from dextera_build.bundle import importer, layout, sign
 from tests.bundle.conftest import bundle
 
 REPO = Path(__file__).parents[2]
@@ -69,6 +69,6 @@ def test_a_signed_bundle_goes_to_a_registry_and_back(registry, tmp_path, store, 
         assert done.returncode == 0, f"{command}: {done.stderr}"
     opened = importer.open_bundle(layout.Layout(tmp_path / "pulled.tar"))
     assert opened.digest == made.digest
-    assert trust.judge(opened, sign.trusted([tmp_path / "key.pub"])).state == "trusted"
+    assert sign.judge(opened, sign.trusted([tmp_path / "key.pub"])).state == "trusted"
     importer.take(opened, other)
     assert set(other.actions.keys()) == set(store.actions.keys())

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dextera_build.bundle import importer, layout, sign, trust
+from dextera_build.bundle import importer, layout, sign
 from dextera_build.bundle.errors import BundleRefused
 from dextera_build.bundle.export import Export
 from dextera_build.digest import canonical
@@ -32,8 +32,8 @@ def signed(made: Export, key: Path, digest: str | None = None) -> Export:
     return made
 
 
-def judge(path: Path, *keys: Path) -> trust.Voucher:
-    return trust.judge(importer.open_bundle(layout.Layout(packed(path))), sign.trusted(keys))
+def judge(path: Path, *keys: Path) -> sign.Voucher:
+    return sign.judge(importer.open_bundle(layout.Layout(packed(path))), sign.trusted(keys))
 
 
 def refused(path: Path, code: str, *keys: Path) -> BundleRefused:
@@ -46,7 +46,7 @@ def refused(path: Path, code: str, *keys: Path) -> BundleRefused:
 def required(path: Path, *keys: Path) -> BundleRefused:
     opened = importer.open_bundle(layout.Layout(packed(path)))
     with pytest.raises(BundleRefused) as error:
-        trust.require(opened, trust.judge(opened, sign.trusted(keys)), sign.trusted(keys))
+        sign.require(opened, sign.judge(opened, sign.trusted(keys)), sign.trusted(keys))
     assert error.value.code == "DXB-S309"
     return error.value
 

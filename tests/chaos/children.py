@@ -28,7 +28,6 @@ for _name in (
     "cli.build.check",
     "build.build",
     "build.export",
-    "build.snapshots",
 ):
     importlib.import_module(f"dextera_build.{_name}")  # here, once, rather than in every child
 for _name in ("numpy", "pydantic", "dextera_build.engine.run", "dextera_build.recipe.plan"):
@@ -53,7 +52,7 @@ Workers = pool.LocalExecutor
 
 
 class _Inline(InlineExecutor):
-    def __init__(self, runner: str, **settings: object) -> None:
+    def __init__(self, runner: str, *settings: object) -> None:
         super().__init__(run_task)
 
     def warm(self) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from dextera_build.engine.graph import Graph
+from dextera_build.engine.policy import Policy
 from dextera_build.engine.run import RunResult, build
 from dextera_build.gc.verify import verify
 from dextera_build.runs import log as eventlog
@@ -36,7 +37,9 @@ def run(plan: Graph, root: Path) -> RunResult:
     """Build in a process that remembers nothing; `end` runs and reads all that it stands on."""
     store = Store(root)
     targets = plan.targets["default"]
-    return build(plan, targets, store=store, executor=inline(), listen=Record(), force=frozenset({"end"}))
+    return build(
+        plan, targets, store=store, executor=inline(), listen=Record(), policy=Policy(force=frozenset({"end"}))
+    )
 
 
 def variants(data: bytes, step: int, first: int) -> Iterator[tuple[int, bytes]]:

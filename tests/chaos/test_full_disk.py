@@ -242,10 +242,12 @@ def test_an_event_without_room_is_left_out_and_the_log_stays_whole(tmp_path, mon
     store = Store(tmp_path / "store")
     with EventLog(store) as log:
         log(NodeLog(1.0, "a", "first"))
+        log.flush()
         write = os.write
         torn = iter([lambda d, data: write(d, data[:5]), full])
         monkeypatch.setattr(os, "write", lambda d, data: next(torn)(d, data))
         log(NodeLog(2.0, "a", "lost"))
+        log.flush()
         monkeypatch.undo()
         log(NodeLog(3.0, "a", "last"))
         assert log.lost == 1

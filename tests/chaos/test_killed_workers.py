@@ -8,9 +8,11 @@ import signal
 from pathlib import Path
 
 from dextera_build.engine.graph import Graph
+from dextera_build.engine.policy import Policy
 from dextera_build.engine.run import build
 from dextera_build.runs.events import Event, NodeStarted, fan_out
 from dextera_build.store.store import Store
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from tests.engine.tiny import RUNNER, Record, call, graph, inline, out
 
@@ -31,7 +33,7 @@ def test_builds_converge_though_workers_are_killed(tmp_path: Path) -> None:
     finished: set[str] = set()
     deaths = 0
     for _ in range(60):
-        with LocalExecutor(RUNNER, 2) as pool:
+        with LocalExecutor(RUNNER, Capacity(2, 4.0)) as pool:
 
             def shoot(event: Event, pool: LocalExecutor = pool) -> None:
                 if isinstance(event, NodeStarted) and pool.pids() and dice.random() < 0.3:
@@ -44,7 +46,7 @@ def test_builds_converge_though_workers_are_killed(tmp_path: Path) -> None:
                 store=store,
                 executor=pool,
                 listen=fan_out(record, shoot),
-                keep_going=True,
+                policy=Policy(keep_going=True),
             )
         assert finished <= set(record.with_status("cached"))  # nothing that was done is lost
         finished |= set(record.with_status("ran"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sqlite3  # noqa: F401 - what another user may not read is loaded before one is he
 import stat
 import sys
 import time

@@ -12,6 +12,7 @@ _SCRIPT = """
 import sys
 from pathlib import Path
 from dextera_build.engine.run import build
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.store.store import Store
 from tests.engine.tiny import RUNNER, Record, call, graph, out
@@ -22,7 +23,7 @@ layers = [[call(f"n{level}_{place}", "sleep", 0.02, **({"x": out(f"n{level - 1}_
 plan = graph(*(each for layer in layers for each in layer), default=tuple(each.name for each in layers[-1]))
 print("ready", flush=True)
 sys.stdin.readline()
-with LocalExecutor(RUNNER, 2) as pool:
+with LocalExecutor(RUNNER, Capacity(2, 4.0)) as pool:
     result = build(plan, plan.targets["default"], store=store, executor=pool, listen=Record())
 print(*sorted(f"{name}={node.output}" for name, node in result.nodes.items()))
 sys.exit(not result.ok)

@@ -113,7 +113,7 @@ def test_a_miss_offline_is_one_clear_error(asking: Space) -> None:
     (error,) = [event["error"] for event in failed if event["event"] == "node_finished" and event["error"]]
     assert error["code"] == "DXB-B340"
     assert error["message"] == ("no answer of `toy-chat tiny-1` to this request is recorded, and nothing may be asked")
-    assert error["facts"]["request"].endswith(" bytes, 1 attached blobs")
+    assert error["facts"]["request"].endswith(" bytes")
     assert "--calls record" in error["hint"]
 
 

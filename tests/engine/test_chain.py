@@ -9,11 +9,13 @@ from pathlib import Path
 import pytest
 
 from dextera_build.engine import dry
-from dextera_build.engine.graph import Graph
+from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.key import Writer
+from dextera_build.engine.policy import Policy
 from dextera_build.engine.run import RunResult
+from dextera_build.engine.schedule import Scheduler
 from dextera_build.store.store import Store
-from tests.engine.tiny import call, graph, leaf, out, run
+from tests.engine.tiny import call, graph, inline, leaf, out, run
 
 
 def chain(length: int, file: Path) -> Graph:
@@ -29,12 +31,13 @@ def test_no_key_document_is_held_while_nodes_wait(store: Store, monkeypatch: pyt
     document = Writer.document
     monkeypatch.setattr(Writer, "document", lambda *words: spelled.append(words[1].name) or document(*words))
     names = [f"n{number}" for number in range(20)]
-    result, _ = run(graph(*map(call, names), default=tuple(names)), store)
-    assert statuses(result) == {"ran"}
+    scheduler = Scheduler(graph(*map(call, names)), store, inline(), Policy())
+    scheduler.run([Address((name,)) for name in names])
+    nodes = scheduler.wiring.nodes.values()
+    assert {node.status for node in nodes} == {"ran"}
     # Once to look it up, and once to publish what ran.
     assert Counter(spelled) == Counter(dict.fromkeys(names, 2))
-    assert result.wiring is not None
-    assert not any(node.document for node in result.wiring.nodes.values())
+    assert not any(node.document for node in nodes)
 
 
 @pytest.mark.parametrize("length", [1_200, pytest.param(100_000, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])])

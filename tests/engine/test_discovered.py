@@ -24,6 +24,7 @@ from dextera_build.remotes.breaker import Guarded
 from dextera_build.remotes.exchange import Exchange
 from dextera_build.remotes.folder import Directory
 from dextera_build.runs.events import NodeStarted
+from dextera_build.store import traces
 from dextera_build.store.signature import Watch
 from dextera_build.store.store import Store
 from tests.engine.inline import InlineExecutor
@@ -55,9 +56,11 @@ def built(folder: Path, store: Store, *remotes: Guarded, **flags: Any) -> tuple[
     return result, record.with_status("ran")
 
 
-def reads(result: RunResult) -> list[str]:
-    assert result.wiring is not None
-    return [name for _, name, _ in result.wiring.nodes["read"].reads]
+def reads(result: RunResult, store: Store) -> list[str]:
+    """The names that the last run of `read` asked for."""
+    parts = traces.parts_of(store.blobs.get(result.nodes["read"].key or ""))
+    assert parts is not None
+    return [name for _, name, _ in parts[1] or ()]
 
 
 def share(folder: Path, mode: str = "rw") -> Guarded:
@@ -74,7 +77,7 @@ def test_each_file_that_it_read_makes_it_stale_and_no_other(project: Path, store
     result, ran = built(project, store)
     assert "read" in ran
     assert built(project, store)[1] == []
-    asked = set(reads(result))
+    asked = set(reads(result, store))
     assert asked
     for name in ("leaf0", "leaf1", "leaf2", "leaf3"):
         path = project / name
@@ -95,12 +98,12 @@ def test_the_plan_says_what_the_build_does(project: Path, store: Store) -> None:
     assert statuses() == ["stale", "unknown"]
     result, _ = built(project, store)
     assert statuses() == ["cached", "cached"]
-    edited(project, reads(result)[0], "other")
+    edited(project, reads(result, store)[0], "other")
     assert statuses() == ["stale", "unknown"]
 
 
 def test_an_edit_while_it_runs_fails_it(project: Path, store: Store) -> None:
-    first = reads(built(project, store)[0])[0]
+    first = reads(built(project, store)[0], store)[0]
     edited(project, first, "second version")
 
     def meddling(task: Mapping[str, Any], emit: Callable[..., None]) -> dict[str, Any]:
@@ -121,7 +124,7 @@ def test_an_edit_while_it_runs_fails_it(project: Path, store: Store) -> None:
 
 def test_an_edit_between_the_look_and_the_run_fails_it(project: Path, store: Store) -> None:
     """Other nodes of the run may rest on what the file was at the look."""
-    first = reads(built(project, store)[0])[0]
+    first = reads(built(project, store)[0], store)[0]
     edited(project, first, "second version")
 
     def late(task: Mapping[str, Any], emit: Callable[..., None]) -> dict[str, Any]:
@@ -152,7 +155,7 @@ def test_forced_it_runs_and_keeps_its_key(project: Path, store: Store) -> None:
 def test_a_remote_leads_to_every_branch_that_it_was_given(project: Path, tmp_path: Path) -> None:
     folder = tmp_path / "share"
     one, two = Store(tmp_path / "one"), Store(tmp_path / "two")
-    first = reads(built(project, one, share(folder))[0])[0]
+    first = reads(built(project, one, share(folder))[0], one)[0]
     text = (project / first).read_text()
     # The second never heard of the first one's branch, for it only writes.
     edited(project, first, "another branch")
@@ -190,7 +193,7 @@ def test_a_bundle_brings_what_leads_to_its_results(project: Path, store: Store, 
 
 def test_a_collection_keeps_what_leads_to_what_is_held(project: Path, store: Store) -> None:
     result, _ = built(project, store)
-    edited(project, reads(result)[0], "another branch")
+    edited(project, reads(result, store)[0], "another branch")
     held = built(project, store)[0].nodes
     keys = {str(node.key) for node in held.values()}
     for key in list(store.actions.keys()):

@@ -8,7 +8,7 @@ import pytest
 
 from dextera_build.engine.graph import Address
 from dextera_build.engine.run import build
-from dextera_build.errors import RecipeError, RuleError, StaleError, UsageError
+from dextera_build.errors import RecipeError, RuleError, StaleError
 from dextera_build.runs.events import NodeFinished, RunFinished
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, every, graph, group, inline, item, leaf, out, run, scene
@@ -142,13 +142,6 @@ def test_a_file_that_changes_while_it_is_used_is_not_cached(store: Store, tmp_pa
     photo.write_text("edited")  # as the action leaves it, so that the next build is at rest
     again, _ = run(plan, store)
     assert {name: node.status for name, node in again.nodes.items()} == {"a": "ran", "b": "ran"}
-
-
-def test_an_unknown_target_lists_what_there_is(store: Store) -> None:
-    with pytest.raises(UsageError, match="`scne` names no node of `tiny/graph`") as caught:
-        run(scene(), store, Address(("scne",)))
-    assert caught.value.hint == "did you mean `scene`?"
-    assert caught.value.facts["nodes"] == "body.mesh, body.pose, scene, seg"
 
 
 def test_an_unknown_copy_lists_the_copies(store: Store) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from dextera_build.engine.graph import Address, node_address, parse_address
-from dextera_build.engine.lookup import reach
 from dextera_build.errors import UsageError
 from tests.engine.tiny import call, every, graph, group, item, out
 
@@ -58,7 +57,7 @@ def test_reach_is_what_the_graph_alone_tells() -> None:
         ),
         call("scene", all=every("body.pose")),
     )
-    assert set(reach(plan, [Address(("scene",))])) == {
+    assert set(plan.walk([Address(("scene",))])) == {
         ("scene",),
         ("body", "pose"),
         ("body", "mesh"),
@@ -66,4 +65,4 @@ def test_reach_is_what_the_graph_alone_tells() -> None:
         ("a",),
         ("b",),
     }
-    assert set(reach(plan, [Address(("seg",))])) == {("seg",), ("a",)}
+    assert set(plan.walk([Address(("seg",))])) == {("seg",), ("a",)}

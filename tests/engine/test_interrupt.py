@@ -23,17 +23,18 @@ from pathlib import Path
 from dextera_build.runs.log import EventLog
 from dextera_build.runs.events import fan_out
 from dextera_build.engine.run import build
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.store.store import Store
 from tests.engine.tiny import RUNNER, call, graph, out
 
 store = Store(Path(sys.argv[1]))
 plan = graph(call("quick"), call("slow", "sleep", 60, x=out("quick")), call("end", x=out("slow")))
-with EventLog(store) as log, LocalExecutor(RUNNER, 2) as pool:
+with EventLog(store) as log, LocalExecutor(RUNNER, Capacity(2, 4.0)) as pool:
     def tell(event):
         if type(event).__name__ == "NodeStarted" and event.node == "slow":
             print(*pool.pids(), flush=True)
-    build(plan, [("end",)], store=store, executor=pool, listen=fan_out(log, tell))
+    build(plan, [("end",)], store=store, executor=pool, listen=fan_out(log, tell), pause=log.flush)
 """
 
 

@@ -10,6 +10,7 @@ from dextera_build.engine.graph import Graph
 from dextera_build.engine.run import build
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from tests.engine.tiny import RUNNER, Record, call, graph, inline, leaf, out
 
@@ -18,7 +19,7 @@ PLAN = graph(call("a", "blob"), call("b", "print", "hello", a=out("a")), call("c
 
 def made(root: Path, pool: bool, plan: Graph = PLAN) -> dict[str, ActionResult | None]:
     store = Store(root)
-    with LocalExecutor(RUNNER, 1) if pool else nullcontext(inline()) as executor:
+    with LocalExecutor(RUNNER, Capacity(1, 4.0)) if pool else nullcontext(inline()) as executor:
         result = build(plan, plan.targets["default"], store=store, executor=executor, listen=Record())
     found = Store(root).actions
     return {name: found.get(node.key or "") for name, node in result.nodes.items()}

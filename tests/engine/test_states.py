@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from dextera_build.engine.states import State, States
-from dextera_build.engine.units import Node
+from dextera_build.engine.states import State
+from dextera_build.engine.units import Node, States
 from tests.engine.tiny import call
 
 

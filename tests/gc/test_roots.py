@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine.run import RunInfo, build
+from dextera_build.engine.policy import Policy
+from dextera_build.engine.run import build
 from dextera_build.gc import roots
 from dextera_build.gc.collect import collect_all
 from dextera_build.runs.history import Entry, History
@@ -20,8 +21,8 @@ KEY = "ab" * 32
 
 def run(store: Store, project: Path, value: int = 0) -> set[str]:
     plan = graph(call("a", value=value), call("b", a=out("a")))
-    info = RunInfo("0001", str(project))
-    result = build(plan, [("b",)], store=store, executor=inline(), listen=Record(), info=info)
+    policy = Policy(run="0001", project=str(project))
+    result = build(plan, [("b",)], store=store, executor=inline(), listen=Record(), policy=policy)
     return {node.key or "" for node in result.nodes.values()}
 
 

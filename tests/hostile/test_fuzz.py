@@ -21,7 +21,7 @@ from dextera_build.artifacts.base import Artifact, Collection, File, Folder
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.table import Table
-from dextera_build.bundle import importer, layout, oci, sign, trust
+from dextera_build.bundle import importer, layout, oci, sign
 from dextera_build.bundle.closure import read_result
 from dextera_build.bundle.config import Contents
 from dextera_build.bundle.errors import BundleRefused
@@ -185,7 +185,7 @@ READERS: dict[str, Callable[[bytes], object]] = {
     "index": oci.read_index,
     "manifest": oci.Manifest.read,
     "config": Contents.read,
-    "signature": trust.read_signature,
+    "signature": sign.read_signature,
     "result": lambda text: read_result(text, "a"),
 }
 

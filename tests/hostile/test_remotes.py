@@ -160,7 +160,7 @@ def share(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("name", SERVERS)
 def test_a_build_is_right_whatever_a_server_says(tmp_path, share, monkeypatch, name):
-    monkeypatch.setattr(http, "MOST_ENTRY", 1 << 20)
+    monkeypatch.setattr("dextera_build.remotes.remote.MOST_ENTRY", 1 << 20)
     before = {path for path in tmp_path.rglob("*") if not path.is_relative_to(tmp_path / "mine")}
     mine = Store(tmp_path / "mine")
     with serving(share, SERVERS[name]) as url:

@@ -22,6 +22,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from dextera_build import digest
 from dextera_build.engine.graph import Address
 from dextera_build.engine.key import Writer
+from dextera_build.engine.policy import Policy
 from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import DxbError
 from dextera_build.gc.choose import Limits
@@ -31,6 +32,7 @@ from dextera_build.runs.events import fan_out
 from dextera_build.runs.log import EventLog
 from dextera_build.store import failpoints
 from dextera_build.store.store import Store
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.protocol import Executor
 from tests.chaos.clocks import clock
@@ -252,9 +254,7 @@ class Histories(RuleBasedStateMachine):
         with clock(self.offset_s), EventLog(store) as log, workers:
             listen = fan_out(log, record)
             plan = self.graph.graph()
-            done = build(
-                plan, targets, store=store, executor=executor, listen=listen, keep_going=keep_going, force=force
-            )
+            done = build(plan, targets, store=store, executor=executor, listen=listen, policy=Policy(keep_going, force))
         return done, record
 
     def check(self, found: Expected, result: RunResult, record: Record, stale: set[str]) -> list[str]:
@@ -287,4 +287,4 @@ class HistoriesWithWorkers(Histories):
     """Undisturbed builds run in processes of their own, which publish what they make."""
 
     def executor(self, jobs: int, seed: int) -> Executor:
-        return LocalExecutor(RUNNER, jobs, environment={"TINY_DICE": str(self.dice)})
+        return LocalExecutor(RUNNER, Capacity(jobs, 4.0), {"TINY_DICE": str(self.dice)})

@@ -9,9 +9,11 @@ import pytest
 
 from dextera_build.engine.dry import plan
 from dextera_build.engine.graph import Address, Graph
+from dextera_build.engine.policy import Policy
 from dextera_build.engine.run import RunResult, build
 from dextera_build.runs.events import NodeStarted
 from dextera_build.store.store import Store
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from tests.engine.tiny import RUNNER, Record, inline
 from tests.oracle.graphs import RandomGraph
@@ -22,7 +24,9 @@ _STEPS = 5
 
 def _build(graph: Graph, targets: list[Address], store: Store, keep_going: bool = False) -> tuple[RunResult, Record]:
     record = Record()
-    return build(graph, targets, store=store, executor=inline(), listen=record, keep_going=keep_going), record
+    return build(
+        graph, targets, store=store, executor=inline(), listen=record, policy=Policy(keep_going=keep_going)
+    ), record
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -94,7 +98,7 @@ def test_the_first_failure_stops_what_has_not_begun(seed: int, tmp_path: Path) -
 
 
 def test_a_pool_runs_exactly_the_stale_nodes_too(tmp_path: Path) -> None:
-    with LocalExecutor(RUNNER, 3) as pool:
+    with LocalExecutor(RUNNER, Capacity(3, 4.0)) as pool:
         for seed in range(100, 112):
             folder = tmp_path / str(seed)
             folder.mkdir()

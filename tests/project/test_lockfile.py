@@ -130,7 +130,7 @@ def test_what_cannot_be_read_or_written_is_said(tmp_path):
 
 
 def test_what_a_killed_process_left_beside_the_lock_file_goes(tmp_path):
-    dead, fresh, own = (tmp_path / name for name in (".tmp-0a1b2c3d-7-0", ".tmp-0a1b2c3d-7-1", ".tmp-notes"))
+    dead, fresh, own = (tmp_path / name for name in (".tmp-0a1b2c3d00000000", ".tmp-0a1b2c3d00000001", ".tmp-notes"))
     for path in (dead, fresh, own):
         path.write_text("half")
     for path in (dead, own):

@@ -107,7 +107,7 @@ def test_nothing_secret_is_shown() -> None:
         ({"remotes": {"lab": 7}}, "DXB-U131", "remote `lab` has no address"),
         ({"remotes": {"lab": "ftp://h/x"}}, "DXB-U131", "`ftp://h/x` is not the address of a remote"),
         ({"remotes": {"lab": "http://"}}, "DXB-U131", "`http://` is not the address of a remote"),
-        ({"remotes": {"lab": {"address": "/x", "mode": "read"}}}, "DXB-U132", "`read` is not a mode of remote `lab`"),
+        ({"remotes": {"lab": {"address": "/x", "mode": "read"}}}, "DXB-U131", "`read` is not a mode of remote `lab`"),
         (
             {"remotes": {"lab": {"address": "/x", "timeout_s": 0}}},
             "DXB-U131",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from dextera_build.engine.graph import Gather, Group, Item, Leaf, Output
-from dextera_build.engine.lookup import copy_of
 from dextera_build.errors import DxbError, MachineError, RecipeError, UsageError, install_extra
 from dextera_build.recipe import settings
 from dextera_build.recipe.plan import Request, plan
@@ -162,8 +161,8 @@ def test_an_override_reaches_a_call_of_a_recipe_that_a_group_uses(space):
         "  own: {each: $words, as: word, nodes: {in: {recipe: say/loud, text: $word}}}\n",
     )
     graph = planned(space, "say/use", settings=(settings.parse("own[one].in/loud.times=5"),))
-    assert copy_of(graph, ("own", "in/loud"), ("one",)).options["times"] == 5
-    assert copy_of(graph, ("own", "in/loud"), ("two",)).options["times"] == 1
+    assert graph.copy(("own", "in/loud"), ("one",)).options["times"] == 5
+    assert graph.copy(("own", "in/loud"), ("two",)).options["times"] == 1
 
 
 def test_extending_takes_over_and_replaces(space):

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.remotes.connect import open_remote
 from dextera_build.remotes.remote import Digest, Remote, RemoteFault
-from dextera_build.remotes.spec import Spec
+from dextera_build.remotes.spec import Spec, open_remote
 from dextera_build.store.store import Store
 from tests.remotes import servers
 from tests.store.stores import entry, key_of, publish

@@ -7,9 +7,8 @@ import socket
 import pytest
 
 from dextera_build.errors import UsageError
-from dextera_build.remotes.connect import guarded, open_remote
 from dextera_build.remotes.remote import RemoteFault
-from dextera_build.remotes.spec import Spec
+from dextera_build.remotes.spec import Spec, guarded, open_remote
 
 KEY = "0" * 64
 

@@ -305,8 +305,7 @@ def fabricate(mode: str = "mixed", workers: int = 2, nodes: list[Spec] | None = 
         counts[status] = counts.get(status, 0) + 1
         if spec.node == "objects":
             labels = list(dict.fromkeys(s.node.partition("[")[2].partition("]")[0] for s in nodes if "[" in s.node))
-            copies = sum("[" in s.node for s in nodes)
-            events.append(GroupOpened(time=ended["objects"], group="body", labels=labels, nodes=copies))
+            events.append(GroupOpened(time=ended["objects"], group="body", labels=labels))
     events.sort(key=lambda event: event.time)
     first = RunStarted(
         time=START,

@@ -10,7 +10,6 @@ import pytest
 
 from dextera_build import digest
 from dextera_build.errors import StoreError
-from dextera_build.store import files
 from dextera_build.store.blobs import Blobs, MissingBlob
 
 
@@ -101,17 +100,3 @@ def test_an_interrupted_write_leaves_nothing(blobs: Blobs, monkeypatch: pytest.M
     with pytest.raises(KeyboardInterrupt):
         blobs.put(b"never")
     assert [path for path in (tmp_path / "cas").rglob("*") if path.is_file()] == []
-
-
-def test_a_process_that_was_forked_takes_names_of_its_own() -> None:
-    reading, writing = os.pipe()
-    child = os.fork()
-    if not child:
-        os.write(writing, files.unique().encode())
-        os._exit(0)
-    os.waitpid(child, 0)
-    name = os.read(reading, 200).decode()
-    assert f"-{child}-" in name
-    assert f"-{os.getpid()}-" in files.unique()
-    os.close(reading)
-    os.close(writing)

@@ -26,6 +26,13 @@ _FILES = ("a", "b", "c", "d")
 World = dict[str, str]
 
 
+def find(store: Store, answer: traces.Answer) -> tuple[traces.Steps | None, Found | None]:
+    """The trace that fits, and its result, as a build looks them up."""
+    steps = traces.fitting(store, _STATIC, answer)
+    held = store.actions.find(digest.of_bytes(traces.spelled(_STATIC, steps))) if steps is not None else None
+    return (steps, held) if held is not None else (None, None)
+
+
 def _content(name: str, value: int) -> str:
     return digest.of_bytes(f"{name} {value}".encode())
 
@@ -51,7 +58,7 @@ def _publish(store: Store, steps: Steps) -> str:
 
 
 def _find(store: Store, world: World) -> Found | None:
-    return traces.find(store, _STATIC, lambda kind, name: world[name])[1]
+    return find(store, lambda kind, name: world[name])[1]
 
 
 _WORLDS = st.fixed_dictionaries(
@@ -83,7 +90,7 @@ def test_what_is_lost_or_damaged_is_a_miss_and_comes_back(program: int, rounds: 
             steps = _run(program, world)
             found = _find(store, world)
             if found is not None:
-                assert traces.find(store, _STATIC, lambda kind, name, world=world: world[name])[0] == steps
+                assert find(store, lambda kind, name, world=world: world[name])[0] == steps
             output = _publish(store, steps)
             assert _find(store, world).result.output == output  # type: ignore[union-attr]
             keys = sorted(store.actions.keys())
@@ -155,7 +162,7 @@ def test_a_question_that_cannot_be_asked_fits_nothing(tmp_path: Path) -> None:
 
     store = Store(tmp_path)
     _publish(store, (("file", "a", _content("a", 0)),))
-    assert traces.find(store, _STATIC, answer)[1] is None
+    assert find(store, answer)[1] is None
 
 
 def test_a_call_that_read_nothing_is_found(tmp_path: Path) -> None:
@@ -188,10 +195,10 @@ def test_steps_that_no_call_can_have_made_are_a_miss(tmp_path: Path) -> None:
         document = store.blobs.put(traces.spelled(_STATIC, None))
         header = store.blobs.put(digest.canonical({"artifact": "Reads", "fields": {"traces": [steps]}}))
         store.actions.put(document, ActionResult(header, "", (), {}, 0.0, None, document))
-        assert traces.find(store, _STATIC, answer)[1] is None
+        assert find(store, answer)[1] is None
         # What runs then is found again.
         _publish(store, (("there", "a", traces.YES),))
-        assert traces.find(store, _STATIC, answer)[1] is not None
+        assert find(store, answer)[1] is not None
     assert set(asked) <= {"a"}
 
 

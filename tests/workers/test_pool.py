@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from dextera_build.engine.graph import Call, Graph
+from dextera_build.engine.policy import Policy
 from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import MachineError
 from dextera_build.runs.events import Event, NodeFinished, NodeLog, NodeProgress, NodeStarted
@@ -22,13 +23,13 @@ from tests.engine.tiny import RUNNER, Record, call, every, facts, graph, group, 
 
 @pytest.fixture
 def pool() -> Iterator[LocalExecutor]:
-    with LocalExecutor(RUNNER, 2, memory_gb=4.0) as executor:
+    with LocalExecutor(RUNNER, Capacity(2, 4.0)) as executor:
         yield executor
 
 
 def run(plan: Graph, store: Store, pool: LocalExecutor, **flags: Any) -> tuple[RunResult, Record]:
     record = Record()
-    result = build(plan, plan.targets["default"], store=store, executor=pool, listen=record, **flags)
+    result = build(plan, plan.targets["default"], store=store, executor=pool, listen=record, policy=Policy(**flags))
     return result, record
 
 
@@ -178,7 +179,7 @@ def test_a_worker_that_was_started_early_takes_the_first_task(store: Store, pool
 
 
 def test_a_worker_that_was_given_nothing_is_not_waited_for() -> None:
-    with LocalExecutor("tests.workers.test_pool:run", environment={"TINY_SLOW": "1"}) as pool:
+    with LocalExecutor("tests.workers.test_pool:run", Capacity(), {"TINY_SLOW": "1"}) as pool:
         pool.warm()
         (started,) = pool.pids()
         time.sleep(0.5)
@@ -198,7 +199,7 @@ def test_a_worker_that_dies_idle_is_replaced(store: Store, pool: LocalExecutor) 
 
 
 def test_a_runner_that_cannot_be_imported_says_so(store: Store) -> None:
-    with LocalExecutor("tests.engine.nowhere:run", 1) as pool:
+    with LocalExecutor("tests.engine.nowhere:run", Capacity(1, 4.0)) as pool:
         result, _ = run(graph(call("a")), store, pool)
     error = result.nodes["a"].error
     assert error is not None
@@ -211,13 +212,16 @@ def test_a_worker_that_cannot_be_started_says_so(store: Store, monkeypatch: pyte
         raise OSError(11, "Resource temporarily unavailable")
 
     monkeypatch.setattr("subprocess.Popen", refuse)
-    with LocalExecutor(RUNNER, 1) as pool, pytest.raises(MachineError, match="cannot be started") as caught:
+    with (
+        LocalExecutor(RUNNER, Capacity(1, 4.0)) as pool,
+        pytest.raises(MachineError, match="cannot be started") as caught,
+    ):
         run(graph(call("a")), store, pool)
     assert (caught.value.code, caught.value.hint) == ("DXB-E202", "build with `--jobs 1`")
 
 
 def test_close_leaves_no_process(store: Store) -> None:
-    with LocalExecutor(RUNNER, 2) as pool:
+    with LocalExecutor(RUNNER, Capacity(2, 4.0)) as pool:
         run(graph(call("a"), call("b"), default=("a", "b")), store, pool)
         pids = pool.pids()
         assert pids
@@ -225,7 +229,7 @@ def test_close_leaves_no_process(store: Store) -> None:
 
 
 def test_stop_ends_what_runs_at_once() -> None:
-    pool = LocalExecutor(RUNNER, 1)
+    pool = LocalExecutor(RUNNER, Capacity(1, 4.0))
     sleeping = Task(0, "tiny.rule", None, {"do": "sleep", "value": 60, "name": "t"}, {}, "/tmp", "", "")
     pool.submit(sleeping)
     time.sleep(0.5)
@@ -244,7 +248,7 @@ def test_a_worker_that_holds_a_device_goes_when_another_needs_it(store: Store) -
         call("none", x=out("again")),
         call("both", rule=facts(path="tiny.both", gpus=2), x=out("none")),
     )
-    with LocalExecutor(RUNNER, capacity=capacity) as pool:
+    with LocalExecutor(RUNNER, capacity) as pool:
         seen: dict[str, list[int]] = {}
 
         def listen(event: Event) -> None:

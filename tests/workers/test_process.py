@@ -13,7 +13,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from dextera_build.store import files, locks
+from dextera_build.store import locks
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.protocol import Ended, Report, Task
 from tests.engine.test_interrupt import gone
@@ -44,7 +45,6 @@ def look(task: Mapping[str, Any], emit: Callable[[str, Any], None]) -> dict[str,
         "devices": os.environ["CUDA_VISIBLE_DEVICES"],
         "threads": threading.active_count(),
         "pid": os.getpid(),
-        "token": files._TOKEN,
     }
 
 
@@ -82,6 +82,7 @@ def seen(pool: LocalExecutor, *tasks: Task) -> list[dict[str, Any]]:
 
 _SCRIPT = """
 import json, os, sys, threading
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from tests.workers.test_process import HERE, seen, task
 with open(sys.argv[1], "a") as ran:
@@ -90,7 +91,7 @@ sys.path.append("/appended by the script")
 secret = os.open(sys.argv[1], os.O_RDONLY)
 os.set_inheritable(secret, True)
 threading.Thread(target=threading.Event().wait, daemon=True).start()
-with LocalExecutor(HERE, 1) as pool:
+with LocalExecutor(HERE, Capacity(1, 4.0)) as pool:
     print(json.dumps(seen(pool, task(0))))
 """
 
@@ -123,15 +124,14 @@ def test_a_worker_sees_nothing_of_the_script_that_builds(tmp_path: Path) -> None
 
 
 def test_workers_share_nothing() -> None:
-    with LocalExecutor(HERE, 2) as pool:
+    with LocalExecutor(HERE, Capacity(2, 4.0)) as pool:
         first, second = seen(pool, task(0, devices=("0",)), task(1, devices=("1",)))
     assert first["pid"] != second["pid"]
-    assert first["token"] != second["token"]  # names of files that are being written
     assert (first["devices"], second["devices"]) == ("0", "1")
 
 
 def test_a_worker_is_seen_to_die_though_a_child_of_it_holds_its_socket() -> None:
-    with LocalExecutor(HERE, 1) as pool:
+    with LocalExecutor(HERE, Capacity(1, 4.0)) as pool:
         pool.submit(task(0, "leave a child"))
         said, ended = reported(pool, 2)
         assert isinstance(ended, Ended)

@@ -6,18 +6,18 @@ import pickle
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
 
+from dextera_build.engine.policy import Policy
 from dextera_build.errors import MachineError
-from dextera_build.remotes.connect import open_remote
-from dextera_build.remotes.spec import Spec
+from dextera_build.remotes.spec import Spec, open_remote
 from dextera_build.runs.events import NodeRetried
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.store import Store
-from dextera_build.workers import ray_worker, shapes, staging
+from dextera_build.workers import ray_cluster, ray_worker, staging
 from dextera_build.workers.capacity import Capacity, Gpu, Needs
 from dextera_build.workers.protocol import Report, Task
 from dextera_build.workers.ray import RayExecutor
@@ -35,10 +35,10 @@ NODES = [
 
 
 def test_the_capacity_is_that_of_all_nodes() -> None:
-    found = shapes.capacity(NODES, {"gpu_memory": 80.0, "licence:arm": 3.0})
+    found = ray_cluster.capacity(NODES, {"gpu_memory": 80.0, "licence:arm": 3.0})
     gpus = (Gpu("0", 80.0), Gpu("1", 80.0))
     assert found == Capacity(10, 20.0, gpus, {"licence:solver": 1.0, "licence:arm": 3.0})
-    assert shapes.capacity(NODES, {"cpu": 3.0}).cpus == 3
+    assert ray_cluster.capacity(NODES, {"cpu": 3.0}).cpus == 3
 
 
 @pytest.mark.parametrize(
@@ -54,30 +54,39 @@ def test_the_capacity_is_that_of_all_nodes() -> None:
     ],
 )
 def test_needs_become_what_ray_reserves(needs: Needs, expected: dict[str, float]) -> None:
-    assert dict(shapes.shape(needs, NODES, 80.0)) == expected
+    assert dict(ray_cluster.shape(needs, NODES, 80.0)) == expected
 
 
 def test_a_part_of_a_gpu_of_unknown_size_is_the_whole_gpu() -> None:
-    assert dict(shapes.shape(Needs(gpu_gb=20.0), NODES))["GPU"] == 1.0
+    assert dict(ray_cluster.shape(Needs(gpu_gb=20.0), NODES))["GPU"] == 1.0
 
 
-def test_options_of_a_task() -> None:
-    reserved = {"CPU": 2.0, "GPU": 0.5, "memory": 3.0 * GIB, "licence:solver": 1.0}
+def test_options_of_a_task(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    asked: list[dict[str, object]] = []
+    task = SimpleNamespace(remote=lambda *words: None, options=lambda **words: asked.append(words) or task)
+    ray = SimpleNamespace(init=lambda **words: None, remote=lambda **words: lambda function: task)
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    monkeypatch.setattr(ray_cluster, "_reach", lambda address: None)
+    cluster = RayCluster("127.0.0.1:1", tmp_path)
+    for reserved in ({"CPU": 2.0, "GPU": 0.5, "memory": 3.0 * GIB, "licence:solver": 1.0}, {"CPU": 1.0}):
+        cluster.begin(None, None, reserved)
     resources = {"licence:solver": 1.0}
-    assert shapes.options(reserved) == {"num_cpus": 2.0, "num_gpus": 0.5, "memory": 3 * GIB, "resources": resources}
-    assert shapes.options({"CPU": 1.0}) == {"num_cpus": 1.0, "num_gpus": 0.0, "memory": None, "resources": None}
+    assert asked == [
+        {"num_cpus": 2.0, "num_gpus": 0.5, "memory": 3 * GIB, "resources": resources},
+        {"num_cpus": 1.0, "num_gpus": 0.0, "memory": None, "resources": None},
+    ]
 
 
 def test_what_no_single_node_has_is_said() -> None:
     with pytest.raises(MachineError, match=r"1 of `licence:solver`, 2 of `GPU` on one node") as caught:
-        shapes.shape(Needs(gpus=2, named=(("licence:solver", 1.0),)), NODES)
+        ray_cluster.shape(Needs(gpus=2, named=(("licence:solver", 1.0),)), NODES)
     assert caught.value.code == "DXB-E352"
     assert caught.value.facts == {"most `GPU` of a node": "2", "most `licence:solver` of a node": "1"}
 
 
 def test_a_cluster_without_a_machine_is_said() -> None:
     with pytest.raises(MachineError, match="no machine of the cluster is left") as caught:
-        shapes.shape(Needs(), [])
+        ray_cluster.shape(Needs(), [])
     assert caught.value.code == "DXB-E354"
 
 
@@ -147,7 +156,7 @@ def test_results_are_those_of_one_machine_and_the_stores_are_two(
 def test_errors_and_deaths_are_told_as_on_one_machine(pool: RayExecutor, store: Store) -> None:
     plan = graph(call("a", "fail", 3), call("b", "segfault"), call("c", "crash", 1), default=("a", "b", "c"))
     targets = plan.targets["default"]
-    result = build_graph(plan, targets, store=store, executor=pool, listen=Record(), keep_going=True)
+    result = build_graph(plan, targets, store=store, executor=pool, listen=Record(), policy=Policy(keep_going=True))
     errors = {name: node.error for name, node in result.nodes.items()}
     assert [errors[name] and errors[name].code for name in "abc"] == ["DXB-B202", "DXB-B301", "DXB-B302"]
     assert errors["a"] is not None

@@ -10,10 +10,13 @@ from typing import Any
 import pytest
 
 from dextera_build.engine.graph import Graph
+from dextera_build.engine.policy import Policy
 from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import ArtifactError, MachineError, RuleError
 from dextera_build.runs.events import Event, NodeFinished, NodeRetried, NodeStarted
+from dextera_build.store.backoff import backoff
 from dextera_build.store.store import Store
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.retries import Retries, name_of, names_of
 from tests.engine.inline import Emit, InlineExecutor
@@ -43,7 +46,8 @@ def shaky(retries: Retries, **more: Any) -> Graph:
 
 def run(plan: Graph, store: Store, executor: Any, **flags: Any) -> tuple[RunResult, Record]:
     record = Record()
-    return build(plan, plan.targets["default"], store=store, executor=executor, listen=record, **flags), record
+    policy = Policy(**flags)
+    return build(plan, plan.targets["default"], store=store, executor=executor, listen=record, policy=policy), record
 
 
 @pytest.mark.parametrize(
@@ -93,7 +97,7 @@ def test_retries_are_in_no_key(store: Store) -> None:
 
 @pytest.fixture
 def pool() -> Iterator[LocalExecutor]:
-    with LocalExecutor(RUNNER, 2, memory_gb=4.0) as executor:
+    with LocalExecutor(RUNNER, Capacity(2, 4.0)) as executor:
         yield executor
 
 
@@ -126,11 +130,10 @@ def test_others_go_on_meanwhile_and_a_failure_ends_the_rest(store: Store) -> Non
 
 
 def test_the_rest_grows_and_is_spread_but_bounded() -> None:
-    retries = Retries(9, wait_s=2.0)
     low, high = "00000000", "ffffffff"
-    assert [retries.delay_s(tries, low) for tries in (1, 2, 3)] == [1.0, 2.0, 4.0]
-    assert [round(retries.delay_s(tries, high), 3) for tries in (1, 2, 3)] == [2.0, 4.0, 8.0]
-    assert retries.delay_s(40, high) <= 60
+    assert [backoff(tries, 2.0, low) for tries in (1, 2, 3)] == [1.0, 2.0, 4.0]
+    assert [round(backoff(tries, 2.0, high), 3) for tries in (1, 2, 3)] == [2.0, 4.0, 8.0]
+    assert backoff(40, 2.0, high) <= 60
 
 
 def test_names_are_those_that_a_rule_would_write() -> None:

@@ -11,12 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine.run import RunInfo, build
+from dextera_build.engine.policy import Policy
+from dextera_build.engine.run import build
 from dextera_build.runs.history import History
 from dextera_build.runs.log import EventLog, read
 from dextera_build.store.store import Store
+from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
-from dextera_build.workers.usage import Meter
+from dextera_build.workers.worker import Meter
 from tests.engine.tiny import RUNNER, Record, call, graph
 
 MIB = 1 << 20
@@ -55,7 +57,7 @@ def test_bytes_and_time_are_differences() -> None:
 
 @pytest.fixture
 def pool() -> Iterator[LocalExecutor]:
-    with LocalExecutor(RUNNER, 1) as executor:
+    with LocalExecutor(RUNNER, Capacity(1, 4.0)) as executor:
         yield executor
 
 
@@ -63,8 +65,8 @@ def test_events_and_history_hold_it(store: Store, pool: LocalExecutor) -> None:
     record = Record()
     plan = graph(call("a", "sleep", 0.4))
     with EventLog(store) as log:
-        build(plan, plan.targets["default"], store=store, executor=pool, listen=log, info=RunInfo(log.run))
-        (finished,) = (event for event in read(store, log.run) if event["event"] == "node_finished")
+        build(plan, plan.targets["default"], store=store, executor=pool, listen=log, policy=Policy(run=log.run))
+    (finished,) = (event for event in read(store, log.run) if event["event"] == "node_finished")
     assert set(finished["usage"]) == {"cpu_seconds", "memory_bytes", "read_bytes", "written_bytes"}
     assert 5 * MIB < finished["usage"]["memory_bytes"] < 500 * MIB
     peak = History(store, "tiny/graph").peak_gb("a")
