@@ -31,7 +31,9 @@ def main(argv: "Sequence[str] | None" = None) -> int:
     """
     words = list(sys.argv[1:] if argv is None else argv)
     if "_ARGCOMPLETE" in os.environ:
-        return _complete()
+        from dextera_build.cli.project import complete
+
+        return complete.answer()
     try:
         code = _guarded(words)
         sys.stdout.flush()
@@ -63,17 +65,6 @@ def _guarded(words: "list[str]") -> int:
         if streams.is_lost():
             raise
         return _refuse(error) if isinstance(error, DxbError) else _fault(error, words)
-
-
-def _complete() -> int:
-    """Answer the shell; a broken recipe or setting must not write into the line that a person types."""
-    from dextera_build.cli.project import complete
-
-    try:
-        complete.answer()
-    except Exception:
-        return 1
-    return 0
 
 
 def _run(words: list[str]) -> int:
@@ -115,9 +106,9 @@ def _fault(error: Exception, words: list[str]) -> int:
     with tempfile.NamedTemporaryFile("w", prefix="dxb-fault-", suffix=".txt", delete=False) as file:
         file.write(redact(f"dxb {__version__} {' '.join(words)}\n\n{traceback.format_exc()}"))
     fault = DxbError(
-        f"a fault in dxb: {type(error).__name__}: {error}",
+        f"internal error: {type(error).__name__}: {error}",
         code="DXB-X001",
         facts={"traceback": file.name},
-        hint="report it with that file",
+        hint="please report it, with the file of the traceback",
     )
     return _refuse(fault)

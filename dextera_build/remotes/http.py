@@ -13,8 +13,7 @@ from typing import BinaryIO
 
 import httpx
 
-from dextera_build.remotes.remote import Digest, Kind, Remote, RemoteFault, T
-from dextera_build.remotes.spec import is_loopback
+from dextera_build.remotes.remote import Digest, Kind, Remote, RemoteFault, T, is_loopback
 
 _CHUNK = 1 << 18
 _CONNECTIONS = 32

@@ -6,6 +6,7 @@ never wrong, and never makes it fail.
 
 from __future__ import annotations
 
+import ipaddress
 from collections.abc import Callable, Iterator
 from io import BytesIO
 from typing import BinaryIO, Literal, NamedTuple, TypeAlias, TypeVar
@@ -17,6 +18,14 @@ Kind: TypeAlias = Literal["ac", "cas"]
 """Entries or blobs."""
 MOST_ENTRY = 64 << 20
 """A result under a key that is longer is not taken [bytes]; one blob takes about 150 bytes there."""
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine can be reached, or can reach us, at a host."""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 class Digest(NamedTuple):

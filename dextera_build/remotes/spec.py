@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import os
 import re
 from collections.abc import Mapping
@@ -13,6 +12,7 @@ from urllib.parse import urlsplit
 
 from dextera_build.errors import MachineError, UsageError, did_you_mean, install_extra, listing
 from dextera_build.redact import redact
+from dextera_build.remotes.remote import is_loopback
 
 if TYPE_CHECKING:
     # Settings name remotes in every command; what speaks to one is loaded when it is needed.
@@ -83,14 +83,6 @@ def refuse_clear(address: str, options: Mapping[str, str]) -> None:
                 facts={"allowed": "`https://` to any machine, `http://` to this one (localhost, 127.0.0.1, ::1)"},
                 hint=f"`https://{url.removeprefix('http://')}`, or a tunnel: `ssh -L 8098:localhost:8098 HOST`",
             )
-
-
-def is_loopback(host: str) -> bool:
-    """Whether only this machine can be reached, or can reach us, at a host."""
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def from_table(table: Mapping[str, Any], where: str) -> dict[str, Spec]:

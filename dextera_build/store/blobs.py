@@ -30,7 +30,7 @@ class MissingBlob(StoreError):  # noqa: N818 - says what it found
     def __init__(self, digest: str, reason: str = "it is not there") -> None:
         super().__init__(
             f"blob `{digest[:12]}` cannot be read: {reason}",
-            code=self.CODE,
+            code="DXB-S103",
             facts={"digest": digest},
             hint="build again: its producer runs again",
         )
