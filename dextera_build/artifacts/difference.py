@@ -32,10 +32,6 @@ class Difference:
     changed: int = 0
     """How many numbers differ."""
     total: int = 0
-    blobs: tuple[str, str] | None = None
-    """Digests of both arrays where they have one form, for drawing."""
-    form: tuple[str, tuple[int, ...]] | None = None
-    """(dtype, shape) of both."""
 
     @property
     def field(self) -> str:
@@ -147,8 +143,7 @@ def _arrays(path: str, old: Sequence[Any], new: Sequence[Any], get: Get) -> Diff
     # Equal numbers in other bytes: a negative zero, another NaN.
     changed = int(np.count_nonzero(apart)) or _other_bytes(one, two)
     largest = float(apart.max()) if apart.size else 0.0
-    form = (str(old[0]), tuple(old[1]))
-    return Difference(path, "array", forms[0], forms[1], largest, changed, int(apart.size), (old[2], new[2]), form)
+    return Difference(path, "array", forms[0], forms[1], largest, changed, int(apart.size))
 
 
 def distance(one: np.ndarray, two: np.ndarray) -> np.ndarray:

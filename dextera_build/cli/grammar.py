@@ -11,7 +11,7 @@ from dextera_build import __version__
 from dextera_build.cli.verbs import GROUPS, MODULES, MOVED, VERBS
 from dextera_build.errors import UsageError, did_you_mean
 
-_FOOT = "`dxb help VERB`, `dxb help DXB-R104` and `dxb help RULE` explain; every verb that reads takes `--json`."
+_FOOT = "`dxb help VERB`, `dxb help CODE` and `dxb help RULE` say more; verbs that print results take `--json`."
 
 
 class _Parser(argparse.ArgumentParser):
@@ -21,7 +21,7 @@ class _Parser(argparse.ArgumentParser):
         hint: str | None = f"`{self.prog} --help` lists its arguments"
         if message.startswith("argument VERB: invalid choice: "):
             wrong = message.split("'")[1]
-            message, hint = f"there is no verb `{wrong}`", did_you_mean(wrong, VERBS, "`dxb {}`") or hint
+            message, hint = f"`{wrong}` is not a verb", did_you_mean(wrong, VERBS, "`dxb {}`") or hint
             if wrong in MOVED:
                 message, hint = f"`dxb {wrong}` is now `dxb {MOVED[wrong]}`", None
         raise UsageError(message, code="DXB-U101", hint=hint)
@@ -64,7 +64,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         known = sorted(set(_flags(top)))
         flag = next((word.partition("=")[0] for word in rest if word.startswith("-")), None)
         if flag is None:
-            raise UsageError(f"`{rest[0]}` is one argument too many", code="DXB-U101", hint=f"`dxb {verb} --help`")
+            raise UsageError(f"`{rest[0]}` is an unexpected argument", code="DXB-U101", hint=f"`dxb {verb} --help`")
         hint = did_you_mean(flag, known) or f"`dxb {verb} --help` lists its arguments"
         raise UsageError(f"`dxb {verb}` has no flag `{flag}`", code="DXB-U101", hint=hint)
     return args

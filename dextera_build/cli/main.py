@@ -31,7 +31,9 @@ def main(argv: "Sequence[str] | None" = None) -> int:
     """
     words = list(sys.argv[1:] if argv is None else argv)
     if "_ARGCOMPLETE" in os.environ:
-        return _complete()
+        from dextera_build.cli.project import complete
+
+        return complete.answer()
     try:
         code = _guarded(words)
         sys.stdout.flush()
@@ -65,17 +67,6 @@ def _guarded(words: "list[str]") -> int:
         return _refuse(error) if isinstance(error, DxbError) else _fault(error, words)
 
 
-def _complete() -> int:
-    """Answer the shell; a broken recipe or setting must not write into the line that a person types."""
-    from dextera_build.cli.project import complete
-
-    try:
-        complete.answer()
-    except Exception:
-        return 1
-    return 0
-
-
 def _run(words: list[str]) -> int:
     import gc
     import importlib
@@ -105,19 +96,26 @@ def _refuse(error: "DxbError") -> int:
 
 
 def _fault(error: Exception, words: list[str]) -> int:
-    import tempfile
     import traceback
 
     from dextera_build import __version__
     from dextera_build.errors import DxbError
     from dextera_build.redact import redact
 
-    with tempfile.NamedTemporaryFile("w", prefix="dxb-fault-", suffix=".txt", delete=False) as file:
-        file.write(redact(f"dxb {__version__} {' '.join(words)}\n\n{traceback.format_exc()}"))
+    text = redact(f"dxb {__version__} {' '.join(words)}\n\n{traceback.format_exc()}")
+    folder = os.path.expanduser(os.environ.get("XDG_CACHE_HOME", "~/.cache")) + "/dxb"
+    file = f"{folder}/fault.txt"
+    try:
+        os.makedirs(folder, exist_ok=True)
+        with open(file, "w") as opened:  # the last one is enough
+            opened.write(text)
+    except OSError:
+        file = "below"
+        sys.stderr.write(text)
     fault = DxbError(
-        f"a fault in dxb: {type(error).__name__}: {error}",
+        f"internal error: {type(error).__name__}: {error}",
         code="DXB-X001",
-        facts={"traceback": file.name},
-        hint="report it with that file",
+        facts={"traceback": file},
+        hint="please report it, with the file of the traceback",
     )
     return _refuse(fault)

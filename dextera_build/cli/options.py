@@ -23,19 +23,27 @@ def by_recipe(texts: Iterable[str]) -> dict[str, list[str]]:
     return wanted
 
 
+def build_arguments(parser: argparse.ArgumentParser) -> None:
+    """How to go about a build."""
+    parser.add_argument(
+        "-k", "--keep-going", action="store_true", help="continue with nodes that do not depend on a failed one"
+    )
+    parser.add_argument("-j", "--jobs", metavar="N", help="number of cores to use; most nodes take one (DXB_JOBS)")
+
+
 def project_arguments(parser: argparse.ArgumentParser) -> None:
     """Where to work."""
     parser.add_argument(
         "--cache",
         metavar="DIR|LIST",
-        help="the store's folder, or which stores to use: `local:rw,NAME:r,URL:w` (DXB_CACHE, DXB_REMOTES)",
+        help="the store's folder, or the stores to use, with modes: `local:rw,NAME:r,URL:w` (DXB_CACHE, DXB_REMOTES)",
     )
-    parser.add_argument("--profile", metavar="NAME", help="stub, cpu, gpu or cloud (DXB_PROFILE)")
+    parser.add_argument("--profile", metavar="NAME", help="the backends to use: stub, cpu, gpu or cloud (DXB_PROFILE)")
 
 
 def request_arguments(parser: argparse.ArgumentParser) -> None:
     """What to add to a recipe."""
-    group = parser.add_argument_group("over the recipe")
+    group = parser.add_argument_group("changes to the recipe")
     group.add_argument("--input", metavar="NAME=PATH", action="append", default=[], help="bind an input of the recipe")
     group.add_argument(
         "--set",
@@ -48,24 +56,6 @@ def request_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--backend", metavar="RULE=NAME", action="append", default=[], dest="backends", help="choose a rule's backend"
     )
-
-
-def resources_argument(parser: argparse.ArgumentParser) -> None:
-    """What the machine has."""
-    text = "resources of this machine, instead of the measured ones: gpu=1,memory=16,licence:x=2 (DXB_RESOURCES)"
-    parser.add_argument("--resources", metavar="NAME=AMOUNT,...", help=text)
-
-
-def executor_argument(parser: argparse.ArgumentParser) -> None:
-    """Where nodes run."""
-    text = "where nodes run: local (default), ray, or ray:HOST:PORT, the head of a Ray cluster (DXB_EXECUTOR)"
-    parser.add_argument("--executor", metavar="KIND", help=text)
-
-
-def calls_argument(parser: argparse.ArgumentParser) -> None:
-    """What becomes of calls of services."""
-    text = "calls of services: record (default), replay (nothing is asked), refresh, replace or off (DXB_CALLS)"
-    parser.add_argument("--calls", metavar="MODE", help=text)
 
 
 def json_argument(parser: argparse.ArgumentParser) -> None:

@@ -1,14 +1,18 @@
-"""Rows for people and for programs: an aligned table with headers on a terminal, tab-separated cells elsewhere."""
+"""Results for people and for programs: rows as a table, tab-separated or JSON; a text printed or written to a file."""
 
 from __future__ import annotations
 
 import json
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from dextera_build.cli.errors import paint, wants_colour
+from dextera_build.errors import UsageError
+from dextera_build.project.project import Project
 
 _BETWEEN = "  "
 HEADERS = {
@@ -51,3 +55,32 @@ def show(rows: Sequence[Mapping[str, str]]) -> None:
 
 def _is_number(text: str) -> bool:
     return text == "-" or text.replace(".", "", 1).isdecimal()
+
+
+def give_text(project: Project, text: str, out: str | None) -> int:
+    """Print `text`, or write it to `out` and print the path; the exit code.
+
+    Raises:
+        UsageError: The file cannot be written.
+    """
+    if out is None:
+        print(text)
+        return 0
+    path = Path(out)
+    with writing(path):
+        path.write_text(text + "\n", encoding="utf-8")
+    print(project.shown(path.absolute()))
+    return 0
+
+
+@contextmanager
+def writing(path: Path, hint: str | None = None) -> Iterator[None]:
+    """Say well what goes wrong while `path` is written.
+
+    Raises:
+        UsageError: The file cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(f"`{path}` cannot be written: {error.strerror}", code="DXB-U177", hint=hint) from None

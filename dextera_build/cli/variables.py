@@ -8,6 +8,8 @@ import sys
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
+from dextera_build.errors import did_you_mean
+
 if TYPE_CHECKING:
     from dextera_build.project.project import Project
 
@@ -55,11 +57,5 @@ def strangers(environment: Mapping[str, str], addresses: Iterable[str]) -> list[
 
 
 def meant(name: str) -> str:
-    """The nearest variable: by a word of what a setting is, or by its name."""
-    from difflib import get_close_matches  # slow to import, and few commands need it
-
-    known = SETTINGS | OTHERS
-    word = name.removeprefix(PREFIX).lower()
-    near = [setting for setting, what in SETTINGS.items() if word in what.replace("'s", "").split()]
-    near += get_close_matches(name, known, n=1, cutoff=0.7)
-    return f"did you mean `{near[0]}`, {known[near[0]]}?" if near else "`dxb show --config` names every setting"
+    """The nearest variable that stands for a setting."""
+    return did_you_mean(name, SETTINGS) or "`dxb show --config` names every setting"

@@ -5,7 +5,7 @@ GROUPS = {
         "build": "build targets; only what is stale runs",
         "plan": "show what a build would do, without doing it",
         "watch": "build, and rebuild whenever a file that the build read changes",
-        "check": "check recipes, or rebuild a node and compare",
+        "check": "check recipes without building them, or rebuild a node and compare",
     },
     "look": {
         "show": "show a recipe, node, rule, graph, trace, lineage, or the configuration",

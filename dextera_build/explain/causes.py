@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dextera_build.engine.dry import Planned
     from dextera_build.session import Session
 
-_OPEN = "judged when its inputs are known"
+_OPEN = "depends on its inputs"
 
 
 @dataclass

@@ -38,7 +38,6 @@ def family(letter: str) -> type[errors.DxbError]:
 
 
 def _read(tree: ast.Module) -> Iterator[ErrorSite]:
-    constants = _constants(tree)
     stack: list[tuple[ast.AST, str]] = [(tree, ast.get_docstring(tree) or "")]
     while stack:
         node, about = stack.pop()
@@ -48,26 +47,14 @@ def _read(tree: ast.Module) -> Iterator[ErrorSite]:
         if isinstance(node, ast.Call) and node.args:
             text = _text(node.args[0])
             said = {word.arg: word.value for word in node.keywords}
-            facts = said.get("facts")
+            code, facts = said.get("code"), said.get("facts")
             names = tuple(_text(key) for key in facts.keys if key) if isinstance(facts, ast.Dict) else ()
             hint = _text(said["hint"]) if "hint" in said else ""
             hint = hint if re.search(r"\w", hint) else ""
             # Where all of a message is filled in, what the function says of itself stands instead.
             message = text if re.search(r"\w", text) else about
-            yield from (ErrorSite(code, message, names, hint) for code in _codes(node, constants))
-
-
-def _constants(tree: ast.Module) -> dict[str, ast.expr]:
-    assigned = [node for node in ast.walk(tree) if isinstance(node, ast.Assign)]
-    return {name.id: node.value for node in assigned for name in node.targets if isinstance(name, ast.Name)}
-
-
-def _codes(call: ast.Call, constants: dict[str, ast.expr]) -> Iterator[str]:
-    for value in (word.value for word in call.keywords if word.arg == "code"):
-        # `code=CODE` and `code=self.CODE` stand for a constant of the same file.
-        found = constants.get(getattr(value, "id", getattr(value, "attr", "")), value)
-        if isinstance(found, ast.Constant) and str(found.value).startswith("DXB-"):
-            yield str(found.value)
+            if isinstance(code, ast.Constant) and str(code.value).startswith("DXB-"):
+                yield ErrorSite(str(code.value), message, names, hint)
 
 
 def _text(node: ast.expr) -> str:

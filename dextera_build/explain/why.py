@@ -29,7 +29,7 @@ def explain(session: Session, node: str) -> tuple[str, list[Cause]]:
     state = states.get(node)
     if state is None and entry is None:
         raise UsageError(
-            f"`{session.recipe}:{node}` is not known yet: its group is not open",
+            f"`{session.recipe}:{node}` does not exist yet: the collection of its group is not built",
             code="DXB-U114",
             facts={"stale": ", ".join(name for name, planned in states.items() if planned.status == "stale")},
             hint=f"`dxb build '{session.recipe}:{node}'`",
@@ -48,7 +48,7 @@ def explain(session: Session, node: str) -> tuple[str, list[Cause]]:
     if entry is None:
         return "never built", causes
     if state is None or not state.key_document:
-        return f"may be stale: that is judged when its inputs are known; it was up to date in {when}", causes
+        return f"may be stale, depending on its inputs; it was up to date in {when}", causes
     if state.key == entry.key:
         return f"up to date in {when}, but the store no longer holds it", []
     things = count(sum(cause.depth == 0 for cause in causes), "thing it depends on", "things it depends on")

@@ -171,7 +171,7 @@ class NodeFinished(Event):
 
 @dataclass(frozen=True)
 class RemoteGivenUp(Event):
-    """A remote is left alone for the rest of the run."""
+    """A remote is not used for the rest of the run."""
 
     kind: ClassVar[str] = "remote_given_up"
     remote: str

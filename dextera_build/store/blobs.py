@@ -30,7 +30,7 @@ class MissingBlob(StoreError):  # noqa: N818 - says what it found
     def __init__(self, digest: str, reason: str = "it is not there") -> None:
         super().__init__(
             f"blob `{digest[:12]}` cannot be read: {reason}",
-            code=self.CODE,
+            code="DXB-S103",
             facts={"digest": digest},
             hint="build again: its producer runs again",
         )
@@ -65,10 +65,12 @@ class Blobs:
 
     def size(self, digest: str) -> int | None:
         """Size of the blob [bytes], or None where there is none."""
-        with suppress(OSError):
+        try:
             state = os.stat(self._file(digest))
             if stat.S_ISREG(state.st_mode):
                 return state.st_size
+        except OSError:
+            pass
         return len(self._unwritten[digest]) if self._unwritten and digest in self._unwritten else None
 
     def put(self, data: bytes) -> str:

@@ -162,7 +162,7 @@ def _refuse_escapes(labels: Iterable[str]) -> None:
     """Labels become names of files; a header may come from anywhere."""
     for label in labels:
         if label.startswith("/") or "\0" in label or (".." in label and ".." in label.split("/")):
-            raise StoreError(f"label {label!a} leads out of the folder that it would be written to", code=ESCAPES)
+            raise StoreError(f"label {label!a} leads out of the folder that it would be written to", code="DXB-S219")
 
 
 def _refused(step: str, owner: str, known: Mapping[str, Any]) -> RuleError:

@@ -31,11 +31,11 @@ def test_old_names_answer_with_the_new_one(old: str, new: str) -> None:
 @pytest.mark.parametrize(
     ("words", "message", "hint"),
     [
-        (["buidl"], "there is no verb `buidl`", "did you mean `dxb build`?"),
+        (["buidl"], "`buidl` is not a verb", "did you mean `dxb build`?"),
         (["build", "x", "--forec=y"], "`dxb build` has no flag `--forec`", "did you mean `--force`?"),
         (["cache", "gc", "--max-sze", "1"], "`dxb cache` has no flag `--max-sze`", "did you mean `--max-size`?"),
         (["plan", "x", "--qqqqq"], "`dxb plan` has no flag `--qqqqq`", "`dxb plan --help` lists its arguments"),
-        (["plan", "x", "y"], "`y` is one argument too many", "`dxb plan --help`"),
+        (["plan", "x", "y"], "`y` is an unexpected argument", "`dxb plan --help`"),
     ],
 )
 def test_unknown_words_have_a_suggestion(words: list[str], message: str, hint: str) -> None:

@@ -121,7 +121,7 @@ def test_no_rule_is_imported(built: Space) -> None:
 def test_an_unknown_shell_is_named(space: Space) -> None:
     answer = space.dxb("completion", "tcsh")
     assert answer.code == 2
-    assert "`tcsh` is not a shell that dxb completes for" in answer.err
+    assert "argument shell: invalid choice: 'tcsh' (choose from 'bash', 'zsh', 'fish')" in answer.err
 
 
 def typed(space: Space, shell: list[str], setup: str, line: str, enough: str) -> str:

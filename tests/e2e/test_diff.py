@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 
-import numpy as np
 import pytest
-from PIL import Image
 
 PICTURE = '''
 """toy.picture: one colour."""
@@ -85,7 +83,7 @@ def test_two_nodes_and_their_digests(twice):
     assert rows(twice.dxb("diff", one["output"][:10], two["output"][:10])) == by_name[1:]
 
 
-def test_a_picture_of_the_difference_and_metrics(space):
+def test_arrays_and_metrics(space):
     space.write("rules/toy/picture.py", PICTURE.lstrip())
     space.write(
         "recipes/say/picture.yaml", "nodes:\n  a: {rule: toy.picture, red: 10}\n  b: {rule: toy.picture, red: 200}\n"
@@ -93,14 +91,8 @@ def test_a_picture_of_the_difference_and_metrics(space):
     assert space.build("say/picture").code == 0
     found = rows(space.dxb("diff", "say/picture:a", "say/picture:b"))
     assert found[0] == ["option", "red", "10 -> 200"]
-    assert found[1][:3] == ["output", "pixels", "uint8 (9, 8, 3): 1 of 216 differ, by 190 at most"]
+    assert found[1] == ["output", "pixels", "uint8 (9, 8, 3): 1 of 216 differ, by 190 at most"]
     assert found[2] == ["metric", "red", "10 counts -> 200 counts"]
-    drawn = np.asarray(Image.open(space.root / found[1][3]))
-    assert drawn.shape == (9, 24, 3)
-    assert [tuple(drawn[2, 3 + 8 * panel]) for panel in range(3)] == [(10, 0, 0), (200, 0, 0), (255, 255, 255)]
-    assert int(np.count_nonzero(drawn)) == 5
-    space.dxb("diff", "say/picture:a", "say/picture:b", "-o", "there")
-    assert (space.root / "there/pixels.png").is_file()
 
 
 def test_a_failed_node_is_told(space):

@@ -104,9 +104,9 @@ def test_a_remote_that_is_not_there_costs_a_warning(space: Space) -> None:
         space.write("dxb.toml", f'[remotes]\nlab = {{address = "http://me:geheim@127.0.0.1:{port}/x", mode = "rw"}}\n')
         answer = space.dxb("build", "say/words", "--console", "plain")
     assert answer.code == 0
-    (warning,) = [line for line in answer.err.splitlines() if "is left alone" in line]
+    (warning,) = [line for line in answer.err.splitlines() if "is not used for the rest" in line]
     assert warning == (
-        f"warning: remote lab (http://***@127.0.0.1:{port}/x) is left alone for the rest of this build: "
+        f"warning: remote lab (http://***@127.0.0.1:{port}/x) is not used for the rest of this build: "
         "no connection: Connection refused; `--cache local:rw` builds without remotes"
     )
     assert "warning: 7 results were not uploaded to lab: no connection: Connection refused" in answer.err

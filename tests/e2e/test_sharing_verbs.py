@@ -116,7 +116,7 @@ def test_a_variable_that_is_not_set(space: Space) -> None:
 def test_serving_where_nothing_can_listen(space: Space, served: str) -> None:
     answer = space.dxb("cache", "serve", "--port", served.rpartition(":")[2])
     assert answer.code == 4
-    assert "error[DXB-E331]: nothing can listen at 127.0.0.1:" in answer.err
+    assert "error[DXB-E331]: cannot listen on 127.0.0.1:" in answer.err
     assert space.dxb("cache", "serve", "--port", "99999").code == 4
 
 

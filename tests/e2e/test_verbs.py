@@ -136,12 +136,12 @@ def test_a_backend_is_made_beside_a_rule_of_the_project_and_nowhere_else(space):
 
 
 def test_a_variable_that_nothing_reads_is_told_once_a_command(built):
-    answer = built.dxb("build", "say/words", env={"DXB_STORE": "elsewhere"})
+    answer = built.dxb("build", "say/words", env={"DXB_KACHE": "elsewhere"})
     assert answer.code == 0
     assert answer.err.splitlines()[0].startswith(
-        "warning: nothing reads the variable `DXB_STORE`; did you mean `DXB_CACHE`,"
+        "warning: nothing reads the variable `DXB_KACHE`; did you mean `DXB_CACHE`?"
     )
-    assert answer.err.count("DXB_STORE") == 1
+    assert answer.err.count("DXB_KACHE") == 1
     assert "warning" not in built.dxb("ls", env={"DXB_JOBS": "2", "DXB_KEY_PASSPHRASE": "x"}).err
 
 

@@ -127,7 +127,7 @@ def test_a_copy_whose_group_is_not_open_again_may_be_stale(built):
     assert answer.out.splitlines()[0].startswith("may be stale")
     never = built.dxb("why", "say/words:word[nine].loud")
     assert never.code == 2
-    assert "is not known yet: its group is not open" in never.err
+    assert "does not exist yet: the collection of its group is not built" in never.err
 
 
 def test_a_changed_file_is_named(space):
@@ -153,9 +153,9 @@ def test_a_node_that_waits_shows_the_way_to_the_changed_function(built):
     built.edit("rules/toy/marks.py", 'b"!" * times', 'b"?" * times')
     answer = built.dxb("why", "say/words:all")
     head, *rows = answer.out.splitlines()
-    assert head.startswith("may be stale: that is judged when its inputs are known; it was up to date in run 0001 (")
+    assert head.startswith("may be stale, depending on its inputs; it was up to date in run 0001 (")
     assert rows == [
-        "  waits for\tword[one].louder and 1 more copy\tjudged when its inputs are known\tinput `texts`",
+        "  waits for\tword[one].louder and 1 more copy\tdepends on its inputs\tinput `texts`",
         "    waits for\tword[one].loud\tstale\tinput `text`",
         rows[2],
     ]

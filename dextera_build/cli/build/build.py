@@ -23,10 +23,7 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="twin/laptop_scene, or one node of it")
-    parser.add_argument(
-        "-k", "--keep-going", action="store_true", help="continue with nodes that do not depend on a failed one"
-    )
-    parser.add_argument("-j", "--jobs", metavar="N", help="number of cores to use; most nodes take one (DXB_JOBS)")
+    options.build_arguments(parser)
     parser.add_argument(
         "--force", metavar="NODE", action="append", default=[], help="run this node even if it is cached"
     )
@@ -36,9 +33,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-v", "--verbose", action="store_true", help="also show the logs of nodes")
     parser.add_argument("--lock", action="store_true", help="pin the targets in dxb.lock")
     parser.add_argument("--locked", action="store_true", help="exit with 3 if a target differs from dxb.lock")
-    options.resources_argument(parser)
-    options.executor_argument(parser)
-    options.calls_argument(parser)
+    text = "resources of this machine, instead of the measured ones: gpu=1,memory=16,licence:x=2 (DXB_RESOURCES)"
+    parser.add_argument("--resources", metavar="NAME=AMOUNT,...", help=text)
+    text = "where nodes run: local (default), ray, or ray:HOST:PORT, the head of a Ray cluster (DXB_EXECUTOR)"
+    parser.add_argument("--executor", metavar="KIND", help=text)
+    text = "answers of services: record (default: ask once), replay (ask never), refresh, replace or off (DXB_CALLS)"
+    parser.add_argument("--calls", metavar="MODE", help=text)
     options.project_arguments(parser)
     options.request_arguments(parser)
 

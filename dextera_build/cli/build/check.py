@@ -6,7 +6,6 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options, table
@@ -22,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "targets",
         nargs="*",
         metavar="RECIPE[:NODE]",
-        help="recipes to resolve (all of them without any), or a node to build again and compare",
+        help="recipes to check without building them (all by default), or a node to rebuild and compare",
     )
     options.project_arguments(parser)
     options.request_arguments(parser)
@@ -85,55 +84,42 @@ def _repeat(session: Session, node: str) -> str:
     reply = run_task(task, lambda kind, data: None)
     if reply.get("reads", []) != document.get("read", []):
         raise StaleError(
-            f"`{recipe}:{node}` reads other files, or other content, than when it was built",
+            f"`{recipe}:{node}` cannot be compared: the files that it reads have changed since it was built",
             code="DXB-C104",
             hint=f"`dxb why '{recipe}:{node}'`; `dxb build '{recipe}:{node}'`, then check again",
         )
     after = reply["output"]
-    rows = list(_rows(session, str(document["rule"]), key, before, reply))
+    told, is_beyond = {}, False
+    for name, apart, allowed in _rows(session, str(document["rule"]), key, before, reply):
+        what = "another form or value" if apart is None else f"{apart:.3g} apart"
+        told[name] = f"{what}, {allowed:.3g} allowed"
+        is_beyond |= apart is None or not apart <= allowed
     if after != before:
         session.store.divergent.note(key, f"{recipe}:{node}", before, after, time.time())
-    if any(row.is_beyond for row in rows) or (after != before and not rows):
+    if is_beyond or (after != before and not told):
         raise RuleError(
-            f"`{recipe}:{node}` is not deterministic: built again, it came out different",
+            f"`{recipe}:{node}` is not deterministic: rebuilding it gave another output",
             code="DXB-B402",
-            facts={row.name: str(row) for row in rows} | {"first": before, "again": after},
+            facts=told | {"first": before, "again": after},
             hint=f"`dxb diff {before[:12]} {after[:12]}`; look for random numbers, threads or time in the rule",
         )
     if after == before:
         return f"same output again: {after}"
-    return f"same within the tolerance of its rule: {'; '.join(f'{row.name} {row}' for row in rows)}"
+    return f"same within the tolerance of its rule: {'; '.join(f'{name} {text}' for name, text in told.items())}"
 
 
-@dataclass(frozen=True)
-class _Row:
-    """One field or metric that differs, beside what is allowed."""
-
-    name: str
-    largest: float | None
-    """None: not a difference of numbers."""
-    allowed: float
-
-    @property
-    def is_beyond(self) -> bool:
-        return self.largest is None or not self.largest <= self.allowed
-
-    def __str__(self) -> str:
-        apart = "another form or value" if self.largest is None else f"{self.largest:.3g} apart"
-        return f"{apart}, {self.allowed:.3g} allowed"
-
-
-def _rows(session: Session, rule: str, key: str, before: str, reply: Mapping[str, Any]) -> Iterator[_Row]:
+def _rows(
+    session: Session, rule: str, key: str, before: str, reply: Mapping[str, Any]
+) -> Iterator[tuple[str, float | None, float]]:
+    """Each field or metric that differs: its name, by how much (None: not a difference of numbers), what is allowed."""
     from dextera_build.artifacts.difference import by_field, differences
 
     tolerance = session.project.library.find(rule).rule.tolerance
     for field, largest in by_field(differences(before, reply["output"], session.store.blobs.get)).items():
-        yield _Row(field or "type", largest, tolerance.fields.get(field, 0.0))
+        yield field or "type", largest, tolerance.fields.get(field, 0.0)
     known = session.store.actions.known(key)
     for name, allowed in tolerance.metrics.items():
-        values = [(known.metrics if known else {}).get(name), reply["metrics"].get(name)]
-        if values[0] is None or values[1] is None:
-            if values != [None, None]:
-                yield _Row(f"metric {name}", None, allowed)
-        elif (apart := abs(values[0][0] - values[1][0])) > 0:
-            yield _Row(f"metric {name}", apart, allowed)
+        old, new = (known.metrics if known else {}).get(name), reply["metrics"].get(name)
+        apart = None if old is None or new is None else abs(old[0] - new[0])
+        if apart or (apart is None and (old, new) != (None, None)):
+            yield f"metric {name}", apart, allowed

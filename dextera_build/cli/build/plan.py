@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("target", metavar="RECIPE[:TARGET]")
+    parser.add_argument("target", metavar="RECIPE[:TARGET]", help="twin/laptop_scene, or one node of it")
     parser.add_argument(
         "--check", action="store_true", help="list only stale nodes and their causes; exit with 3 if there are any"
     )

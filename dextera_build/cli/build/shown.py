@@ -18,14 +18,14 @@ def tell(built: Built, *, quiet: bool = False) -> None:
         built: The build.
         quiet: The console is `none` or `jsonl`, so that what changed in `dxb.lock` is not said.
     """
-    if built.lost:
-        print(f"the disk is full: {built.lost} events of run {built.run} are not in its log", file=sys.stderr)
-    for node, folder in built.placed.kept.items():
-        kept = f"the changed ones are in {shown(folder)}"
-        print(f"files of `{node}` in out/ were changed: they are written again, and {kept}", file=sys.stderr)
-    if built.placed.removed:
-        from dextera_build.report.wording import some
+    from dextera_build.report.wording import count, some
 
+    if built.lost:
+        print(f"the disk is full: the log of run {built.run} lacks {count(built.lost, 'event')}", file=sys.stderr)
+    for node, folder in built.placed.kept.items():
+        kept = f"the edited ones are kept in {shown(folder)}"
+        print(f"files of `{node}` in out/ were edited: they are written again, and {kept}", file=sys.stderr)
+    if built.placed.removed:
         print(f"out of date and removed from out/: {some(built.placed.removed)}", file=sys.stderr)
     if built.notice and not quiet:
         print(built.notice, file=sys.stderr)

@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from dextera_build.cli import options
-from dextera_build.errors import DxbError, MachineError
+from dextera_build.cli.build.shown import shown, tell
+from dextera_build.cli.consoles import console
+from dextera_build.cli.errors import render, wants_colour
+from dextera_build.errors import DxbError, MachineError, UsageError
+from dextera_build.report.wording import duration, states
 from dextera_build.store import signature
+from dextera_build.store.signature import Watch
+
+if TYPE_CHECKING:
+    from dextera_build.project.project import Project
 
 _STEP_MS = 80
 """Changes are taken together until so long nothing more changed."""
@@ -30,108 +38,63 @@ _FIRST = "first build"
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("targets", nargs="+", metavar="RECIPE[:TARGET]", help="targets to keep up to date")
-    parser.add_argument(
-        "-k", "--keep-going", action="store_true", help="continue with nodes that do not depend on a failed one"
-    )
-    parser.add_argument("-j", "--jobs", metavar="N", help="number of cores to use; most nodes take one (DXB_JOBS)")
+    options.build_arguments(parser)
     parser.add_argument(
         "--console", metavar="KIND", default="none", help="live, plain or none (the default: a line a round)"
     )
     parser.add_argument("-v", "--verbose", action="store_true", help="with a console, also show the logs of nodes")
-    parser.set_defaults(force=[], whole=False)
+    parser.add_argument("--once", nargs=2, help=argparse.SUPPRESS)
     options.project_arguments(parser)
     options.request_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print one line a round on stderr; end with 0 when Ctrl-C comes while it waits, with 130 when it stops a build."""
-    words, because = args.words[1:], _FIRST
+    if args.once:
+        return _once(args, *args.once)
+    because = _FIRST
     while True:
-        told = _round(words, because)
-        if told is None:
-            return 130
-        if told["usage"] and because == _FIRST:
-            return 2  # An unknown name is not a recipe that an edit could repair.
+        code, watch = _round(args.words[1:], because)
+        if code == 130 or (code == 2 and because == _FIRST):
+            return code  # an unknown name is not a recipe that an edit could repair
         try:
-            because = _wait(Seen.of(told))
+            because = _wait(watch)
         except KeyboardInterrupt:
             print("stopped watching; nothing changed since the last build", file=sys.stderr)
             return 0
 
 
-@dataclass(frozen=True)
-class Seen:
-    """What a round read, with signatures from before it was read."""
-
-    files: dict[str, signature.Signature | None]
-    folders: dict[str, list[str] | None]
-    paths: dict[str, list[str] | None]
-    """Folders of the module search path, with what can be imported from them."""
-    started_ns: int
-
-    @classmethod
-    def of(cls, told: Mapping[str, Any]) -> Seen:
-        """What a report says."""
-        files = {path: tuple(sign) if sign else None for path, sign in told["files"].items()}
-        return cls(files, told["folders"], told["paths"], told["started_ns"])
-
-    def changed(self) -> str | None:
-        """A file or folder that is not what it was, or None."""
-        for path, known in self.files.items():
-            if signature.look(path) != known:
-                return path
-        folders = (path for path, known in self.folders.items() if signature.names(path) != known)
-        paths = (path for path, known in self.paths.items() if signature.modules(path) != known)
-        return next(folders, None) or next(paths, None)
-
-    def racy(self) -> str | None:
-        """A file that was written so shortly before it was read that its signature proves nothing, or None."""
-        known = self.files.items()
-        return next((path for path, sign in known if sign and signature.is_racy(sign, self.started_ns)), None)
-
-    def places(self) -> list[str]:
-        """Folders in which something must happen before `changed` can find anything."""
-        wanted = {str(Path(file).parent) for file in self.files} | set(self.folders) | set(self.paths)
-        found = set()
-        for name in wanted:
-            folder = Path(name)
-            found.add(str(next(place for place in (folder, *folder.parents) if place.is_dir())))
-        return sorted(found)
-
-
-def _round(words: Sequence[str], because: str) -> dict[str, Any] | None:
-    """The report of a build in a process of its own; None where Ctrl-C stopped it."""
-    began = time.strftime("%H:%M:%S")
-    with tempfile.TemporaryDirectory(prefix="dxb-watch-") as folder:
-        report = Path(folder) / "report.json"
-        command = [sys.executable, "-m", "dextera_build.cli.build.watch_once", str(report), *words]
+def _round(words: Sequence[str], because: str) -> tuple[int, Watch]:
+    """A build in a process of its own, so that an edited rule is imported anew: its exit code, and what it read."""
+    watch = Watch()
+    # A file without a name, so that nothing is left where this process is killed.
+    with os.fdopen(os.memfd_create("report")) as opened:
+        report = f"/dev/fd/{opened.fileno()}"
+        command = [sys.executable, "-m", "dextera_build", "watch", "--once", report, because, *words]
         # In a session of its own, so that Ctrl-C reaches it once: from here.
-        child = subprocess.Popen(command, start_new_session=True)
+        child = subprocess.Popen(command, start_new_session=True, pass_fds=[opened.fileno()])
         try:
             code = child.wait()
         except KeyboardInterrupt:
-            _interrupt(child)
-            print("interrupted; finished results are kept", file=sys.stderr)
-            return None
-        if not report.exists():
-            raise DxbError(
-                f"a round ended without a report, with {code}",
-                code="DXB-X002",
-                facts={"arguments": " ".join(words)},
-                hint="`dxb build` on the same targets says more",
-            )
-        told: dict[str, Any] = json.loads(report.read_text())
-    print(f"{began}  {'; '.join(told['lines'])}  ({because})", file=sys.stderr, flush=True)
-    return told
+            with suppress(ProcessLookupError):
+                child.send_signal(signal.SIGINT)
+            child.wait()
+            return 130, watch
+        text = opened.read()
+    if not text:
+        raise DxbError(
+            f"a build of `dxb watch` ended unexpectedly, with exit code {code}",
+            code="DXB-X002",
+            facts={"arguments": " ".join(words)},
+            hint="build the same targets with `dxb build` to see the error",
+        )
+    told = json.loads(text)
+    watch.files = {path: tuple(sign) if sign else None for path, sign in told["files"].items()}
+    watch.folders, watch.paths, watch.started_ns = told["folders"], told["paths"], told["started_ns"]
+    return code, watch
 
 
-def _interrupt(child: subprocess.Popen[bytes]) -> None:
-    with suppress(ProcessLookupError):
-        child.send_signal(signal.SIGINT)
-    child.wait()
-
-
-def _wait(seen: Seen) -> str:
+def _wait(watch: Watch) -> str:
     """Return, once something that was read has changed, why to build again."""
     try:
         import watchfiles
@@ -141,11 +104,12 @@ def _wait(seen: Seen) -> str:
             code="DXB-E302",
             hint="`pip install watchfiles`",
         ) from None
-    if (path := seen.racy()) is not None:
-        time.sleep(_RACY_S)
-        return f"{_shown(path)} was written while it was read"
+    for path, sign in watch.files.items():
+        if sign and signature.is_racy(sign, watch.started_ns):
+            time.sleep(_RACY_S)
+            return f"{shown(path)} was written while it was read"
     rounds = watchfiles.watch(
-        *seen.places(),
+        *_places(watch),
         watch_filter=None,
         step=_STEP_MS,
         rust_timeout=_LOOK_MS,
@@ -156,12 +120,83 @@ def _wait(seen: Seen) -> str:
     looked = False
     for events in rounds:
         # The first time in any case: what changed between the build and the start of the watch gave no event.
-        if (events or not looked) and (path := seen.changed()) is not None:
-            return f"{_shown(path)} changed"
+        if (events or not looked) and (changed := _changed(watch)) is not None:
+            return f"{shown(changed)} changed"
         looked = True
     raise KeyboardInterrupt
 
 
-def _shown(path: str) -> str:
-    here = Path.cwd()
-    return str(Path(path).relative_to(here)) if Path(path).is_relative_to(here) else path
+def _places(watch: Watch) -> set[Path]:
+    """Folders in which something must happen before `_changed` can find anything."""
+    return {_nearest(Path(name)) for name in {*map(os.path.dirname, watch.files), *watch.folders, *watch.paths}}
+
+
+def _changed(watch: Watch) -> str | None:
+    """A file or folder that is not what it was, or None."""
+    files = (path for path, known in watch.files.items() if signature.look(path) != known)
+    folders = (path for path, known in watch.folders.items() if signature.names(path) != known)
+    paths = (path for path, known in watch.paths.items() if signature.modules(path) != known)
+    return next(files, None) or next(folders, None) or next(paths, None)
+
+
+def _once(args: argparse.Namespace, report: str, because: str) -> int:
+    """Build, write what was read to `report` as JSON, and print the line of the round."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # also where the parent ignores it
+    began, watch = time.strftime("%H:%M:%S"), Watch()
+    lines, code = [], 0
+    for recipe, targets in options.by_recipe(args.targets).items():
+        start = time.perf_counter()
+        error, line = _build(args, recipe, targets, watch)
+        lines.append(f"{recipe}  {line}  {duration(time.perf_counter() - start)}")
+        code = 2 if isinstance(error, UsageError) else code
+    told = {name: getattr(watch, name) for name in ("files", "folders", "paths", "started_ns")}
+    Path(report).write_text(json.dumps(told))
+    print(f"{began}  {'; '.join(lines)}  ({because})", file=sys.stderr, flush=True)
+    return code
+
+
+def _build(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch: Watch) -> tuple[DxbError | None, str]:
+    from dextera_build.build.build import Order, build
+    from dextera_build.build.lock import Locking
+    from dextera_build.session import Session
+
+    project = None
+    try:
+        # Anew for each recipe, because an error leaves things half read.
+        project, added = options.project(args), options.added(args)
+        session = Session(project, recipe, added, makes=True)
+        locking = Locking(project, lock=False, locked=False, added=added)
+        order = Order(targets, keep_going=args.keep_going, argv=("watch", *args.words[4:]))
+        with console(project.console, sys.stderr, verbose=args.verbose) as listen:
+            built = build(session, order, locking, listen, watch)
+    except DxbError as error:
+        print(render(error, colour=wants_colour(sys.stderr)), file=sys.stderr)
+        _note_mends(project, error, watch)
+        return error, f"error {error.code}"
+    tell(built, quiet=True)
+    return None, states(Counter(node.status for node in built.result.nodes.values()))
+
+
+def _note_mends(project: Project | None, error: DxbError, watch: Watch) -> None:
+    """Watch everything that the mend of an error could lie in."""
+    from dextera_build.build.build import note_packages
+    from dextera_build.project.project import deciding_files
+
+    for path in deciding_files():
+        watch.file(path)
+    root = project.root if project else Path.cwd()
+    for folder in (root / "recipes", root / "rules"):
+        for inner, _, files in os.walk(folder):
+            watch.folder(inner)
+            for file in files:
+                if file.endswith((".yaml", ".py")):
+                    watch.file(os.path.join(inner, file))
+    for text in (error.facts.get("looked for"), error.facts.get("nearest"), error.where and error.where.file):
+        if text:
+            watch.folder(_nearest(Path(text).absolute()))
+    if isinstance(error, MachineError):
+        note_packages(watch)
+
+
+def _nearest(path: Path) -> Path:
+    return next(folder for folder in (path, *path.parents) if folder.is_dir())

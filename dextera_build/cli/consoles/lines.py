@@ -98,17 +98,10 @@ class Columns:
             (f"{backend:<{self.backend}}  ", "dim"),
             (said, "failed" if status == "failed" else quiet),
         ]
-        return trimmed(row)
-
-
-def trimmed(line: Line) -> Line:
-    """The line without blanks at its end."""
-    while line:
-        text, style = line[-1]
-        if text.rstrip():
-            return [*line[:-1], (text.rstrip(), style)]
-        line = line[:-1]
-    return line
+        while not row[-1][0].strip():
+            row.pop()
+        text, style = row.pop()
+        return [*row, (text.rstrip(), style)]
 
 
 def plain(line: Line, *, colour: bool = False) -> str:
@@ -164,9 +157,9 @@ def summary(recipe: str, event: RunFinished) -> Line:
 
 
 _GIVEN_UP = {
-    "both": ("{} is left alone for the rest of this build: {}", "`--cache local:rw` builds without remotes"),
+    "both": ("{} is not used for the rest of this build: {}", "`--cache local:rw` builds without remotes"),
     "read": ("nothing more is read from {} in this build: {}", "`--cache local:rw` builds without remotes"),
-    "write": ("nothing more is sent to {} in this build: {}", "with mode `r` nothing is sent"),
+    "write": ("nothing more is sent to {} in this build: {}", "mode `r` stops uploads"),
 }
 """What is given up -> what to say of it, and what to do."""
 

@@ -22,9 +22,6 @@ from dextera_build.runs.events import (
     Uploading,
 )
 
-_BAR = 16  # characters
-_WIDE = 72  # columns from which a bar is shown
-
 
 @dataclass
 class Running:
@@ -34,15 +31,6 @@ class Running:
     progress: NodeProgress | None = None
     told: float | None = None
     """When a log last said that it still runs."""
-
-    def fraction(self, elapsed: float) -> float | None:
-        """How much is done: what the node says, else what its last time suggests; None where nothing is known."""
-        if self.progress is not None and self.progress.total > 0:
-            return min(1.0, self.progress.done / self.progress.total)
-        if self.started.last_seconds:
-            # A node that takes longer than last time is not done: the bar stops short of its end.
-            return min(0.97, elapsed / self.started.last_seconds)
-        return None
 
     def clock(self, now: float) -> str:
         """How long it runs, and how long it took the last time: `10 s of ~40 s`."""
@@ -139,14 +127,7 @@ class Record:
 
 def beat(node: Running, record: Record, now: float) -> Line:
     """A line that says of a long node that it still runs: clock, expected time, how far it and the run are."""
-    name, doing = node.started.node, node.doing()
-    return [
-        ("  ▸  ", "fetched"),
-        (f"{name}  ", "name"),
-        (node.clock(now), ""),
-        (f"  {doing}" if doing else "", ""),
-        (f"   ({counted(record)})", "dim"),
-    ]
+    return [*_line(node, node.started.node, now), (f"   ({counted(record)})", "dim")]
 
 
 def foot(running: Sequence[Running], now: float, columns: int, rows: int) -> list[Line]:
@@ -162,8 +143,10 @@ def foot(running: Sequence[Running], now: float, columns: int, rows: int) -> lis
     hidden = len(running) - len(shown)
     if hidden:
         shown, hidden = shown[:-1], hidden + 1
-    width = min(max((len(r.started.node) for r in shown), default=0), max(12, columns // 2 - 6))
-    out = [_line(r, now, width, columns) for r in shown]
+    names = [one.started.node for one in shown]
+    width = min(max(map(len, names), default=0), max(12, columns // 2 - 6))
+    cut = [name if len(name) <= width else f"{name[: width - 1]}…" for name in names]
+    out = [_line(one, f"{name:<{width}}", now) for one, name in zip(shown, cut, strict=True)]
     return [*out, [(f"     and {count(hidden, 'node')} more", "dim")]] if hidden else out
 
 
@@ -174,17 +157,6 @@ def counted(record: Record) -> str:
     return f"{record.done:,} of {record.total} {nodes}, {len(record.running)} running{failed}"
 
 
-def _line(node: Running, now: float, width: int, columns: int) -> Line:
-    name = node.started.node
-    name = name if len(name) <= width else name[: width - 1] + "…"
-    out: Line = [("  ▸  ", "fetched"), (f"{name:<{width}}  ", "name"), (f"{node.clock(now):<14} ", "")]
-    done = node.fraction(max(0.0, now - node.started.time))
-    if columns >= _WIDE:
-        filled = round(_BAR * (done or 0.0))
-        bar = [("━" * filled, "fetched"), ("━" * (_BAR - filled), "dim")] if done is not None else [(" " * _BAR, "")]
-        out += [*bar, ("  ", "")]
-    if node.progress is not None:
-        out.append((node.doing(), "dim"))
-    elif node.started.backend:
-        out.append((node.started.backend, "dim"))
-    return out
+def _line(node: Running, name: str, now: float) -> Line:
+    doing = node.doing() or node.started.backend or ""
+    return [("  ▸  ", "fetched"), (f"{name}  ", "name"), (node.clock(now), ""), (f"  {doing}" if doing else "", "dim")]

@@ -3,21 +3,37 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from dextera_build.cli import options, table
-from dextera_build.errors import UsageError
+from dextera_build.errors import UsageError, did_you_mean, listing
+from dextera_build.explain import compare, runs
+from dextera_build.explain.compare import Row, Side
+from dextera_build.recipe.addresses import parse_target
+from dextera_build.runs import log
+from dextera_build.session import Session, reading
 
 if TYPE_CHECKING:
-    from dextera_build.explain.compare import Row, Side
     from dextera_build.project.project import Project
     from dextera_build.store.store import Store
 
 _MOST = 40
 """Lines for one node; `--json` has all."""
+_SHORTEST = 6
+"""Digits of a digest's beginning."""
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A run with its events."""
+
+    name: str
+    events: runs.Events
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,28 +45,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "key or an output; a single recipe or node: its last two runs",
     )
     parser.add_argument("new", metavar="B", nargs="?", help="the other operand")
-    parser.add_argument("-o", "--out", metavar="DIR", help="folder for pictures of the difference (<cache>/out/diff)")
     options.project_arguments(parser)
     options.json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print one difference a line: [node,] kind, name, change; nothing where all is equal."""
-    from dextera_build.cli.look import diff_operands
-    from dextera_build.explain import compare
-    from dextera_build.session import reading
-
     project = options.project(args)
     store = reading(project)
-    old, new = diff_operands.pair(project, store, args.old, args.new)
-    if isinstance(old, compare.Side) and isinstance(new, compare.Side):
-        rows = compare.rows(store, old, new)
-        if not args.json:
-            rows = _drawn(project, store, args.out, (old, new), rows)
-        return _print({"": rows}, (old.name, new.name), as_json=args.json)
-    if isinstance(old, compare.Side) or isinstance(new, compare.Side):
+    old, new = _pair(project, store, args.old, args.new)
+    if isinstance(old, Side) and isinstance(new, Side):
+        return _print({"": compare.rows(store, old, new)}, (old.name, new.name), as_json=args.json)
+    if isinstance(old, Side) or isinstance(new, Side):
         raise UsageError(
-            "a run and a result cannot be compared",
+            "a run cannot be compared with a result",
             code="DXB-U164",
             hint="name two runs, or two results: `dxb diff 0141:NODE 0142:NODE`",
         )
@@ -75,18 +83,87 @@ def _print(found: Mapping[str, Sequence[Row]], names: tuple[str, str], *, as_jso
     return 0
 
 
-def _drawn(project: Project, store: Store, out: str | None, sides: tuple[Side, Side], rows: Sequence[Row]) -> list[Row]:
-    """The rows, those of pictures with the file that shows the difference."""
-    from dataclasses import replace
+def _pair(project: Project, store: Store, old: str, new: str | None) -> tuple[Side | _Run, Side | _Run]:
+    """What two operands name; a recipe, or a node of it, alone stands for its last two runs.
 
-    from dextera_build.cli.look import pictures
-    from dextera_build.cli.look.output import writing
+    Raises:
+        UsageError: An operand names nothing, or several things.
+    """
+    if new is not None:
+        return _find(project, store, old), _find(project, store, new)
+    named = parse_target(old)
+    known = (run for run in reversed(log.runs(store)) if _recipe(store, run) == named.recipe)
+    last = list(islice(known, 2))
+    if len(last) < 2:
+        raise UsageError(
+            f"`{named.recipe}` has {('no run', 'only one run')[len(last)]} here; a comparison takes two",
+            code="DXB-U165",
+            hint="`dxb ls runs` lists runs; `dxb diff A B` compares two things",
+        )
+    texts = [f"{run}:{named.node}" if named.node else run for run in reversed(last)]
+    return _find(project, store, texts[0]), _find(project, store, texts[1])
 
-    name = "-".join((side.output or "")[:12] for side in sides)
-    folder = Path(out) if out else project.cache / "out" / "diff" / name
-    found = []
-    for row in rows:
-        with writing(folder, hint=None if out else "`-o DIR` says where to draw"):
-            file = pictures.draw(row.output, store.blobs.get, folder) if row.output is not None else None
-        found.append(replace(row, change=f"{row.change}\t{project.shown(file)}") if file else row)
-    return found
+
+def _find(project: Project, store: Store, text: str) -> Side | _Run:
+    """What one operand names.
+
+    Raises:
+        UsageError: It names nothing, or several things.
+    """
+    head, colon, node = text.partition(":")
+    if head in log.runs(store):
+        return _in_run(project, head, node) if colon else _Run(text, runs.find(project, head)[1])
+    named = parse_target(text)
+    if colon:
+        session = Session(project, named.recipe, last=True)
+        return Side(text, session.past(named.node).key, session.output(named.node))
+    if len(text) >= _SHORTEST and not set(text) - set("0123456789abcdef"):
+        return _by_digest(store, text)
+    return _Run(*runs.find(project, named.recipe))
+
+
+def _in_run(project: Project, run: str, node: str) -> Side:
+    _, events = runs.find(project, run)
+    ended = {event["node"]: event for event in events if event["event"] == "node_finished"}
+    if node not in ended:
+        raise UsageError(
+            f"run {run} had no node `{node}`",
+            code="DXB-U166",
+            facts={"nodes": listing(ended, most=30)},
+            hint=did_you_mean(node, ended),
+        )
+    event = ended[node]
+    return Side(f"{run}:{node}", event["key"], event["output"], event["status"])
+
+
+def _by_digest(store: Store, text: str) -> Side:
+    # Most key documents lie in the entries of their keys.
+    folders = [root / text[:2] for root in (store.blobs.root, store.actions.root)]
+    names = {entry.name for folder in folders if folder.is_dir() for entry in folder.iterdir()}
+    found = sorted(text[:2] + name for name in names if name.startswith(text[2:]))
+    if len(found) != 1:
+        raise UsageError(
+            f"the store has {f'{len(found)} blobs' if found else 'nothing'} whose digest begins with `{text}`",
+            code="DXB-U167",
+            facts={"digests": listing(found)} if found else None,
+            hint="give more digits" if found else "`dxb show RECIPE:NODE` prints the key and the output of a node",
+        )
+    (digest,) = found
+    try:
+        content = json.loads(store.blobs.get(digest))
+    except ValueError:
+        content = None
+    if isinstance(content, dict) and {"artifact", "fields"} == set(content):
+        return Side(text, None, digest)
+    if isinstance(content, dict) and {"rule", "options", "code"} <= set(content):
+        result = store.actions.known(digest)
+        return Side(text, digest, result.output if result else None)
+    raise UsageError(
+        f"the blob `{text}` is neither a key document nor an artifact",
+        code="DXB-U168",
+        hint="`dxb show RECIPE:NODE` prints the key and the output of a node",
+    )
+
+
+def _recipe(store: Store, run: str) -> str | None:
+    return next(log.lines(store, run), {}).get("recipe")

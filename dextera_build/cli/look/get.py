@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 from dextera_build.cli import options
+from dextera_build.cli.table import writing
 from dextera_build.errors import UsageError
 
 
@@ -26,14 +27,9 @@ def run(args: argparse.Namespace) -> int:
     session, node = options.session(args, args.node, last=True)
     if not node:
         hint = f"`dxb get {session.recipe}:NODE`; `dxb ls {session.recipe}`"
-        raise UsageError("name a node", code="DXB-U111", hint=hint)
-    try:
-        written = session.artifact(node).export(Path(args.out), stem_of(node))
-    except OSError as error:
-        place = error.filename or args.out
-        facts = {"system says": error.strerror}
-        raise UsageError(
-            f"`{place}` cannot be written", code="DXB-U182", facts=facts, hint=f"ls -ld {args.out}"
-        ) from None
+        raise UsageError("a node is missing: `get` takes RECIPE:NODE", code="DXB-U111", hint=hint)
+    artifact = session.artifact(node)
+    with writing(Path(args.out)):
+        written = artifact.export(Path(args.out), stem_of(node))
     print(json.dumps({"files": [str(path) for path in written]}) if args.json else "\n".join(map(str, written)))
     return 0

@@ -7,8 +7,8 @@ import json
 from typing import TYPE_CHECKING
 
 from dextera_build.cli import nodes, options
-from dextera_build.cli.look.output import give
-from dextera_build.errors import UsageError, listing
+from dextera_build.cli.table import give_text
+from dextera_build.report.collapse import WAYS
 from dextera_build.session import addresses
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser of `dxb show`."""
     group = parser.add_argument_group("with --graph")
     group.add_argument("--dot", action="store_true", help="print the graph in Graphviz' language instead of SVG")
-    group.add_argument("--by", metavar="WHAT", default="node", help="a box for each node, group, rule or recipe (node)")
+    group.add_argument("--by", choices=WAYS, default="node", help="draw one box per node, group, rule or recipe (node)")
     group.add_argument("--status", action="store_true", help="mark what a build would do with each node")
 
 
@@ -31,15 +31,9 @@ def run(args: argparse.Namespace) -> int:
     how many nodes it stands for; rule and backend are null where these are not one) and `edges` (`from`, `to`: ids;
     `to` reads what `from` returns).
     """
-    from dextera_build.report.collapse import WAYS
-
-    if args.by not in WAYS:
-        raise UsageError(
-            f"`--by {args.by}` is not a way to draw a graph", code="DXB-U176", facts={"ways": listing(WAYS)}
-        )
     session, target = options.session(args, args.target)
     found = _nodes(session, target, marked=args.status)
-    return give(session.project, _written(args, session.recipe, target, found), args.out)
+    return give_text(session.project, _written(args, session.recipe, target, found), args.out)
 
 
 def _nodes(session: Session, target: str, *, marked: bool) -> list[Node]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("run", nargs="?", metavar="RUN|RECIPE", help="a run's id, or a recipe for its last run")
-    parser.add_argument("node", nargs="?", metavar="NODE", help="a node, for its complete output")
+    parser.add_argument("node", nargs="?", metavar="NODE", help="print everything that this node printed")
     options.project_arguments(parser)
     options.json_argument(parser)
 
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     if text:
         print(text)
     else:
-        print("it printed nothing, or that is no longer in the store", file=sys.stderr)
+        print("no output: the node printed nothing, or the store no longer holds its log", file=sys.stderr)
     return 0
 
 

@@ -9,18 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options, table
 from dextera_build.cli.look import graph
-from dextera_build.cli.look.output import give
+from dextera_build.cli.table import give_text
 from dextera_build.errors import UsageError
 from dextera_build.explain.calls import is_call, show
 from dextera_build.explain.reads import Reads
 from dextera_build.report.wording import used
 
 if TYPE_CHECKING:
-    from dextera_build.project.project import Project, Setting
-
-
-_COLUMNS = {2: ("name", "value"), 3: ("setting", "value", "origin"), 4: ("node", "time", "run", "result")}
-"""By how many cells a row has: facts, settings, and a recipe's past."""
+    from dextera_build.project.project import Project
+    from dextera_build.session import Session
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--lineage",
         action="store_true",
-        help="the origins of a result: nodes with options, seeds, code and packages, down to project files",
+        help="the origins of a result: nodes with options, code and packages, down to project files",
     )
     what.add_argument("--config", action="store_true", help="every setting with its origin")
     parser.add_argument("-o", "--out", metavar="FILE", help="where to write a graph or trace (standard output)")
@@ -51,27 +48,32 @@ def run(args: argparse.Namespace) -> int:
     """Print rows of name and value; with `--lineage` an indented line for everything, each once."""
     project = options.project(args)
     if args.trace:
-        return give(project, _trace(project, args.target), args.out)
+        return give_text(project, _trace(project, args.target), args.out)
     if args.config:
-        rows: dict[str, Any] = {name: _setting(found, as_json=args.json) for name, found in project.config.items()}
-    elif args.target is None:
-        raise UsageError("name a recipe or a node, or give `--config`", code="DXB-U111", hint="`dxb ls` lists recipes")
-    elif args.graph:
+        return _config(project, as_json=args.json)
+    if args.target is None:
+        raise UsageError(
+            "a recipe, node or rule is missing",
+            code="DXB-U111",
+            hint="`dxb ls` lists recipes; `--config` shows the settings",
+        )
+    if args.graph:
         return graph.run(args)
-    elif is_call(args.target):
+    if _is_rule(project, args.target):
+        from dextera_build.explain import rule_card
+
+        return table.give(rule_card.rows(project.library.find(args.target)), as_json=args.json)
+    if is_call(args.target):
         rows = show(project, args.target)
     else:
-        if _is_rule(project, args.target):
-            from dextera_build.explain import rule_card
-
-            return table.give(rule_card.rows(project.library.find(args.target)), as_json=args.json)
         session, node = options.session(args, args.target, project, last=True)
         if args.lineage:
             return _lineage(session, node, as_json=args.json)
-        rows = _node(session, node) if node else _recipe(session, as_json=args.json)
-    cells = [[name, *str(value).split("\t")] for name, value in rows.items()]
-    named = [dict(zip(_COLUMNS[len(row)], row, strict=True)) for row in cells] if not args.json else []
-    return table.give(rows, as_json=args.json, cells=named)
+        if not node:
+            return _recipe(session, as_json=args.json)
+        rows = _node(session, node)
+    cells = [{"name": name, "value": str(value)} for name, value in rows.items()]
+    return table.give(rows, as_json=args.json, cells=cells)
 
 
 def _trace(project: Project, run: str | None) -> str:
@@ -88,19 +90,20 @@ def _is_rule(project: Project, text: str) -> bool:
     return "." in text and not set(text) & set(":/") and any(found.path == text for found in project.library.rules())
 
 
-def _setting(found: Setting, *, as_json: bool) -> Any:
-    """Value and origin of a setting; printed as it is written in `dxb.toml` or on the command line."""
-    value = found.value
-    if as_json:
-        return {"value": value, "origin": found.origin}
-    if isinstance(value, dict):
-        value = ",".join(f"{name}={amount:g}" for name, amount in value.items())
-    elif isinstance(value, bool):
-        value = str(value).lower()
-    return f"{value}\t{found.origin}"
+def _config(project: Project, *, as_json: bool) -> int:
+    """Print every setting as it is written in `dxb.toml` or on the command line, with its origin."""
+    rows = {name: {"value": found.value, "origin": found.origin} for name, found in project.config.items()}
+    cells = []
+    for name, found in project.config.items():
+        value = found.value
+        if isinstance(value, dict):
+            value = ",".join(f"{name}={amount:g}" for name, amount in value.items())
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        cells.append({"setting": name, "value": text, "origin": found.origin})
+    return table.give(rows, as_json=as_json, cells=cells)
 
 
-def _lineage(session: Any, target: str, *, as_json: bool) -> int:
+def _lineage(session: Session, target: str, *, as_json: bool) -> int:
     from dextera_build.explain import lineage
 
     found = lineage.trace(session, _targets(session, target))
@@ -108,7 +111,7 @@ def _lineage(session: Any, target: str, *, as_json: bool) -> int:
     return 0
 
 
-def _targets(session: Any, target: str) -> list[str]:
+def _targets(session: Session, target: str) -> list[str]:
     """A node that was built, or the built nodes that a target of the recipe stands for."""
     if target in session.history:
         return [target]
@@ -123,23 +126,27 @@ def _targets(session: Any, target: str) -> list[str]:
     return found
 
 
-def _recipe(session: Any, *, as_json: bool) -> dict[str, Any]:
+def _recipe(session: Session, *, as_json: bool) -> int:
+    """Print when each node of a recipe was built last, and what came out."""
     if session.project.recipe(session.recipe) is None:
         session.plan()  # raises the error that lists the recipes
-    rows: dict[str, Any] = {}
-    for node, entry in session.history.items():
-        line = _line(session, entry.key)
-        told = {"seconds": entry.seconds, "run": entry.run, "line": line}
-        rows[node] = told if as_json else f"{entry.seconds:.1f} s\trun {entry.run}\t{line}"
-    return rows
+    rows = {
+        node: {"seconds": entry.seconds, "run": entry.run, "line": _line(session, entry.key)}
+        for node, entry in session.history.items()
+    }
+    cells = [
+        {"node": node, "time": f"{row['seconds']:.1f} s", "run": f"run {row['run']}", "result": str(row["line"])}
+        for node, row in rows.items()
+    ]
+    return table.give(rows, as_json=as_json, cells=cells)
 
 
-def _line(session: Any, key: str) -> str:
+def _line(session: Session, key: str) -> str:
     found = session.store.actions.known(key)
     return found.line if found else "(no longer in the store)"
 
 
-def _node(session: Any, node: str) -> dict[str, Any]:
+def _node(session: Session, node: str) -> dict[str, Any]:
     entry = session.past(node)
     found = session.store.actions.find(entry.key)
     document = session.document(node)
@@ -167,7 +174,7 @@ def _node(session: Any, node: str) -> dict[str, Any]:
     return rows | {f"package {name}": version for name, version in document["packages"].items()}
 
 
-def _header(session: Any, output: str) -> dict[str, Any]:
+def _header(session: Session, output: str) -> dict[str, Any]:
     header = json.loads(session.store.blobs.get(output))
     rows = {"type": header["artifact"]}
     for name, value in header["fields"].items():

@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     viewer, url = server.start(args.port, args.host, args.allow_origin)
     fill(viewer)
     print(json.dumps({"url": url}) if args.json else url, flush=True)
-    print("Ctrl-C ends it", file=sys.stderr)
+    print("press Ctrl-C to stop", file=sys.stderr)
     if not args.no_open:
         webbrowser.open(url)
     while True:

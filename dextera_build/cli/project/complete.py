@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
-from dextera_build.project.project import Project, find
+from dextera_build.cli.verbs import VERBS
+from dextera_build.project.project import find
 
 
-def answer() -> None:
-    """Print what completes the line of the environment, and end the process."""
+def answer() -> int:
+    """Print what completes the line of the environment, and end the process; the exit code where it cannot."""
     import argcomplete
 
     from dextera_build.cli.grammar import parser
@@ -23,7 +25,9 @@ def answer() -> None:
     verb = next((word for word in line.split()[1:] if not word.startswith("-")), "")
     top = parser(verb)
     _equip(top)
-    argcomplete.autocomplete(top, always_complete_options=False)
+    with suppress(Exception):  # a broken recipe or setting must not write into the line that a person types
+        argcomplete.autocomplete(top, always_complete_options=False)
+    return 1
 
 
 def _equip(parser: argparse.ArgumentParser) -> None:
@@ -39,17 +43,23 @@ def _equip(parser: argparse.ArgumentParser) -> None:
 
 
 def _targets(prefix: str, **_: Any) -> list[str]:
-    project = find()
     recipe, colon, _rest = prefix.partition(":")
-    if not colon:
-        return [address for address, _ in project.recipes()]
-    return [f"{recipe}:{node}" for node in _nodes(project, recipe)]
+    return [f"{recipe}:{node}" for node in _nodes(recipe)] if colon else _recipes()
 
 
-def _nodes(project: Project, address: str) -> list[str]:
+def _recipes() -> list[str]:
+    return [address for address, _ in find().recipes()]
+
+
+def _rules(**_: Any) -> list[str]:
+    return [found.path for found in find().library.rules()]
+
+
+def _nodes(address: str) -> list[str]:
     """Targets and nodes that a recipe declares, and nodes that were built."""
     from dextera_build.session import Session
 
+    project = find()
     recipe = project.recipe(address)
     if recipe is None:
         return []
@@ -58,17 +68,11 @@ def _nodes(project: Project, address: str) -> list[str]:
     return list(dict.fromkeys((*recipe.targets, *recipe.nodes, *own)))
 
 
-def _forced(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
-    project = find()
-    return [node for text in parsed_args.targets for node in _nodes(project, text.partition(":")[0])]
-
-
 def _runs(**_: Any) -> dict[str, str]:
     from dextera_build.explain.runs import runs
 
-    project = find()
-    found = {row["run"]: f"{row['recipe']}, {row['when']}" for row in runs(project)}
-    return found | {address: "the last run of this recipe" for address, _ in project.recipes()}
+    found = {row["run"]: f"{row['recipe']}, {row['when']}" for row in runs(find())}
+    return found | dict.fromkeys(_recipes(), "the last run of this recipe")
 
 
 def _in_run(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
@@ -77,25 +81,6 @@ def _in_run(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
     # argcomplete asks for both words of `dxb log` while the first is typed.
     events = runs.find(find(), parsed_args.run)[1] if parsed_args.run else []
     return [event["node"] for event in events if event["event"] == "node_finished"]
-
-
-def _listed(prefix: str, **_: Any) -> list[str]:
-    kinds = ["recipes", "rules", "backends", "runs", "divergent", "calls"]
-    return _targets(prefix) if ":" in prefix else [*kinds, *_targets(prefix)]
-
-
-def _rules(**_: Any) -> Iterator[str]:
-    return (found.path for found in find().library.rules())
-
-
-def _shown(prefix: str, **_: Any) -> list[str]:
-    return _targets(prefix) if ":" in prefix else [*_targets(prefix), *_rules()]
-
-
-def _helped(**_: Any) -> list[str]:
-    from dextera_build.cli.verbs import VERBS
-
-    return [*VERBS, *_rules()]
 
 
 def _backends(prefix: str, **_: Any) -> list[str]:
@@ -110,25 +95,22 @@ def _words(*words: str) -> Callable[..., list[str]]:
     return lambda **_: list(words)
 
 
+def _or_targets(words: Callable[[], list[str]]) -> Callable[..., list[str]]:
+    return lambda prefix, **_: _targets(prefix) if ":" in prefix else [*words(), *_recipes()]
+
+
 _COMPLETERS: dict[str, Callable[..., object]] = {
-    "RECIPE[:TARGET]": _targets,
-    "RECIPE[:NODE]": _targets,
-    "RECIPE[:NODE]|RULE|RUN|CALL": _shown,
-    "VERB|CODE|RULE": _helped,
-    "RECIPE:NODE": _targets,
-    "A": _targets,
-    "B": _targets,
-    "BUNDLE|RECIPE[:TARGET]": _targets,
+    **dict.fromkeys(("RECIPE[:TARGET]", "RECIPE[:NODE]", "RECIPE:NODE", "A", "B"), _targets),
+    "RECIPE[:NODE]|RULE|RUN|CALL": _or_targets(_rules),
+    "WHAT": _or_targets(_words("recipes", "rules", "backends", "runs", "divergent", "calls")),
+    "VERB|CODE|RULE": lambda **_: [*VERBS, *_rules()],
     "RUN|RECIPE": _runs,
     "NODE": _in_run,
     "RULE=NAME": _backends,
-    "force": _forced,
-    "WHAT": _listed,
-    "by": _words("node", "group", "rule", "recipe"),
+    "force": lambda parsed_args, **_: [node for text in parsed_args.targets for node in _nodes(text.partition(":")[0])],
     "calls": _words("record", "replay", "refresh", "replace", "off"),
     "console": _words("live", "plain", "jsonl", "none"),
     "executor": _words("local", "ray"),
     "profile": _words("stub", "cpu", "gpu", "cloud"),
-    "shell": _words("bash", "zsh", "fish"),
 }
 """By an argument's own name, or by what the help calls its value."""

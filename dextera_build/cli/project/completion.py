@@ -4,24 +4,14 @@ from __future__ import annotations
 
 import argparse
 
-from dextera_build.errors import UsageError, listing
-
-_SHELLS = ("bash", "zsh", "fish")
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("shell", metavar="SHELL", help=listing(_SHELLS))
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell to complete in")
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the script."""
-    if args.shell not in _SHELLS:
-        raise UsageError(
-            f"`{args.shell}` is not a shell that dxb completes for",
-            code="DXB-U175",
-            facts={"shells": listing(_SHELLS)},
-        )
     from argcomplete.shell_integration import shellcode
 
     print(shellcode(["dxb"], shell=args.shell))

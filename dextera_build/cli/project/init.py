@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     }
     if (root / "dxb.toml").exists():
         raise UsageError(
-            f"`{root / 'dxb.toml'}` exists: this is a project already",
+            f"`{root / 'dxb.toml'}` exists: this folder is a project already",
             code="DXB-U190",
             hint="`dxb ls` shows its recipes",
         )

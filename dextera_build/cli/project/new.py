@@ -15,7 +15,7 @@ inputs:
   capture:
     help: A folder with rgb.png, depth.png and capture.json.
 nodes:
-  photo: {{rule: capture.folder, folder: $capture}}
+  photo: {rule: capture.folder, folder: $capture}
 targets:
   default: [photo]
 """
@@ -53,16 +53,27 @@ BACKEND = Backend(summary="What it does, in one line", profiles=(), packages=())
 '''
 
 
+_NAMES = {
+    "recipe": (r"[a-z0-9_]+(/[a-z0-9_]+)+", "twin/my_scene"),
+    "rule": (r"[a-z0-9_]+\.[a-z0-9_]+", "factorize.my_rule"),
+    "backend": (r"[a-z0-9_]+\.[a-z0-9_]+=[a-z0-9_]+", "factorize.my_rule=my_backend"),
+}
+"""Kind -> the form of its names, and one of them."""
+
+
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("kind", choices=("recipe", "rule", "backend"), help="kind of file")
+    parser.add_argument("kind", choices=tuple(_NAMES), help="kind of file")
     parser.add_argument("name", help="twin/my_scene, factorize.my_rule, or factorize.my_rule=my_backend")
 
 
 def run(args: argparse.Namespace) -> int:
     """Write one file and print its path."""
+    form, example = _NAMES[args.kind]
+    if not re.fullmatch(form, args.name):
+        raise UsageError(f"`{args.name}` is not a valid name; one looks like `{example}`", code="DXB-U192")
     project = options.project(args)
-    path, text = {"recipe": _recipe, "rule": _rule, "backend": _backend}[args.kind](project, args.name)
+    path, text = _file(project, args.kind, args.name)
     if path.exists():
         raise UsageError(f"`{path}` exists already", code="DXB-U191")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -71,32 +82,21 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _recipe(project: Project, name: str) -> tuple[Path, str]:
-    _match(name, r"[a-z0-9_]+(/[a-z0-9_]+)+", "twin/my_scene")
-    return project.root / "recipes" / f"{name}.yaml", _RECIPE.format()
-
-
-def _rule(project: Project, path: str) -> tuple[Path, str]:
-    _match(path, r"[a-z0-9_]+\.[a-z0-9_]+", "factorize.my_rule")
+def _file(project: Project, kind: str, named: str) -> tuple[Path, str]:
+    """Where the file goes, and what it says."""
+    if kind == "recipe":
+        return project.root / "recipes" / f"{named}.yaml", _RECIPE
+    path, _, backend = named.partition("=")
     stage, _, name = path.partition(".")
-    kind = "".join(part.capitalize() for part in name.split("_"))
-    return project.root / "rules" / stage / f"{name}.py", _RULE.format(path=path, name=name, kind=kind)
-
-
-def _backend(project: Project, text: str) -> tuple[Path, str]:
-    _match(text, r"[a-z0-9_]+\.[a-z0-9_]+=[a-z0-9_]+", "factorize.my_rule=my_backend")
-    path, _, backend = text.partition("=")
+    if kind == "rule":
+        camel = "".join(part.capitalize() for part in name.split("_"))
+        return project.root / "rules" / stage / f"{name}.py", _RULE.format(path=path, name=name, kind=camel)
     found = project.library.find(path)
     if not found.file.is_relative_to((project.root / "rules").resolve()):
         raise UsageError(
             f"`{path}` is not a rule of this project; a backend is a file next to its rule",
             code="DXB-U193",
             facts={"rule": str(found.file), "rules of the project": str(project.root / "rules")},
-            hint=f"`dxb new rule {path.partition('.')[0]}.my_rule` makes a rule of your own",
+            hint=f"`dxb new rule {stage}.my_rule` makes a rule of your own",
         )
     return found.file.with_name(f"{found.file.stem}_{backend}.py"), _BACKEND.format(path=path, backend=backend)
-
-
-def _match(text: str, form: str, example: str) -> None:
-    if not re.fullmatch(form, text):
-        raise UsageError(f"`{text}` is not a name of this form: `{example}`", code="DXB-U192")

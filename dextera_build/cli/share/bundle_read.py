@@ -10,7 +10,7 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from dextera_build import digest
 from dextera_build.bundle import importer, layout, oci, sign
@@ -25,39 +25,31 @@ if TYPE_CHECKING:
     from dextera_build.store.store import Store
 
 
-def source_of(text: str) -> layout.Layout:
-    """The bundle that an argument names.
+def _open(args: argparse.Namespace, project: Project) -> tuple[Opened, sign.Voucher]:
+    """The bundle that an argument names, and who vouches for it.
 
     Raises:
         UsageError: There is no such file.
-        BundleRefused: It is no bundle.
+        BundleRefused: It is no bundle, a signature is wrong, or one is required and there is none.
     """
-    _, separator, place = text.partition("://")
+    _, separator, place = args.bundle.partition("://")
     if separator:
         raise UsageError(
-            f"`{text}` is not a file",
+            f"`{args.bundle}` is not a file",
             code="DXB-U147",
-            facts={"registries": "`skopeo` copies from and to them"},
+            facts={"registries": "`skopeo` copies bundles from and to them"},
             hint=f"skopeo copy docker://{place} oci-archive:bundle.tar",
         )
-    path = Path(text)
+    path = Path(args.bundle)
     if not path.exists():
-        raise UsageError(f"there is no file `{text}`", code="DXB-U146", hint="dxb bundle create RECIPE -o FILE.tar")
-    return layout.Layout(path)
-
-
-def judged(args: argparse.Namespace, project: Project, bundle: Opened) -> sign.Voucher:
-    """Who vouches for a bundle.
-
-    Raises:
-        BundleRefused: A signature is wrong, or one is required and there is none.
-    """
+        raise UsageError(f"there is no file `{path}`", code="DXB-U146", hint="dxb bundle create RECIPE -o FILE.tar")
+    bundle = importer.open_bundle(layout.Layout(path))
     required = args.require_signed or project.require_signed
     keys = sign.trusted(project.trusted_keys) if bundle.manifest.signature or required else []
     voucher = sign.judge(bundle, keys)
     if required:
         sign.require(bundle, voucher, keys)
-    return voucher
+    return bundle, voucher
 
 
 def take(args: argparse.Namespace) -> int:
@@ -65,8 +57,7 @@ def take(args: argparse.Namespace) -> int:
     from dextera_build.store.store import Store
 
     project = options.project(args)
-    bundle = importer.open_bundle(source_of(args.bundle))
-    voucher = judged(args, project, bundle)
+    bundle, voucher = _open(args, project)
     store = Store(project.cache)
     taken = importer.take(bundle, store)
     for build in bundle.contents.builds:
@@ -124,7 +115,7 @@ def _remember(project: Project, store: Store, build: Build, bundle: Opened) -> N
                     line=result.line if result else "its result is not in the bundle",
                     result=result.digest if result else None,
                     log=result.log if result else None,
-                    inputs=_inputs(store, node.key),
+                    inputs=dict(json.loads(store.blobs.get(node.key))["inputs"]),
                     depends_on=list(node.depends_on),
                     files=dict(node.files),
                 )
@@ -133,37 +124,32 @@ def _remember(project: Project, store: Store, build: Build, bundle: Opened) -> N
     history.save()
 
 
-def _inputs(store: Store, key: str) -> dict[str, str]:
-    return dict(json.loads(store.blobs.get(key))["inputs"])
-
-
 def _say(bundle: Opened, voucher: sign.Voucher, taken: importer.Taken) -> None:
-    nodes = [node for _, node in bundle.contents.nodes()]
+    nodes = count(sum(1 for _ in bundle.contents.nodes()), "node")
     bare = f" ({taken.bare} without their bytes)" if taken.bare else ""
-    counts = f"{count(len(nodes), 'node')}: {count(taken.new, 'result')} new{bare}, {taken.known} known"
-    print(f"{bundle.source.name}   {counts}   {voucher}", file=sys.stderr)
+    told = [f"{bundle.source.name}   {nodes}: {count(taken.new, 'result')} new{bare}, {taken.known} known   {voucher}"]
     if taken.other:
-        print(
-            f"the store keeps its own results; the bundle has others under the same key: {listing(taken.other)}",
-            file=sys.stderr,
-        )
+        told.append(f"the store keeps its own results; the bundle has others under these keys: {listing(taken.other)}")
     if voucher.state != "trusted":
-        print(
-            "warning: not signed by a trusted key",
-            file=sys.stderr,
-        )
+        told.append("warning: not signed by a trusted key")
+    print("\n".join(told), file=sys.stderr)
 
 
 def inspect(args: argparse.Namespace) -> int:
     """Print rows of name and value, or all as JSON, or one recipe."""
-    project = options.project(args)
-    bundle = importer.open_bundle(source_of(args.bundle))
-    voucher = judged(args, project, bundle)
+    bundle, voucher = _open(args, options.project(args))
     if args.recipe:
         print(_recipe(bundle, args.recipe), end="")
         return 0
+    everything = {
+        "digest": f"sha256:{bundle.digest}",
+        "bytes": bundle.size,
+        "manifest": json.loads(bundle.manifest.spell()),
+        "config": json.loads(bundle.contents.spell()),
+        "signature": {"state": voucher.state, "signer": voucher.signer},
+    }
     cells = [{"name": name, "value": str(value)} for name, value in _rows(bundle, voucher)]
-    return table.give(_everything(bundle, voucher), as_json=args.json, cells=cells)
+    return table.give(everything, as_json=args.json, cells=cells)
 
 
 def _rows(bundle: Opened, voucher: sign.Voucher) -> list[tuple[str, object]]:
@@ -187,16 +173,6 @@ def _rows(bundle: Opened, voucher: sign.Voucher) -> list[tuple[str, object]]:
         ("inputs", len({path for node in nodes for path in node.files.values()})),
         ("signature", str(voucher)),
     ]
-
-
-def _everything(bundle: Opened, voucher: sign.Voucher) -> dict[str, Any]:
-    return {
-        "digest": f"sha256:{bundle.digest}",
-        "bytes": bundle.size,
-        "manifest": json.loads(bundle.manifest.spell()),
-        "config": json.loads(bundle.contents.spell()),
-        "signature": {"state": voucher.state, "signer": voucher.signer},
-    }
 
 
 def _recipe(bundle: Opened, name: str) -> str:

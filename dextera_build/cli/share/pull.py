@@ -5,16 +5,15 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from typing import TYPE_CHECKING
 
 from dextera_build.build import fetch
+from dextera_build.build.build import Order, build
+from dextera_build.build.lock import Locking
 from dextera_build.cli import options, table
+from dextera_build.cli.build.shown import shown, tell
+from dextera_build.cli.consoles import lines
 from dextera_build.errors import StoreError, listing
-
-if TYPE_CHECKING:
-    from dextera_build.build.build import Built
-    from dextera_build.runs.events import Event
-    from dextera_build.session import Session
+from dextera_build.runs.events import Event, Listener, RemoteGivenUp, RunFinished
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,14 +32,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Place results as `build` does; one line each: address, main file."""
-    from dextera_build.cli.build.shown import shown
-
     project = options.project(args)
     lacking: list[str] = []
     rows: list[dict[str, str]] = []
     for text in args.targets:
         session, target = options.session(args, text, project, makes=True)
-        built = _bring(session, target, args)
+        remotes = fetch.exchange(session, "r", args.source)
+        order = Order([target], keep_going=True, argv=sys.argv[1:], bring_from=remotes)
+        locking = Locking(project, lock=False, locked=False, added=session.added)
+        built = build(session, order, locking, _show(session.recipe))
+        tell(built)
         lacking += [f"{session.recipe}:{place}" for place in built.result.errors]
         rows += [{"node": node, "file": shown(path)} for node, path in built.placed.paths.items()]
     table.give(rows, as_json=args.json)
@@ -55,35 +56,17 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _bring(session: Session, target: str, args: argparse.Namespace) -> Built:
-    from dextera_build.build.build import Order, build
-    from dextera_build.build.lock import Locking
-    from dextera_build.cli.build.shown import tell
+def _show(recipe: str) -> Listener:
+    """Print one line for what came, and one for the whole."""
+    columns = lines.Columns()
 
-    order = Order([target], keep_going=True, argv=sys.argv[1:], bring_from=fetch.exchange(session, "r", args.source))
-    built = build(
-        session, order, Locking(session.project, lock=False, locked=False, added=session.added), _Shown(session.recipe)
-    )
-    tell(built)
-    return built
-
-
-class _Shown:
-    """One line for what came, and one for the whole."""
-
-    def __init__(self, recipe: str) -> None:
-        from dextera_build.cli.consoles.lines import Columns
-
-        self._columns, self._recipe = Columns(), recipe
-
-    def __call__(self, event: Event) -> None:
-        from dextera_build.cli.consoles import lines
-        from dextera_build.runs import events
-
+    def show(event: Event) -> None:
         line = None
-        if isinstance(event, events.RunFinished):
-            line = lines.pulled(self._recipe, event)
-        elif isinstance(event, events.RemoteGivenUp) or getattr(event, "status", "") == "fetched":
-            line = self._columns.line(event, verbose=False)
+        if isinstance(event, RunFinished):
+            line = lines.pulled(recipe, event)
+        elif isinstance(event, RemoteGivenUp) or getattr(event, "status", "") == "fetched":
+            line = columns.line(event, verbose=False)
         if line is not None:
             print(lines.plain(line), file=sys.stderr, flush=True)
+
+    return show

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TextIO
 from dextera_build.build import fetch
 from dextera_build.cli import options, table
 from dextera_build.errors import StoreError, listing
+from dextera_build.report.wording import count
 
 if TYPE_CHECKING:
     from dextera_build.remotes.exchange import Exchange
@@ -59,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"{len(bare)} {are} not in the store: {listing(bare)}", file=sys.stderr)
     if stale:
         raise StoreError(
-            f"{len(stale)} nodes are not built, so they were not uploaded",
+            f"not uploaded, because not built: {count(len(stale), 'node')}",
             code="DXB-S201",
             facts={"not built": listing(stale)},
             hint=f"dxb build {' '.join(args.targets)}",

@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         ) from None
     except (OSError, OverflowError) as error:
         raise MachineError(
-            f"nothing can listen at {args.host}:{args.port}",
+            f"cannot listen on {args.host}:{args.port}",
             code="DXB-E331",
             facts={"system says": getattr(error, "strerror", None) or error},
             hint="dxb cache serve --port 0",
@@ -98,7 +98,7 @@ def _refuse_open_doors(args: argparse.Namespace, project: Project, secret: str) 
         return
     if project.require_signed:
         raise UsageError(
-            "`require_signed` is set, and results that clients write are not signed",
+            "`require_signed` is set, and uploads of clients are not signed",
             code="DXB-U138",
             facts={"from": project.config["require_signed"].origin},
             hint="dxb cache serve --read-only",
@@ -107,7 +107,7 @@ def _refuse_open_doors(args: argparse.Namespace, project: Project, secret: str) 
         return
     if not secret:
         raise UsageError(
-            f"everybody who reaches `{args.host}` could write to the store",
+            f"anyone who can reach `{args.host}` could write to the store",
             code="DXB-U139",
             facts={"clients then use": "`https://dxb:SECRET@HOST:PORT`"},
             hint=f"`export {SECRET}=$(openssl rand -hex 16)`, or `--read-only`",
