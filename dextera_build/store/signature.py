@@ -57,7 +57,8 @@ def modules(folder: str) -> list[str] | None:
 
 def _is_module(name: str) -> bool:
     stem, dot, ending = name.rpartition(".")
-    return name not in IGNORED and (not dot or (stem != "" and ending in _MODULE_ENDINGS))
+    # A folder is imported by its name: temporary ones, which have a hyphen, are none.
+    return name not in IGNORED and ((stem != "" and ending in _MODULE_ENDINGS) if dot else name.isidentifier())
 
 
 def is_racy(signature: Signature, looked_ns: int) -> bool:

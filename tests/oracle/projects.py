@@ -138,7 +138,16 @@ class RandomProject:
     def edit(self) -> str:
         """Change one thing; returns what, and "harmless: ..." for what no node may run for."""
         kinds = ["number"] * 5 + ["appear"] * 4 + ["vanish", "vanish", "rewire", "backend", "shadow", "shadow"]
-        kinds += ["recipe_shadow", "input", "input", "option", "link", "harmless", "harmless", "path"]
+        kinds += ["shadow"] * 6 * (self.main == PLUG) + [
+            "recipe_shadow",
+            "input",
+            "input",
+            "option",
+            "link",
+            "harmless",
+            "harmless",
+            "path",
+        ]
         done = ""
         while not done:
             done = getattr(self, f"_{self.random.choice(kinds)}")()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.store.signature import Watch
+from dextera_build.store.signature import Watch, modules
 
 
 @pytest.fixture
@@ -65,3 +65,11 @@ def test_a_file_that_was_never_there_is_settled(old: Path) -> None:
     watch.file(old / "none")
     watch.doubt(str(old / "none"), was_read=False)
     assert watch.settled()
+
+
+def test_only_names_that_can_be_imported_count_on_the_search_path(tmp_path: Path) -> None:
+    for name in ("own", "dxb-build-x", "own.txt", "__pycache__"):
+        (tmp_path / name).mkdir()
+    for name in ("single.py", "native.so", "more.pth", ".pth"):
+        (tmp_path / name).touch()
+    assert modules(str(tmp_path)) == ["more.pth", "native.so", "own", "single.py"]
