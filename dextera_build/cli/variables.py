@@ -29,7 +29,6 @@ SETTINGS = {
 }
 """Those that stand for a setting of `dxb.toml`; `dxb show --config` names the ones in force."""
 OTHERS = {
-    "DXB_NO_PROGRESS": "any text: print plain lines also on a terminal",
     "DXB_KEY_PASSPHRASE": "opens the private key that `--sign` names",
     "DXB_SERVE_SECRET": "the password that `dxb cache serve` asks for, of the user `dxb`",
     "DXB_NODE_STORE": "the store's folder of a Ray worker",
