@@ -6,9 +6,10 @@ import re
 
 from dextera_build.errors import UsageError, listing
 
-_SIZES = {f"{letter}B": 1000**n for n, letter in enumerate(["", *"KMGT"])}
+_SIZES: dict[str, int] = {f"{letter}B": 1000**n for n, letter in enumerate(["", *"KMGT"])}
 _SIZES |= {f"{letter}iB": 1024**n for n, letter in enumerate("KMGT", 1)}
-_UNITS = {"size": (_SIZES, "50GB"), "time": ({"s": 1, "min": 60, "h": 3600, "d": 86400, "w": 7 * 86400}, "30d")}
+_TIMES = {"s": 1, "min": 60, "h": 3600, "d": 86400, "w": 7 * 86400}
+_UNITS = {"size": (_SIZES, "50GB"), "time": (_TIMES, "30d")}
 _FORM = re.compile(r"(\d+(?:\.\d+)?)\s*([A-Za-z]+)")
 
 
