@@ -65,10 +65,12 @@ class Blobs:
 
     def size(self, digest: str) -> int | None:
         """Size of the blob [bytes], or None where there is none."""
-        with suppress(OSError):
+        try:
             state = os.stat(self._file(digest))
             if stat.S_ISREG(state.st_mode):
                 return state.st_size
+        except OSError:
+            pass
         return len(self._unwritten[digest]) if self._unwritten and digest in self._unwritten else None
 
     def put(self, data: bytes) -> str:

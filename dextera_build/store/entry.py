@@ -158,32 +158,31 @@ def read(data: bytes) -> Entry:
         ValueError: The bytes are not an entry.
     """
     head, _, document = data.partition(b"\n")
-    match digests.plain(head):
-        case {"files": list(rows), "result": str(digest), **more} if not more:
-            files = tuple(map(_file, rows))
-        case _:
-            raise ValueError("not an entry")
-    if digests.of_bytes(document) != digest:
+    raw = digests.plain(head)
+    if not isinstance(raw, dict) or raw.keys() != {"files", "result"} or not isinstance(raw["files"], list):
+        raise ValueError("not an entry")
+    if digests.of_bytes(document) != raw["result"]:
         raise ValueError("its result has another digest")
     result = ActionResult.from_document(document)
-    named = [file.digest for role in (OUTPUT, KEY) for file in files if file.role == role]
-    if named != [result.output, result.key_document] or files[0].role != OUTPUT:
+    files = tuple(map(_file, raw["files"]))
+    named = [(file.role, file.digest) for file in files if file.role in (OUTPUT, KEY)]
+    if named != [(OUTPUT, result.output), (KEY, result.key_document)] or files[0].role != OUTPUT:
         raise ValueError("it does not name its output and its key document")
     return Entry(result, files)
 
 
 def _file(row: Any) -> File:
-    match row:
-        case [str(role), str(digest), int() | None as size] if (
-            role in _ROLES
-            and is_digest(digest)
-            and (role not in HEADERS if size is None else type(size) is int and 0 <= size < _MOST_BYTES)
-        ):
+    if isinstance(row, list) and len(row) == 3 and type(row[0]) is type(row[1]) is str:
+        role, digest, size = row
+        has_size = type(size) is int and 0 <= size < _MOST_BYTES
+        if role in _ROLES and is_digest(digest) and (has_size or (size is None and role not in HEADERS)):
             return File(role, digest, size)
     raise ValueError("it names what cannot be a blob")
 
 
 def _pairs(rows: object, first: Callable[[object], S], second: Callable[[object], T]) -> tuple[tuple[S, T], ...]:
+    if rows == []:  # as of most results
+        return ()
     if isinstance(rows, list) and all(isinstance(row, list) and len(row) == 2 for row in rows):
         return tuple((first(one), second(other)) for one, other in rows)
     raise ValueError("not a list of pairs")
