@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from typing import TYPE_CHECKING, TypeAlias
 
 from dextera_build.errors import UsageError, listing
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dextera_build.workers.protocol import Executor
 
 RUNNER = "dextera_build.build.worker_entry:run_task"
-
+_SCRATCH = "dxb-build-"
 
 Ready: TypeAlias = "Callable[[Sequence[RuleFacts]], Executor]"
 """Gives what runs the nodes of one build, once it is known which rules may run."""
@@ -43,6 +43,8 @@ def executor(session: Session, *, idle: bool = False) -> Iterator[Ready]:
 
         more, share = stack.enter_context(shared())
         environment, capacity = {**_environment(project), **more}, project.capacity(gpus=False)
+        with suppress(OSError):  # few rules need a temporary folder
+            environment["TMPDIR"] = stack.enter_context(scratch())
         workers = stack.enter_context(LocalExecutor(RUNNER, capacity, environment))
         if not idle:
             workers.warm()  # a build whose snapshot is not fresh mostly runs something
@@ -54,6 +56,49 @@ def executor(session: Session, *, idle: bool = False) -> Iterator[Ready]:
             return workers
 
         yield ready
+
+
+@contextmanager
+def scratch() -> Iterator[str]:
+    """A temporary folder that is removed when the block ends; those of builds that were killed are removed now.
+
+    Whoever uses a folder holds a lock on it, which the system releases when the process dies.
+
+    Raises:
+        OSError: It cannot be made.
+    """
+    import fcntl
+    import glob
+    import shutil
+    import tempfile
+
+    for left in glob.glob(f"{glob.escape(tempfile.gettempdir())}/{_SCRATCH}*"):
+        with suppress(OSError), ExitStack() as stack:
+            lock = os.open(left, os.O_RDONLY | os.O_NOFOLLOW)
+            stack.callback(os.close, lock)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(left, ignore_errors=True)
+    made, lock = _claimed()
+    try:
+        yield made
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+        os.close(lock)
+
+
+def _claimed() -> tuple[str, int]:
+    """A new folder, and the descriptor that holds its lock."""
+    import fcntl
+    import tempfile
+
+    while True:
+        made = tempfile.mkdtemp(prefix=_SCRATCH)
+        with suppress(FileNotFoundError):  # another build removed it before it was locked
+            lock = os.open(made, os.O_RDONLY)
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if os.path.isdir(made):
+                return made, lock
+            os.close(lock)
 
 
 def _environment(project: Project) -> dict[str, str]:
@@ -70,7 +115,6 @@ def _environment(project: Project) -> dict[str, str]:
 @contextmanager
 def _ray(session: Session, address: str, rules: Sequence[RuleFacts]) -> Iterator[Executor]:
     from pathlib import Path
-    from tempfile import TemporaryDirectory
 
     from dextera_build.code.modules import read
     from dextera_build.workers.ray import RayExecutor
@@ -98,7 +142,7 @@ def _ray(session: Session, address: str, rules: Sequence[RuleFacts]) -> Iterator
         said["cpu"] = float(project.jobs)
     setup = Setup(RUNNER, shared, _environment(project))
     discovering = {rule.path for rule in rules if rule.discovers}
-    with TemporaryDirectory(prefix="dxb-code-") as code:
+    with scratch() as code:
         for file in _code(project):
             target = Path(code, file.relative_to(project.root))
             target.parent.mkdir(parents=True, exist_ok=True)

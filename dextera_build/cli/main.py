@@ -96,19 +96,26 @@ def _refuse(error: "DxbError") -> int:
 
 
 def _fault(error: Exception, words: list[str]) -> int:
-    import tempfile
     import traceback
 
     from dextera_build import __version__
     from dextera_build.errors import DxbError
     from dextera_build.redact import redact
 
-    with tempfile.NamedTemporaryFile("w", prefix="dxb-fault-", suffix=".txt", delete=False) as file:
-        file.write(redact(f"dxb {__version__} {' '.join(words)}\n\n{traceback.format_exc()}"))
+    text = redact(f"dxb {__version__} {' '.join(words)}\n\n{traceback.format_exc()}")
+    folder = os.path.expanduser(os.environ.get("XDG_CACHE_HOME", "~/.cache")) + "/dxb"
+    file = f"{folder}/fault.txt"
+    try:
+        os.makedirs(folder, exist_ok=True)
+        with open(file, "w") as opened:  # the last one is enough
+            opened.write(text)
+    except OSError:
+        file = "below"
+        sys.stderr.write(text)
     fault = DxbError(
         f"internal error: {type(error).__name__}: {error}",
         code="DXB-X001",
-        facts={"traceback": file.name},
+        facts={"traceback": file},
         hint="please report it, with the file of the traceback",
     )
     return _refuse(fault)

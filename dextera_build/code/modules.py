@@ -40,8 +40,7 @@ def read(file: str | os.PathLike[str]) -> bytes:
     name = os.fspath(file)
     if name not in _READ:
         try:
-            with open(name, "rb") as opened:
-                _READ[name] = opened.read()
+            _READ[name] = Path(name).read_bytes()
         except OSError as error:
             raise MachineError(
                 f"a source file cannot be read: {error.strerror}",
@@ -66,11 +65,9 @@ def forget_changed() -> bool:
 
 
 def _now(name: str) -> bytes | None:
-    try:
-        with open(name, "rb") as opened:
-            return opened.read()
-    except OSError:
-        return None
+    with suppress(OSError):
+        return Path(name).read_bytes()
+    return None
 
 
 @contextmanager

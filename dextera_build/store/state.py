@@ -93,7 +93,7 @@ class State:
                     return work(base)
                 finally:
                     base.close()
-            except sqlite3.Error as error:
+            except (sqlite3.Error, UnicodeDecodeError) as error:  # messages quote the file, whatever it holds
                 code = getattr(error, "sqlite_errorcode", _CORRUPT) & 0xFF
                 if not self._takes or not self._is_damage(code, writes) or not self._set_aside() or not writes:
                     return None

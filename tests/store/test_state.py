@@ -51,6 +51,16 @@ def test_damage_anywhere_loses_rows_and_changes_none(path: Path) -> None:
             assert state.get("a", "after") == b"damage"
 
 
+def test_a_schema_that_is_no_text_is_damage(path: Path) -> None:
+    assert State(str(path)).put("a", {"one": b"1"})
+    data = path.read_bytes()
+    assert data.count(b"CREATE TABLE") == 1
+    path.write_bytes(data.replace(b"CREATE TABLE", b"CREATE \x80ABLE"))  # SQLite's message quotes it
+    assert State(str(path)).all("a") == {}
+    assert State(str(path)).put("a", {"two": b"2"})
+    assert State(str(path)).all("a") == {"two": b"2"}
+
+
 def test_a_folder_in_its_place_is_set_aside(path: Path) -> None:
     (path / "inner").mkdir(parents=True)
     state = State(str(path))

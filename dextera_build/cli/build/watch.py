@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -68,11 +67,12 @@ def run(args: argparse.Namespace) -> int:
 def _round(words: Sequence[str], because: str) -> tuple[int, Watch]:
     """A build in a process of its own, so that an edited rule is imported anew: its exit code, and what it read."""
     watch = Watch()
-    with tempfile.TemporaryDirectory(prefix="dxb-watch-") as folder:
-        report = Path(folder) / "report.json"
-        command = [sys.executable, "-m", "dextera_build", "watch", "--once", str(report), because, *words]
+    # A file without a name, so that nothing is left where this process is killed.
+    with os.fdopen(os.memfd_create("report")) as opened:
+        report = f"/dev/fd/{opened.fileno()}"
+        command = [sys.executable, "-m", "dextera_build", "watch", "--once", report, because, *words]
         # In a session of its own, so that Ctrl-C reaches it once: from here.
-        child = subprocess.Popen(command, start_new_session=True)
+        child = subprocess.Popen(command, start_new_session=True, pass_fds=[opened.fileno()])
         try:
             code = child.wait()
         except KeyboardInterrupt:
@@ -80,14 +80,15 @@ def _round(words: Sequence[str], because: str) -> tuple[int, Watch]:
                 child.send_signal(signal.SIGINT)
             child.wait()
             return 130, watch
-        if not report.exists():
-            raise DxbError(
-                f"a build of `dxb watch` ended unexpectedly, with exit code {code}",
-                code="DXB-X002",
-                facts={"arguments": " ".join(words)},
-                hint="build the same targets with `dxb build` to see the error",
-            )
-        told = json.loads(report.read_text())
+        text = opened.read()
+    if not text:
+        raise DxbError(
+            f"a build of `dxb watch` ended unexpectedly, with exit code {code}",
+            code="DXB-X002",
+            facts={"arguments": " ".join(words)},
+            hint="build the same targets with `dxb build` to see the error",
+        )
+    told = json.loads(text)
     watch.files = {path: tuple(sign) if sign else None for path, sign in told["files"].items()}
     watch.folders, watch.paths, watch.started_ns = told["folders"], told["paths"], told["started_ns"]
     return code, watch
