@@ -41,7 +41,7 @@ class Sizes:
     """Numbers that say where the task's object is, which policies that look learn to tell from the picture."""
 
     def settings(self) -> dict[str, float | int | str | bool]:
-        """What `PolicyContract.settings` keeps of it."""
+        """The part that `PolicyContract.settings` keeps."""
         return dict(asdict(self))
 
     @classmethod

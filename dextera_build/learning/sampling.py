@@ -95,7 +95,7 @@ class Balanced:
 
 
 def _remaining(fresh: np.ndarray, late: np.ndarray, taken: int) -> np.ndarray:
-    """What remains of a new round, in its order, after its first `taken` samples that are not `late`."""
+    """The rest of a new round, in its order, after its first `taken` samples that are not `late`."""
     free = np.flatnonzero(~late)
     rest = np.ones(len(fresh), bool)
     rest[free[:taken]] = False

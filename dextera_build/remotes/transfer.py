@@ -132,9 +132,7 @@ class Transfer:
             if right is None:
                 right = remote.has(blob)
             if not right:
-                if not self._store.blobs.verify(blob.hash):
-                    raise MissingBlob(blob.hash)
-                with self._store.blobs.open(blob.hash) as file:
+                with self._store.blobs.checked(blob.hash) as file:
                     remote.send(blob, file)
                 sent.append(blob.size)
             self._right[remote.address, blob] = True

@@ -192,16 +192,31 @@ class Blobs:
         except OSError as error:
             raise _absent(digest, error) from None
 
+    def checked(self, digest: str) -> BinaryIO:
+        """The bytes of a blob as a file, which were compared with its digest.
+
+        Raises:
+            MissingBlob: It is not there, or is damaged; then it was set aside.
+        """
+        file = self.open(digest)
+        try:
+            if hashlib.file_digest(file, "sha256").hexdigest() == digest:  # type: ignore[arg-type]
+                file.seek(0)
+                return file
+        except OSError as error:
+            file.close()
+            raise _absent(digest, error) from None
+        file.close()
+        self.quarantine(digest)
+        raise MissingBlob(digest, _DAMAGED)
+
     def verify(self, digest: str) -> bool:
         """Whether the blob is there and whole; a damaged one is set aside."""
         try:
-            with open(self._file(digest), "rb") as file:
-                whole = hashlib.file_digest(file, "sha256").hexdigest() == digest
-        except OSError:
+            self.checked(digest).close()
+        except MissingBlob:
             return False
-        if not whole:
-            self.quarantine(digest)
-        return whole
+        return True
 
     def quarantine(self, digest: str) -> None:
         """Set a damaged blob aside, so that it counts as missing."""

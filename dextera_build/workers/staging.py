@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from io import BytesIO
 from typing import Any
 
 from dextera_build.errors import MachineError
@@ -102,8 +101,7 @@ class Staging:
 
     def _send(self, digest: Digest) -> None:
         if not self._shared.has(digest):
-            whole = self._blobs.verify(digest.hash)
-            with self._blobs.open(digest.hash) if whole else BytesIO(self._blobs.get(digest.hash)) as file:
+            with self._blobs.checked(digest.hash) as file:
                 self._shared.send(digest, file)
 
 

@@ -77,7 +77,7 @@ def _lowest(vertices: np.ndarray, placed: Similarity) -> float:
 def _rested(
     model: ModelView, vertices: np.ndarray, placed: Similarity, options: ObjectOptions
 ) -> tuple[Similarity, str]:
-    """Put a body that is nearly on the support onto it, unless the view says otherwise."""
+    """Put a body that is nearly on the support onto it, unless the view contradicts."""
     lowest = _lowest(vertices, placed)
     if abs(lowest) > options.rest_m:
         return placed, f", stands {lowest * 1000:.0f} mm above the support"

@@ -1,4 +1,4 @@
-"""Backend stub of align.object: believes the body's own pose."""
+"""Backend stub of align.object: takes the body's own pose."""
 
 from __future__ import annotations
 

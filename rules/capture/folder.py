@@ -25,9 +25,9 @@ class FolderOptions(Options):
     """Options of capture.folder."""
 
     nearest_m: PositiveFloat = 0.1
-    """Smallest median depth that is believed [m]."""
+    """Smallest median depth that is accepted [m]."""
     farthest_m: PositiveFloat = 20.0
-    """Largest median depth that is believed [m]."""
+    """Largest median depth that is accepted [m]."""
 
 
 @rule(version=1, packages=("pillow",))

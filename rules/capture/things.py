@@ -18,7 +18,7 @@ from . import solids, textures, walls
 
 
 class Placed(Options):
-    """What every thing on the table has."""
+    """Properties of every thing on the table."""
 
     at_m: tuple[float, float]
     """x and y of its middle on the table [m]."""

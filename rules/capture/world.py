@@ -71,7 +71,7 @@ class WorldOptions(Options):
     room: RoomOptions = RoomOptions()
     """Floor and wall."""
     objects: dict[str, ThingOptions]
-    """What stands on the table, by name."""
+    """The things on the table, by name."""
     lamps: tuple[LampOptions, ...]
     """Lights."""
     ambient: Fraction = 0.4

@@ -1,4 +1,4 @@
-"""What LeRobot keeps beside the steps: facts about the set, and a row for every episode."""
+"""Metadata that LeRobot keeps beside the steps: facts about the set, and a row for every episode."""
 
 from __future__ import annotations
 

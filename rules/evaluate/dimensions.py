@@ -1,4 +1,4 @@
-"""evaluate.dimensions: the size of the object nearest to the camera against what a ruler says."""
+"""evaluate.dimensions: the size of the object nearest to the camera against measurements with a ruler."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What rollouts and replays share: seeds of the starts, the record of every try, and the line about it."""
+"""Shared by rollouts and replays: seeds of the starts, the record of every try, and the line about it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from dextera_build.statistics import Rate
 
 @dataclass(frozen=True)
 class Attempt:
-    """What came of one seed."""
+    """The outcome of one seed."""
 
     seed: int
     """Seed of the start."""

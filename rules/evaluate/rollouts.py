@@ -25,7 +25,7 @@ class RolloutsOptions(Options):
     seed: int = Field(0, ge=0)
     """Seed of the starts; the same for all policies that are compared."""
     label: str = ""
-    """What tables call the policy; empty: after its algorithm, `ACT`, and `ACT image` where it sees."""
+    """Name of the policy in tables; empty: its algorithm, `ACT`, and `ACT image` where it sees."""
     strip_frames: int = Field(6, ge=2)
     """Pictures in each film strip."""
 

@@ -19,7 +19,7 @@ class SeriesOptions(Options):
     """How tables call robots."""
 
     robots: dict[str, str] = Field(default_factory=lambda: {"kuka_leap": "KL", "openarm_revo": "OB"})
-    """Name of a robot's model -> what tables call it; the paper says KL and OB."""
+    """Name of a robot's model -> its name in tables; the paper has KL and OB."""
 
 
 @dataclass(frozen=True, order=True)
@@ -27,7 +27,7 @@ class Pair:
     """A task and an embodiment: a row of the paper's tables."""
 
     robot: str
-    """What tables call the robot."""
+    """Name of the robot in tables."""
     task: str
     """Name of the task."""
 
@@ -42,7 +42,7 @@ class Cell:
     pair: Pair
     """Task and embodiment."""
     label: str
-    """What tables call the actor."""
+    """Name of the actor in tables."""
     trials: Trials
     """The tries."""
 

@@ -1,4 +1,4 @@
-"""What imitation learns from: normalised inputs and actions, split by episode."""
+"""Training data of imitation: normalised inputs and actions, split by episode."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class Worlds(DummyVecEnv):
         self.public = self.practices[0].public
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Step all, and begin anew where an episode ended."""
+        """Step all environments, and reset those whose episode ended."""
         results = [_step(*pair) for pair in zip(self.practices, self.actions, strict=True)]
         for number, (observation, reward, done, info) in enumerate(results):
             self._save_obs(number, observation)

@@ -17,7 +17,7 @@ _FOLDERS = {
     "flexcomp": "meshdir",
     "texture": "texturedir",
 }
-"""Element that names files -> attribute of `compiler` that says below which folder they lie."""
+"""Element that names files -> attribute of `compiler` with the folder of these files."""
 
 
 class MjcfOptions(Options):

@@ -147,7 +147,9 @@ class RandomProject:
 
     def _number(self) -> str:
         """Another number in one source: as many bytes and, mostly, the same time, with byte code of the old text."""
-        path = self.random.choice(list(self.sources()))
+        paths = list(self.sources())
+        above = [path for path in paths if path.endswith("/__init__.py")]  # imports run these, too
+        path = self.random.choice(self.random.choice((paths, above)))
         return self.alter(path, self.random.choice(("kept", "kept", "compiled", "compiled", "unchecked", "now")))
 
     def alter(self, path: str, how: str) -> str:

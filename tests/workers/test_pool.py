@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,6 +20,7 @@ from dextera_build.workers.capacity import Capacity, Gpu
 from dextera_build.workers.pool import LocalExecutor
 from dextera_build.workers.protocol import Task
 from tests.engine.tiny import RUNNER, Record, call, every, facts, graph, group, item, out
+from tests.engine.tiny import run_task as run_task
 
 
 @pytest.fixture
@@ -33,7 +35,7 @@ def run(plan: Graph, store: Store, pool: LocalExecutor, **flags: Any) -> tuple[R
     return result, record
 
 
-if os.environ.get("TINY_SLOW"):
+if os.path.exists(os.environ.get("TINY_SLOW", "")):
     time.sleep(60.0)  # a runner that takes long to load
 
 
@@ -178,8 +180,21 @@ def test_a_worker_that_was_started_early_takes_the_first_task(store: Store, pool
     assert pool.pids() == first
 
 
+def test_a_task_goes_to_the_worker_that_is_free_first(store: Store, tmp_path: Path) -> None:
+    slow = tmp_path / "slow"
+    with LocalExecutor("tests.workers.test_pool:run_task", Capacity(2, 4.0), {"TINY_SLOW": str(slow)}) as pool:
+        run(graph(call("first")), store, pool)
+        slow.touch()  # a second worker would load for a minute
+        began = time.monotonic()
+        naps = [call(f"n{number}", "sleep", 0.3) for number in range(3)]
+        result, _ = run(graph(*naps, default=tuple(nap.name for nap in naps)), store, pool)
+        assert time.monotonic() - began < 40.0
+        assert len(pool.pids()) == 2
+    assert result.ok
+
+
 def test_a_worker_that_was_given_nothing_is_not_waited_for() -> None:
-    with LocalExecutor("tests.workers.test_pool:run", Capacity(), {"TINY_SLOW": "1"}) as pool:
+    with LocalExecutor("tests.workers.test_pool:run", Capacity(), {"TINY_SLOW": "/"}) as pool:
         pool.warm()
         (started,) = pool.pids()
         time.sleep(0.5)

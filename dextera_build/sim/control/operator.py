@@ -60,7 +60,7 @@ class Operator(Protocol):
         """
 
     def command(self, state: State) -> Command | None:
-        """What to do now; None when there is nothing left to do."""
+        """The next command; None after the last one."""
 
 
 class PoseControl:

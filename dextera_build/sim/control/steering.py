@@ -1,7 +1,7 @@
 """Inputs and decisions of a reinforced policy: small steps of the palm or of joints.
 
-A decision holds for several control periods, over which the joint targets go evenly to where it says. All follows from
-the targets that were sent last and from where the joints are, so nothing is remembered from decision to decision.
+A decision holds for several control periods, over which the joint targets move evenly to its goal. It depends only on
+the targets that were sent last and on the joint positions, so nothing is remembered from decision to decision.
 """
 
 from __future__ import annotations

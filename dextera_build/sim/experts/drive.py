@@ -63,7 +63,7 @@ class Driver:
         filters: Filters | None = None,
         seed: int = 0,
     ) -> Episode:
-        """The episode that `operator` brings about from `start`; a failed one says why."""
+        """The episode that `operator` produces from `start`; a failed one holds the reason."""
         environment, rules = self.environment, filters or Filters()
         environment.begin(start)
         recorder, labels = Recorder(environment), _Labels()

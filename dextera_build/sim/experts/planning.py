@@ -35,7 +35,7 @@ class Practised:
         self._now = rehearsed[0].candidate.operator
 
     def begin(self, state: State) -> None:
-        """Take the first way that is free from `state`; where none is, the best one says why not."""
+        """Choose the first path that is free from `state`; if none is, the best one holds the reason."""
         for one in self.rehearsed:
             if self._room.comfort(one.candidate.operator.legs(state), state) is not None:
                 self._now = one.candidate.operator
@@ -45,7 +45,7 @@ class Practised:
         self._now.begin(state)
 
     def command(self, state: State) -> Command | None:
-        """What that way says."""
+        """The reason of that path."""
         return self._now.command(state)
 
 

@@ -1,4 +1,4 @@
-"""What scripted operators share: where the hand is, and whether the arm can bring it along a plan."""
+"""Shared by scripted operators: the pose of the hand, and whether the arm can move it along a plan."""
 
 from __future__ import annotations
 

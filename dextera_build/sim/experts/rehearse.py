@@ -58,7 +58,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Rehearsed:
-    """What came of a candidate."""
+    """The outcome of a candidate."""
 
     candidate: Candidate
     """It."""

@@ -19,7 +19,7 @@ def holds(task: TaskSpec, start: TaskState, now: TaskState) -> bool:
 
 
 class Judge:
-    """Follows one episode and says when it has succeeded.
+    """Follows one episode and decides when it has succeeded.
 
     Args:
         task: The objective.

@@ -57,7 +57,7 @@ class Replica:
         return found
 
     def show(self, positions: np.ndarray) -> None:
-        """Put the bodies of `data` where `positions` (Q,) says."""
+        """Move the bodies of `data` to `positions` (Q,)."""
         self.data.qpos[:] = positions
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)

@@ -26,7 +26,7 @@ def portrait(model: Any, data: Any, width: int = 480, height: int = 360) -> np.n
 
 
 def at_home(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
-    """What kind of world a task's is, and a picture of it as it was photographed."""
+    """The kind of a task's world, and a picture of it from the camera of the photograph."""
     model = models.compile_folder(bundle.model)
     return [(bundle.kind, portrait(model, models.at_home(model)))]
 

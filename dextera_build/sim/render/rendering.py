@@ -118,7 +118,7 @@ def _use_chosen_platform() -> None:
 
 
 def through(model: Any, view: View) -> Eye:
-    """What policies and films see through `view`."""
+    """The image that policies and films get through `view`."""
     return Eye(model, view.camera, view.world_from_camera, samples=view.samples)
 
 

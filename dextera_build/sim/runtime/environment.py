@@ -25,7 +25,7 @@ RAMP = 5
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one control period brought."""
+    """The outcome of one control period."""
 
     success: bool
     """The task is done."""
@@ -112,7 +112,7 @@ class Environment:
         return deployable(self.measure(rgb), self.previous_action, self.goal)
 
     def measure(self, rgb: np.ndarray | None = None) -> Measurement:
-        """What joint encoders, a tracker and a camera would give now."""
+        """The current readings of joint encoders, a tracker and a camera."""
         qpos = self.data.qpos
         return Measurement(qpos[self._joints].copy(), self.object_poses(), qpos[self._displacements].copy(), rgb)
 
@@ -144,7 +144,7 @@ class Environment:
         return np.asarray(forces @ self._base_from_world[:3, :3].T)
 
     def state(self) -> TaskState:
-        """What success is judged by."""
+        """The quantities that success is judged by."""
         names = self.bundle.objects[self.task.object].joints
         return TaskState(
             time_s=self.steps * self.period_s,

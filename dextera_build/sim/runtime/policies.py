@@ -1,4 +1,4 @@
-"""From a checkpoint to a policy that runs, or one error that says why not."""
+"""From a checkpoint to a policy that runs, or one error with the reason."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         return self.conclude(self.environment.step(action))
 
     def conclude(self, outcome: Outcome) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
-        """What `step` returns after control periods of which the last ended with `outcome`."""
+        """The return value of `step` after control periods of which the last ended with `outcome`."""
         late = outcome.over and not outcome.success and self.late
         broken = outcome.over and not outcome.success and not late
         reward = 0.0

@@ -19,7 +19,7 @@ LAST_S = 0.25
 
 @dataclass(frozen=True)
 class Motion:
-    """What one body did."""
+    """The motion of one body."""
 
     name: str
     drift_m: float  # distance from start to end of its origin

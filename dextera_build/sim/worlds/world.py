@@ -24,7 +24,7 @@ ROBOT = "robot/"
 LAMP_RADIUS_RAD = 0.10
 """Angular radius of the lamp that throws shadows [rad]."""
 SKY_REACH_M = 0.6
-"""What lies farther away does not darken a surface [m]."""
+"""Objects beyond this distance do not darken a surface [m]."""
 SKY_DEPTH = 0.75
 """Part of the even light that a surface loses where it sees no sky."""
 

@@ -137,7 +137,7 @@ def _picture(capture: Capture) -> tuple[bytes, tuple[int, int]]:
 
 
 def _send(request: dict[str, Any], timeout_s: float) -> Response:
-    """Ask an OpenAI-compatible service; where it is and who asks enters no record."""
+    """Ask an OpenAI-compatible service; its address and credentials enter no record."""
     import httpx
 
     url, key = os.environ.get("DXB_VLM_URL", ""), os.environ.get("DXB_VLM_API_KEY", "")

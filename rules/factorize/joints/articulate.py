@@ -36,7 +36,7 @@ class ArticulateOptions(Options):
     overlap_m: NonNegativeFloat = 0.001
     """Largest mean depth to which the lid may sink into the base while it closes [m]."""
     without_crease: Literal["fail", "rigid"] = "fail"
-    """What to do where an object that should be articulated shows no crease."""
+    """How to treat an object that should be articulated and shows no crease."""
 
 
 @rule(version=1)

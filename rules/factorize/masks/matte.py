@@ -24,7 +24,7 @@ COLOUR_SIGMA = 6.0
 FARTHEST = 900.0
 """Squared colour difference beyond which colours are equally foreign."""
 MOST_CHANGE = 0.4
-"""A border that changes more than this part of the mask is not believed."""
+"""A border that changes more than this share of the mask is rejected."""
 
 
 def complete(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarray) -> np.ndarray:

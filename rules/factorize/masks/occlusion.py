@@ -1,4 +1,4 @@
-"""What stands between the camera and an object."""
+"""Finds surfaces between the camera and an object."""
 
 from __future__ import annotations
 

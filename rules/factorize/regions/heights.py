@@ -1,4 +1,4 @@
-"""What rises above the support, pixel by pixel: the common ground of parsing and segmentation."""
+"""Heights above the support, pixel by pixel, for parsing and segmentation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one view says of an object, prepared for fitting: trusted points, normals, and rays along the silhouette."""
+"""Evidence of one view about an object, prepared for fitting: trusted points, normals, rays along the silhouette."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ class Profile:
 
 @dataclass(frozen=True)
 class Layout:
-    """What parameters mean: x, y, [yaw, exponent], height, a by knot, [ratios b / a], [wall by knot, floor]."""
+    """Meaning of the parameters: x, y, [yaw, exponent], height, a by knot, [ratios b / a], [wall by knot, floor]."""
 
     knots: int
     oval: bool = False
