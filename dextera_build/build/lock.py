@@ -130,15 +130,12 @@ class Locking:
             # Another build may have written meanwhile; its pins stay.
             now = self._read() or {}
             pins = {name: pin for name, pin in (now | self._new).items() if pin is not None}
-            gone = self._gone(pins) if self.lock else []
+            recipes = {address for address, _ in self._project.recipes()}
+            gone = [name for name in pins if self.lock and name.recipe not in recipes]
             kept = {name: pin for name, pin in pins.items() if name not in gone}
             written = lockfile.write(self.path, kept)
-        self._old, self._new = self._pins(), {}
+        self._old, self._new = kept, {}
         return f"{self.path.name}: {_told(now, kept, gone)}" if written else ""
-
-    def _gone(self, pins: Pins) -> list[Name]:
-        known = {address for address, _ in self._project.recipes()}
-        return [name for name in pins if name.recipe not in known]
 
     def _read(self) -> dict[Name, Pin] | None:
         if not self.path.exists():  # A build that does nothing need not wait for more.
@@ -146,9 +143,6 @@ class Locking:
         from dextera_build.project import lockfile
 
         return lockfile.read(self.path, self._project.shown(self.path))
-
-    def _pins(self) -> dict[Name, Pin]:
-        return {name: pin for name, pin in (self._old | self._new).items() if pin is not None}
 
     def _name(self, recipe: str, node: str) -> Name:
         from dextera_build.project.lockfile import Name

@@ -5,16 +5,13 @@ from __future__ import annotations
 import os
 import re
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TextIO
 
 from dextera_build.errors import DxbError, Place
 from dextera_build.report.wording import some
 from dextera_build.runs.events import NodeFinished
-
-Lines = Callable[[str], Sequence[str] | None]
-"""File as `Place` names it -> its lines, or None where it cannot be read."""
 
 _RED, _CYAN, _DIM, _BOLD = "31;1", "36", "2", "1"
 _WORD = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,{}\[\]]+")
@@ -44,19 +41,15 @@ def paint(text: str, style: str, colour: bool) -> str:
     return f"\x1b[{style}m{text}\x1b[0m" if colour and text else text
 
 
-def render(error: DxbError, *, colour: bool = False, lines: Lines = read_lines) -> str:
+def render(error: DxbError, *, colour: bool = False) -> str:
     """An error as text without a final newline.
 
     Args:
         error: What happened.
         colour: Use ANSI colours.
-        lines: How the source line is found; a file that cannot be read is named but not quoted.
     """
     head = f"{paint(f'error[{error.code}]', _RED, colour)}: {paint(_clean(error.message), _BOLD, colour)}"
-    if error.where is None:
-        body = _aligned(list(error.facts.items()), colour)
-    else:
-        body = _quoted(error, error.where, colour, lines)
+    body = _quoted(error, error.where, colour) if error.where else _aligned([*error.facts.items()], colour)
     return "\n".join([head, *body, *_hint(error, colour)])
 
 
@@ -88,10 +81,10 @@ def _aligned(rows: list[tuple[str, str]], colour: bool) -> list[str]:
     ]
 
 
-def _quoted(error: DxbError, where: Place, colour: bool, lines: Lines) -> list[str]:
+def _quoted(error: DxbError, where: Place, colour: bool) -> list[str]:
     gutter = " " * max(len(str(where.line)), 2)
     out = [f"{gutter}{paint('-->', _CYAN, colour)} {_clean(str(where))}"]
-    text = _line(where, lines)
+    text = _line(where)
     if text is not None:
         text, column = _window(text, where.column)
         bar = paint("|", _CYAN, colour)
@@ -121,8 +114,9 @@ def _clean(text: str, longest: int = _LONGEST) -> str:
     return _UNSEEN.sub(lambda found: found.group().encode("unicode_escape").decode(), text)
 
 
-def _line(where: Place, lines: Lines) -> str | None:
-    found = lines(where.file) if where.line else None
+def _line(where: Place) -> str | None:
+    """The source line; None where the file cannot be read."""
+    found = read_lines(where.file) if where.line else None
     if not found or where.line > len(found):
         return None
     return found[where.line - 1]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import re
-import sys
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from dextera_build.errors import did_you_mean
+from dextera_build.session import warnings
 
 if TYPE_CHECKING:
     from dextera_build.project.project import Project
@@ -29,7 +29,6 @@ SETTINGS = {
 }
 """Those that stand for a setting of `dxb.toml`; `dxb show --config` names the ones in force."""
 OTHERS = {
-    "DXB_NO_PROGRESS": "any text: print plain lines also on a terminal",
     "DXB_KEY_PASSPHRASE": "opens the private key that `--sign` names",
     "DXB_SERVE_SECRET": "the password that `dxb cache serve` asks for, of the user `dxb`",
     "DXB_NODE_STORE": "the store's folder of a Ray worker",
@@ -38,16 +37,12 @@ OTHERS = {
     "DXB_FAILPOINT": "for tests: the step at which a process stops",
 }
 
-_told: set[str] = set()
-
 
 def warn(project: Project) -> None:
-    """Say on standard error, once in a process, which `DXB_*` variables nothing reads, with the nearest name."""
+    """Note which `DXB_*` variables nothing reads, with the nearest name."""
     addresses = [spec.address for spec in project.remotes.known.values()] if project.config else []
     for name in strangers(os.environ, addresses):
-        if name not in _told:
-            _told.add(name)
-            print(f"warning: nothing reads the variable `{name}`; {meant(name)}", file=sys.stderr)
+        warnings[f"nothing reads the variable `{name}`; {meant(name)}"] = None
 
 
 def strangers(environment: Mapping[str, str], addresses: Iterable[str]) -> list[str]:

@@ -141,9 +141,9 @@ class CodeIndex:
 
     def _source(self, file: Path) -> syntax.Source:
         if file not in self._parsed:
-            data = read(file)
-            binary = syntax.Source({"<binary>": digest_of(data)}, {}, ())
-            self._parsed[file] = syntax.source(data, str(file)) if file.suffix == _SOURCE else binary
+            data, is_text = read(file), file.suffix == _SOURCE
+            parsed = syntax.source(data, str(file)) if is_text else syntax.Source({"<binary>": digest_of(data)}, {}, ())
+            self._parsed[file] = parsed
         return self._parsed[file]
 
 

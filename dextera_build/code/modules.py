@@ -97,6 +97,7 @@ def earlier(wanted: str) -> bytes | None:
     return None
 
 
+@cache
 def digest_of(data: bytes) -> str:
     """Short digest of the bytes of a source file."""
     return digest.of_bytes(data)[:32]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.engine.graph import Call, Gather, Graph, Leaf, parse_address
 from dextera_build.engine.key import Change, compare
-from dextera_build.explain.origins import Event, Origins, document
+from dextera_build.explain.origins import Origins, document
 from dextera_build.explain.reads import Reads
 from dextera_build.explain.upstream import Upstream
 from dextera_build.report.wording import count, some
@@ -157,11 +157,8 @@ class Causes:
         if change.old is None or change.new is None or event is None:
             return
         before = self._origins.made_for(event)
-        made = self._made(event, change.name)
-        if made and not set(now) & set(before):
-            cause.change += f", from `{min(made)}` before"
         if isinstance(source, Gather):
-            cause.change += _copies(now, made, source)
+            cause.change += _copies(now, before, source)
         changed = [
             _Question(node, before[node]["key"], event["run"])
             for node in now
@@ -172,11 +169,6 @@ class Causes:
             cause.behind = groups[0][0]
         else:
             cause.inside = [Cause("node", _names(group), "changed", behind=group[0]) for group in groups]
-
-    def _made(self, event: Event, slot: str) -> list[str]:
-        """The nodes that one input of a node came from."""
-        found = (origin for origin in self._origins.of(event) if origin.slot.partition("[")[0] == slot)
-        return [origin.maker["node"] for origin in found if origin.maker is not None]
 
     def _alike(self, questions: Sequence[_Question]) -> list[list[_Question]]:
         """Copies of one call for which the same things changed stand together."""
@@ -229,9 +221,9 @@ def _files(old: Mapping[str, str], new: Mapping[str, str], folder: str) -> Itera
             yield Cause("file", name, change or ("added" if name in new else "removed"), f"{folder}/{name}")
 
 
-def _copies(now: Iterable[str], made: Iterable[str], source: Gather) -> str:
+def _copies(now: Iterable[str], before: Iterable[str], source: Gather) -> str:
     """Which copies a gathered input has now and had not, or the other way round."""
-    fresh, then = ({node for node in nodes if parse_address(node).call == source.call} for nodes in (now, made))
+    fresh, then = ({node for node in nodes if parse_address(node).call == source.call} for nodes in (now, before))
     told = {"new": sorted(fresh - then), "gone": sorted(then - fresh)} if then else {}
     return "".join(f"; {word}: {some(nodes, 3)}" for word, nodes in told.items() if nodes)
 

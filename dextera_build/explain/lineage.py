@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 from dextera_build import digest as digests
@@ -20,62 +19,47 @@ _WIDE = 120
 """Characters of an option's value in the text; `--json` has all of it."""
 
 
-@dataclass
-class Lineage:
-    """Nodes and files, each once, and which of them read which."""
+def trace(session: Session, targets: Sequence[str]) -> Row:
+    """The lineage of what `targets` returned when they were built last, as plain data.
 
-    roots: list[str] = field(default_factory=list)
-    """Ids of what was asked for."""
-    nodes: dict[str, Row] = field(default_factory=dict)
-    """Id (key, or digest of a file) -> what is known."""
-    edges: list[Row] = field(default_factory=list)
-    """`from` is read by `to` as its input `slot`; `part` leads to it in what `from` returned."""
-
-    def to_json(self) -> Row:
-        """A flat list of nodes, and of edges."""
-        return {"roots": self.roots, "nodes": list(self.nodes.values()), "edges": self.edges}
-
-
-def trace(session: Session, targets: Sequence[str]) -> Lineage:
-    """The lineage of what `targets` returned when they were built last.
+    `roots` are the ids of what was asked for. `nodes` are nodes and files, each once; `id` is a key, or the digest of a
+    file. Of the `edges`, `from` is read by `to` as its input `slot`; `part` leads to it in what `from` returned.
 
     Raises:
         UsageError: A target was never built.
     """
-    origins, lineage = Origins(session.store), Lineage()
-    todo: list[Event] = []
-    for node in targets:
-        entry = session.past(node)
-        lineage.roots.append(entry.key)
-        todo.append(origins.event(entry.key, entry.run) or _unlogged(session, node, entry.key))
+    origins = Origins(session.store)
+    nodes: dict[str, Row] = {}
+    edges: list[Row] = []
+    past = {node: session.past(node) for node in targets}
+    todo = [origins.event(e.key, e.run) or _unlogged(session, node, e.key) for node, e in past.items()]
     while todo:
         event = todo.pop()
         key = event["key"]
-        if key in lineage.nodes:
+        if key in nodes:
             continue
-        lineage.nodes[key] = _node(session, event)
+        nodes[key] = _node(session, event)
         for origin in origins.of(event):
             name = origin.maker["key"] if origin.maker else origin.digest
-            lineage.edges.append(
-                {"from": name, "to": key, "slot": origin.slot, "part": origin.part, "digest": origin.digest}
-            )
+            edges.append({"from": name, "to": key, "slot": origin.slot, "part": origin.part, "digest": origin.digest})
             if origin.maker:
                 todo.append(origin.maker)
             else:
-                lineage.nodes.setdefault(name, _leaf(session, origin, origins.contents(name), event["node"]))
-    return lineage
+                nodes.setdefault(name, _leaf(session, origin, origins.contents(name), event["node"]))
+    return {"roots": [entry.key for entry in past.values()], "nodes": list(nodes.values()), "edges": edges}
 
 
-def lines(lineage: Lineage, recipe: str) -> Iterator[str]:
+def lines(lineage: Row, recipe: str) -> Iterator[str]:
     """Indented text, cells separated by tabs; what was printed before is named and not printed again."""
     inputs: dict[str, list[Row]] = {}
-    for edge in lineage.edges:
+    nodes = {row["id"]: row for row in lineage["nodes"]}
+    for edge in lineage["edges"]:
         inputs.setdefault(edge["to"], []).append(edge)
     printed: set[str] = set()
-    todo = [(0, f"{recipe}:", "", name) for name in reversed(lineage.roots)]
+    todo = [(0, f"{recipe}:", "", name) for name in reversed(lineage["roots"])]
     while todo:
         depth, before, part, name = todo.pop()
-        row = lineage.nodes[name]
+        row = nodes[name]
         title, *cells = _head(row)
         title = f"{margin(depth)}{before}{title}{part}"
         if name in printed:

@@ -14,9 +14,8 @@ from pathlib import Path
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.gc import inventory
-from dextera_build.store import entry as entries
-from dextera_build.store import failpoints, files, last_use, permissions
-from dextera_build.store.blobs import listed, listing, shards
+from dextera_build.store import failpoints, last_use
+from dextera_build.store.blobs import listed, shards
 from dextera_build.store.store import Store
 
 Progress = Callable[[int, int], None]
@@ -28,8 +27,8 @@ class Finding:
     """One thing that is not as it should be."""
 
     kind: str
-    """`damaged`, `truncated`: a blob; `unreadable`, `lacking`, `misfiled`: a result; `leftover`: an unfinished file of
-    a killed process, which is no damage."""
+    """`damaged`, `truncated`: a blob; `unreadable`, `lacking`: a result; `leftover`: an unfinished file of a killed
+    process, which is no damage."""
     name: str
     """Digest, key or path."""
     detail: str
@@ -90,12 +89,9 @@ class _Verifier:
         self._progress = progress
         self._told = 0.0
         self._guard = threading.Lock()
-        self._sizes = {
-            digest: size
-            for _, kept in inventory.results(store)
-            for digest, size in kept.needs.items()
-            if size is not None
-        }
+        self._results = dict(inventory.results(store))
+        sizes = (size for kept in self._results.values() for size in kept.needs.items())
+        self._sizes = {digest: size for digest, size in sizes if size is not None}
         self.verdict = Verdict()
 
     def blobs(self, jobs: int) -> None:
@@ -120,31 +116,18 @@ class _Verifier:
         if (size != wanted or not self._fast) and not _is_named_right(digest, path):
             kind = "truncated" if size < wanted else "damaged"
             what = f"{size} of {wanted} bytes" if kind == "truncated" else "its bytes are not those of its name"
-            self._find(kind, digest, what, lambda: self._aside(path, digest))
+            self._find(kind, digest, what, str(path))
 
     def results(self) -> None:
-        """Read every result."""
-        for key, _, _ in listing(self._store.actions.root):
-            path = f"{self._store.actions.root}/{key[:2]}/{key[2:]}"
-            with suppress(FileNotFoundError):
-                self.verdict.results += 1
-                kind, detail = self._judge(key, path)
-                if kind:
-                    self._find(kind, key, detail, lambda path=path: inventory.remove(path))  # type: ignore[misc]
-
-    def _judge(self, key: str, path: str) -> tuple[str, str]:
-        try:
-            found = entries.read(files.read(path))
-        except FileNotFoundError:
-            raise
-        except (OSError, ValueError):
-            return "unreadable", "not a result"
-        lacks = [file for file in found.files if file.size not in (None, self._store.blobs.size(file.digest))]
-        if lacks:
-            return "lacking", f"{len(lacks)} of {len(found.files)} blobs are not there"
-        if found.key != key:
-            return "misfiled", f"it belongs under {found.key}"
-        return "", ""
+        """Judge every result by what is there of its blobs now."""
+        self.verdict.results = len(self._results)
+        for key, kept in self._results.items():
+            lacks = [name for name, size in kept.needs.items() if size not in (None, self._store.blobs.size(name))]
+            path = inventory.path_of(self._store, key)
+            if lacks:
+                self._find("lacking", key, f"{len(lacks)} of {len(kept.needs)} blobs are not there", path)
+            elif not kept.needs:
+                self._find("unreadable", key, "it is no result, or that of another key", path)
 
     def leftovers(self) -> None:
         """Find what killed processes left; what may still be written now is left alone."""
@@ -152,22 +135,18 @@ class _Verifier:
         aside = str(self._store.local / "quarantine")
         for path, size, used in inventory.leftovers(self._store):
             if used < horizon and os.path.dirname(path) != aside:
-                self._find("leftover", path, f"{size} bytes", lambda path=path: inventory.remove(path))  # type: ignore[misc]
+                self._find("leftover", path, f"{size} bytes", path)
 
-    def _find(self, kind: str, name: str, detail: str, repair: Callable[[], None]) -> None:
-        repaired = False
+    def _find(self, kind: str, name: str, detail: str, path: str) -> None:
         if self._repair:
             with suppress(OSError):
                 failpoints.reach("repair.found")
-                repair()
-                repaired = True
+                if kind in ("damaged", "truncated"):
+                    self._store.blobs.quarantine(name)
+                else:
+                    inventory.remove(path)
         with self._guard:
-            self.verdict.findings.append(Finding(kind, name, detail, repaired))
-
-    def _aside(self, path: Path, digest: str) -> None:
-        folder = self._store.local / "quarantine"
-        permissions.make_folder(str(folder))
-        os.replace(path, folder / digest)
+            self.verdict.findings.append(Finding(kind, name, detail, self._repair and not os.path.lexists(path)))
 
     def _tell(self) -> None:
         if time.monotonic() - self._told >= 0.1:

@@ -83,10 +83,9 @@ class Blobs:
         if self._unwritten is not None:
             self._unwritten[digest] = data
             return digest
-        path = f"{self._base}{digest[:2]}/{digest[2:]}"
-        # Most are new: that is asked first, for no exception has to be made of the answer.
+        path = self._file(digest)
         # A short file is what a power cut leaves; it is replaced.
-        if not os.access(path, os.F_OK) or not self._is_held(path, digest, len(data), lambda: files.read(path) == data):
+        if not self.holds(digest, len(data), lambda: files.read(path) == data):
             files.write(path, data, workshop=self._workshop)
         return digest
 
@@ -98,9 +97,7 @@ class Blobs:
             size: Its size [bytes].
             check: Tells whether its bytes are right; asked of blobs that nobody used for a while.
         """
-        return self._is_held(self._file(digest), digest, size, check)
-
-    def _is_held(self, path: str, digest: str, size: int, check: Callable[[], bool] | None) -> bool:
+        path = self._file(digest)
         try:
             state = os.stat(path)
             if state.st_size != size or not stat.S_ISREG(state.st_mode):

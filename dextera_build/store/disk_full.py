@@ -47,13 +47,18 @@ def explain(error: BaseException, store: Path, scratch: Path) -> StoreError | No
 
 def free_bytes(path: Path | str) -> int:
     """Free space on the disk of a path that need not exist [bytes]."""
+    with suppress(OSError):
+        state = os.statvfs(nearest(path))
+        return state.f_bavail * state.f_frsize
+    return 0
+
+
+def nearest(path: Path | str) -> str:
+    """The folder at or above a path that is there."""
     folder = os.path.abspath(path)
     while not os.path.isdir(folder):
         folder = os.path.dirname(folder)
-    with suppress(OSError):
-        state = os.statvfs(folder)
-        return state.f_bavail * state.f_frsize
-    return 0
+    return folder
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -17,11 +16,6 @@ Read = Callable[[str], bytes]
 
 _PARTS: dict[str, list[type]] = {"$bytes": [str, int], "$array": [str, list, str]}
 """Tag -> what stands behind it."""
-
-_FILE = re.compile(
-    rb'\{"artifact":"File","fields":\{"data":\{"\$bytes":\["([0-9a-f]{64})",(?:0|[1-9][0-9]{0,17})\]\}\}\}'
-)
-"""The header of a `File` as `file_header` spells it: of most, all that need be looked at."""
 
 ESCAPES = "DXB-S219"
 """Code of the error for a label that leads out of its folder."""
@@ -51,9 +45,6 @@ def closure(header: bytes) -> tuple[list[str], list[str]]:
         StoreError: A label would lead out of the folder that the artifact is written to.
         ValueError: It is no header.
     """
-    file = _FILE.fullmatch(header)
-    if file is not None:
-        return [], [file[1].decode()]
     refs: list[str] = []
     blobs: list[str] = []
     stack: list[Any] = [*reversed(_fields(digests.plain(header)).values())]
@@ -140,8 +131,7 @@ def items(read: Read, digest: str) -> dict[str, str]:
 
 def file_header(blob: str, size: int) -> bytes:
     """The header of the `File` with this content."""
-    # As `digest.canonical` spells it; there is one for each file that a build reads.
-    return f'{{"artifact":"File","fields":{{"data":{{"$bytes":[{digests.quoted(blob)},{size:d}]}}}}}}'.encode()
+    return digests.canonical({"artifact": "File", "fields": {"data": {"$bytes": [blob, size]}}})
 
 
 def folder_header(tree: Mapping[str, tuple[str, int]]) -> bytes:
@@ -152,10 +142,8 @@ def folder_header(tree: Mapping[str, tuple[str, int]]) -> bytes:
 
 def collection_header(parts: Mapping[str, str]) -> bytes:
     """The header of the `Collection` of these artifacts: label -> digest."""
-    # As `digest.canonical` spells it; there is one for each list of inputs in a recipe.
-    quoted = digests.quoted
-    content = ",".join([f'{quoted(label)}:{{"$ref":{quoted(parts[label])}}}' for label in sorted(parts)])
-    return f'{{"artifact":"Collection","fields":{{"items":{{"$map":{{{content}}}}}}}}}'.encode()
+    items = {label: {"$ref": digest} for label, digest in parts.items()}
+    return digests.canonical({"artifact": "Collection", "fields": {"items": {"$map": items}}})
 
 
 def _refuse_escapes(labels: Iterable[str]) -> None:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from dextera_build import digest as digests
 from dextera_build.errors import RecipeError, StoreError
-from dextera_build.store import failpoints, headers, signature
+from dextera_build.store import disk_full, failpoints, headers, signature
 from dextera_build.store.blobs import Blobs, is_digest
 from dextera_build.store.state import State
 
@@ -204,8 +204,8 @@ def _unreadable(path: str, error: OSError) -> RecipeError:
         return RecipeError(
             f"there is no file or folder `{path}`",
             code="DXB-R301",
-            facts={"nearest": _nearest(path)},
-            hint=f"ls {_nearest(path)}",
+            facts={"nearest": disk_full.nearest(path)},
+            hint=f"ls {disk_full.nearest(path)}",
         )
     return RecipeError(
         f"`{path}` cannot be read", code="DXB-R302", facts={"system says": error.strerror}, hint=f"ls -ld {path}"
@@ -214,10 +214,3 @@ def _unreadable(path: str, error: OSError) -> RecipeError:
 
 def _loop(path: str) -> RecipeError:
     return RecipeError(f"`{path}` is a link that leads back to itself", code="DXB-R303", hint=f"ls -l {path}")
-
-
-def _nearest(path: str) -> str:
-    folder = os.path.dirname(path)
-    while not os.path.isdir(folder):
-        folder = os.path.dirname(folder)
-    return folder

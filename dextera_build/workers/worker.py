@@ -16,6 +16,7 @@ import importlib
 import io
 import json
 import os
+import re
 import resource
 import signal
 import socket
@@ -124,16 +125,17 @@ class Meter:
     def __init__(self) -> None:
         with contextlib.suppress(OSError), open("/proc/self/clear_refs", "wb") as peak:
             peak.write(b"5")  # the peak counts from here
-        self._own, self._children, self._moved = time.process_time(), _children(), _moved()
+        self._own, self._children, self._moved = time.process_time(), _children(), _numbers("io")
 
     def end(self) -> dict[str, float]:
         """What the process used, and the children that it waited for; see `Ended.usage`."""
-        (before, record), (children, peak), moved = self._children, _children(), _moved()
+        (before, record), (children, peak), moved = self._children, _children(), _numbers("io")
         used: dict[str, float] = {"cpu_seconds": round(time.process_time() - self._own + children - before, 6)}
-        if self._moved is not None and moved is not None:
-            used["read_bytes"], used["written_bytes"] = moved[0] - self._moved[0], moved[1] - self._moved[1]
+        if self._moved and moved:
+            used["read_bytes"] = moved["rchar"] - self._moved["rchar"]
+            used["written_bytes"] = moved["wchar"] - self._moved["wchar"]
         # Of children only the largest of all times is known: it is this task's where that record was broken meanwhile.
-        peak = max(_peak(), peak if peak > record else 0)
+        peak = max(_numbers("status").get("VmHWM", 0) * 1024, peak if peak > record else 0)
         if peak:
             used["memory_bytes"] = peak
         return used
@@ -145,28 +147,11 @@ def _children() -> tuple[float, int]:
     return used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
 
 
-def _peak() -> int:
-    """Most that was resident since the last reset, or ever where that is not allowed [bytes]."""
-    for line in _text("/proc/self/status").splitlines():
-        if line.startswith(b"VmHWM:"):
-            return int(line.split()[1]) * 1024
-    return 0
-
-
-def _moved() -> tuple[int, int] | None:
-    """(read, written) so far [bytes]."""
-    words = _text("/proc/self/io").split(None, 4)
-    if len(words) < 4 or words[0] != b"rchar:" or words[2] != b"wchar:":
-        return None
-    return int(words[1]), int(words[3])
-
-
-def _text(path: str) -> bytes:
-    try:
-        with open(path, "rb") as file:
-            return file.read()
-    except OSError:
-        return b""
+def _numbers(table: str) -> dict[str, int]:
+    """What a table of this process in `/proc` says; nothing where it cannot be read."""
+    with contextlib.suppress(OSError), open(f"/proc/self/{table}") as rows:
+        return {name: int(number) for name, number in re.findall(r"^(\w+):\s*(\d+)", rows.read(), re.MULTILINE)}
+    return {}
 
 
 def load(named: str) -> Callable[..., Any]:

@@ -151,12 +151,8 @@ def test_live_becomes_plain_where_nothing_can_move(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("os.get_terminal_size", lambda fd: __import__("os").terminal_size((80, 24)))
     monkeypatch.setattr(Tty, "fileno", lambda self: 2)
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.delenv("DXB_NO_PROGRESS", raising=False)
     assert can_move(Tty())
     assert not can_move(io.StringIO())
-    monkeypatch.setenv("DXB_NO_PROGRESS", "1")
-    assert not can_move(Tty())
-    monkeypatch.delenv("DXB_NO_PROGRESS")
     monkeypatch.setenv("TERM", "dumb")
     assert not can_move(Tty())
     monkeypatch.setenv("TERM", "xterm")
@@ -279,7 +275,7 @@ def test_a_line_of_a_rule_stays_one_line_and_cannot_move_the_cursor() -> None:
     event = NodeFinished(
         time=1, node="a", rule="r.a", backend=None, status="ran", key="k", output="o", seconds=1, line="o\x1b[2Jne\ntwo"
     )
-    assert lines.plain(lines.Columns().node(event)).endswith("  o [2Jne")
+    assert lines.plain(lines.node(event)).endswith("  o [2Jne")
 
 
 def test_nodes_that_never_ran_are_told_at_the_end_by_what_they_wait_for() -> None:
@@ -288,7 +284,7 @@ def test_nodes_that_never_ran_are_told_at_the_end_by_what_they_wait_for() -> Non
 
     events = [left("c", "cancelled"), left("a", "waits", "x"), left("b", "waits", "y")]
     events += [left(f"z{i}", "waits", "y") for i in range(5)]
-    shown = [" ".join(lines.plain(line).split()) for line in lines.Columns().left_over(events)]
+    shown = [" ".join(lines.plain(line).split()) for line in lines.left_over(events)]
     assert shown == ["· a waits for x", "· 6 nodes wait for y", "- c cancelled"]
 
 

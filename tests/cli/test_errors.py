@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
@@ -11,6 +12,12 @@ from dextera_build.errors import DxbError, MachineError, Place, RecipeError, Rul
 from dextera_build.runs.events import NodeFinished
 
 LINE = "  objects: {rule: segment.instances, frames: $frames, cameras: $camera, backend: sam2,"
+
+
+def quoting(lines: list[str] | None, error: DxbError, *, colour: bool = False) -> str:
+    """The text of an error about a file with these lines."""
+    with patch("dextera_build.cli.errors.read_lines", lambda file: lines):
+        return render(error, colour=colour)
 
 
 def failed(error: DxbError | None, backend: str | None = "primitives") -> NodeFinished:
@@ -35,7 +42,7 @@ def test_recipe_error_quotes_the_line_and_underlines_the_literal() -> None:
         facts={"known here": "video, robot, frames, cameras"},
         hint="did you mean `$cameras`?",
     )
-    assert render(error, lines=lambda file: [""] * 10 + [LINE]) == (
+    assert quoting([""] * 10 + [LINE], error) == (
         "error[DXB-R104]: `$camera` names nothing\n"
         "  --> recipes/twin/laptop_scene.yaml:11:64\n"
         "   |\n"
@@ -58,21 +65,19 @@ def test_recipe_error_quotes_the_line_and_underlines_the_literal() -> None:
     ],
 )
 def test_a_word_is_underlined_where_no_literal_stands(text: str, column: int, marks: str) -> None:
-    shown = render(RecipeError("wrong", where=Place("r.yaml", 1, column)), lines=lambda file: [text])
+    shown = quoting([text], RecipeError("wrong", where=Place("r.yaml", 1, column)))
     assert shown.splitlines()[-1] == f"   | {' ' * (column - 1)}{marks}"
 
 
 def test_a_tab_before_the_word_keeps_the_marks_under_it() -> None:
-    shown = render(RecipeError("wrong", where=Place("r.yaml", 1, 2)), lines=lambda file: ["\tbad"])
+    shown = quoting(["\tbad"], RecipeError("wrong", where=Place("r.yaml", 1, 2)))
     assert shown.splitlines()[-2:] == [" 1 | \tbad", "   | \t^^^"]
 
 
 @pytest.mark.parametrize("lines", [None, [], ["one line only"]])
 def test_a_line_that_cannot_be_read_is_only_named(lines: list[str] | None) -> None:
     error = RecipeError("the key `a` stands twice", code="DXB-R102", where=Place("r.yaml", 3, 1), facts={"first": "2"})
-    assert render(error, lines=lambda file: lines) == (
-        "error[DXB-R102]: the key `a` stands twice\n  --> r.yaml:3:1\n   = first: 2"
-    )
+    assert quoting(lines, error) == ("error[DXB-R102]: the key `a` stands twice\n  --> r.yaml:3:1\n   = first: 2")
 
 
 def test_a_place_that_is_a_whole_file() -> None:
@@ -105,9 +110,9 @@ def test_colour_changes_no_character() -> None:
     import re
 
     error = RecipeError("`$x` names nothing", where=Place("r.yaml", 1, 4), facts={"known": "y"}, hint="h")
-    painted = render(error, colour=True, lines=lambda file: ["a: $x"])
+    painted = quoting(["a: $x"], error, colour=True)
     assert "\x1b[31;1m" in painted
-    assert re.sub(r"\x1b\[[\d;]*m", "", painted) == render(error, lines=lambda file: ["a: $x"])
+    assert re.sub(r"\x1b\[[\d;]*m", "", painted) == quoting(["a: $x"], error)
 
 
 def test_node_failure() -> None:
@@ -158,7 +163,7 @@ def test_what_others_wrote_cannot_steer_the_terminal() -> None:
         facts={STEERING: STEERING},
         hint=f"`{STEERING}`",
     )
-    shown = render(error, lines=lambda file: [f"a: ${STEERING}"])
+    shown = quoting([f"a: ${STEERING}"], error)
     assert all(c.isprintable() or c == "\n" for c in shown)
     assert "a\\x1b[2Jb\\x07\\x9b1m\\u202edcba" in shown
     bare = render(RecipeError(STEERING, facts={"b": STEERING}))
@@ -167,7 +172,7 @@ def test_what_others_wrote_cannot_steer_the_terminal() -> None:
 
 def test_a_message_of_megabytes_is_shortened_and_the_marks_stay_under_the_word() -> None:
     error = RecipeError("x" * 1_000_000, where=Place("r.yaml", 1, 500_001), facts={"f": "y" * 1_000_000})
-    shown = render(error, lines=lambda file: [" " * 500_000 + "word" + " " * 500_000])
+    shown = quoting([" " * 500_000 + "word" + " " * 500_000], error)
     assert len(shown) < 12_000
     line, marks = shown.splitlines()[3:5]
     assert line.index("word") == marks.index("^^^^")

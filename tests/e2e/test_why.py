@@ -235,14 +235,15 @@ def test_copies_that_changed_each_in_its_way_are_named(built):
     ]
 
 
-def test_an_input_that_comes_from_elsewhere_says_from_where_before(built):
+def test_an_input_that_comes_from_elsewhere_says_from_where(built):
     built.edit(
         "recipes/say/words.yaml", "nodes:\n  start:", "nodes:\n  other: {rule: toy.start, text: three}\n  start:"
     )
     built.edit("recipes/say/words.yaml", "split, text: $start", "split, text: $other")
     assert built.build("say/words:other").code == 0
     (line,) = built.dxb("why", "say/words:words").out.splitlines()[1:]
-    assert line.endswith(", from `start` before\tother")
+    assert line.startswith("  input\ttext\t")
+    assert line.endswith("\tother")
 
 
 def test_what_was_never_built_names_what_it_waits_for(space):

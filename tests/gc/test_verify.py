@@ -103,7 +103,7 @@ def test_findings_say_what_is_wrong(store: Store) -> None:
         ("truncated", digest.of_bytes(b"1" * 100)): "50 of 100 bytes",
         ("lacking", key_of("r1")): "1 of 3 blobs are not there",
         ("lacking", key_of("r2")): "1 of 3 blobs are not there",
-        ("unreadable", key_of("r3")): "not a result",
+        ("unreadable", key_of("r3")): "it is no result, or that of another key",
     }
 
 

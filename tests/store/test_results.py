@@ -157,7 +157,7 @@ def test_an_entry_under_another_key_is_a_miss(store: Store, result: ActionResult
     two.rename(one)
     one.with_name("x").rename(two)
     assert sorted((finding.kind, finding.name) for finding in verify(store).findings) == sorted(
-        ("misfiled", key) for key in (KEY, other)
+        ("unreadable", key) for key in (KEY, other)
     )
     assert [store.actions.get(key) or store.actions.known(key) for key in (KEY, other)] == [None, None]
 

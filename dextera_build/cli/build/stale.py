@@ -19,39 +19,33 @@ if TYPE_CHECKING:
     from dextera_build.session import Session
 
 
-def check(session: Session, graph: Graph, wanted: Sequence[Address], *, as_json: bool = False) -> int:
-    """Print every stale node with what changed, and refuse where there is one.
+def check(
+    session: Session, graph: Graph, wanted: Sequence[Address], *, as_json: bool = False, refuses: bool = True
+) -> int:
+    """Print every stale node with what changed, and refuse where there is one, or only count them.
 
     Raises:
         StaleError: Something that `wanted` needs would run.
     """
-    stale, waiting = show(session, graph, wanted, as_json=as_json)
-    if not stale:
-        print(f"{session.recipe} is up to date", file=sys.stderr)
-        return 0
-    raise StaleError(
-        f"`{session.recipe}` is stale",
-        code="DXB-C102",
-        facts={"stale": count(len(stale), "node"), "may follow": count(waiting, "node")},
-        hint=f"`dxb why '{session.recipe}:{stale[0]}'`",
-    )
-
-
-def show(session: Session, graph: Graph, wanted: Sequence[Address], *, as_json: bool = False) -> tuple[list[str], int]:
-    """Print every stale node with what changed.
-
-    Returns:
-        The stale nodes, and how many may follow.
-    """
     states = {node.address: node for node in dry(graph, wanted, session.store, history=session.past_builds)}
     stale = [name for name, node in states.items() if node.status == "stale"]
+    waiting = sum(node.status == "unknown" for node in states.values())
     causes = Causes(session, graph, states)
-    rows = [{"node": name, "why": reason(session, states, causes, name)} for name in stale]
+    rows = [{"node": name, "why": _reason(session, states, causes, name)} for name in stale]
     table.give(rows, as_json=as_json)
-    return stale, sum(node.status == "unknown" for node in states.values())
+    if stale and refuses:
+        raise StaleError(
+            f"`{session.recipe}` is stale",
+            code="DXB-C102",
+            facts={"stale": count(len(stale), "node"), "may follow": count(waiting, "node")},
+            hint=f"`dxb why '{session.recipe}:{stale[0]}'`",
+        )
+    told = f"{count(len(stale), 'node')} of {session.recipe} would run" if stale else f"{session.recipe} is up to date"
+    print(f"{told}, {waiting} may follow" if waiting else told, file=sys.stderr)
+    return 0
 
 
-def reason(session: Session, states: Mapping[str, Planned], causes: Causes, node: str) -> str:
+def _reason(session: Session, states: Mapping[str, Planned], causes: Causes, node: str) -> str:
     """Why a stale node is stale, in one line: the first thing that changed, and how many more."""
     entry = session.past_builds.get(node)
     if states[node].bare:

@@ -91,7 +91,7 @@ def console(kind: str, stream: TextIO, *, verbose: bool = False) -> Console:
 
 def can_move(stream: TextIO) -> bool:
     """Whether lines at the foot of `stream` can be drawn again: a terminal with room, and nobody asked for none."""
-    if not stream.isatty() or os.environ.get("DXB_NO_PROGRESS") or os.environ.get("TERM") == "dumb":
+    if not stream.isatty() or os.environ.get("TERM") == "dumb":
         return False
     try:
         return os.get_terminal_size(stream.fileno()).columns >= _NARROW

@@ -38,70 +38,63 @@ STYLES: dict[str, str] = {
 }
 """Style -> ANSI codes."""
 
-_NAME_COLUMN = (26, 36)  # characters: how wide the column of names starts, and where it stops growing
+_NAME, _BACKEND = 26, 10  # characters: the widths of columns
 
 _FOLD = 4  # more nodes of one state in a row than this become one line
 
 
-class Columns:
-    """Widths that grow with what was printed, so that later lines stand under earlier ones."""
+def line(event: Event, *, verbose: bool) -> Line | None:
+    """What a log says of an event at once; None of those that are told together or not at all."""
+    if isinstance(event, NodeFinished):
+        return node(event) if event.status not in ("waits", "cancelled", "cached") else None
+    if isinstance(event, NodeLog):
+        return logged(event.node, event.text) if verbose else None
+    say = _SAID.get(type(event))
+    return say(event) if say is not None else None
 
-    def __init__(self) -> None:
-        self.name = _NAME_COLUMN[0]
-        self.backend = 10
 
-    def line(self, event: Event, *, verbose: bool) -> Line | None:
-        """What a log says of an event at once; None of those that are told together or not at all."""
-        if isinstance(event, NodeFinished):
-            return self.node(event) if event.status not in ("waits", "cancelled", "cached") else None
-        if isinstance(event, NodeLog):
-            return logged(event.node, event.text) if verbose else None
-        say = _SAID.get(type(event))
-        return say(event) if say is not None else None
+def node(event: NodeFinished) -> Line:
+    """`  +  body[mug].mesh   12.0 s   primitives   revolved, closed`."""
+    time = duration(event.seconds) if event.status in ("ran", "fetched", "failed") else event.status
+    said = _first(event.line)
+    if event.status == "failed" and event.error:
+        said = _first(event.error.message)
+    if event.status == "waits":
+        said = f"for {some(event.blocked_by, 3)}"
+    if event.status == "fetched":
+        said = said or "remote"
+    # What it ran with elsewhere tells less here than where it came from.
+    return _row(event.status, event.node, time, event.remote or event.backend or "", said)
 
-    def node(self, event: NodeFinished) -> Line:
-        """`  +  body[mug].mesh   12.0 s   primitives   revolved, closed`."""
-        time = duration(event.seconds) if event.status in ("ran", "fetched", "failed") else event.status
-        said = _first(event.line)
-        if event.status == "failed" and event.error:
-            said = _first(event.error.message)
-        if event.status == "waits":
-            said = f"for {some(event.blocked_by, 3)}"
-        if event.status == "fetched":
-            said = said or "remote"
-        # What it ran with elsewhere tells less here than where it came from.
-        return self._row(event.status, event.node, time, event.remote or event.backend or "", said)
 
-    def several(self, events: Sequence[NodeFinished]) -> list[Line]:
-        """Nodes of one state: a line each, or one line where they are many."""
-        if len(events) <= _FOLD:
-            return [self.node(event) for event in events]
-        status = events[0].status
-        said = f"for {some(events[0].blocked_by, 3)}" if status == "waits" else some([e.node for e in events], 3)
-        return [self._row(status, count(len(events), "node"), STATES[status][1], "", said)]
+def left_over(events: Sequence[NodeFinished]) -> list[Line]:
+    """Nodes that never ran: by what they wait for, then those that were cancelled; many alike are one line."""
+    groups: dict[tuple[str, ...], list[NodeFinished]] = {}
+    for event in sorted(events, key=lambda e: e.status != "waits"):
+        groups.setdefault((event.status, *event.blocked_by), []).append(event)
+    found: list[Line] = []
+    for (status, *blockers), group in groups.items():
+        if len(group) <= _FOLD:
+            found += map(node, group)
+        else:
+            said = f"for {some(blockers, 3)}" if status == "waits" else some([e.node for e in group], 3)
+            found.append(_row(status, count(len(group), "node"), STATES[status][1], "", said))
+    return found
 
-    def left_over(self, events: Sequence[NodeFinished]) -> list[Line]:
-        """Nodes that never ran: by what they wait for, then those that were cancelled."""
-        groups: dict[tuple[str, ...], list[NodeFinished]] = {}
-        for event in sorted(events, key=lambda e: e.status != "waits"):
-            groups.setdefault((event.status, *event.blocked_by), []).append(event)
-        return [line for group in groups.values() for line in self.several(group)]
 
-    def _row(self, status: str, name: str, time: str, backend: str, said: str) -> Line:
-        self.name = max(self.name, min(len(name), _NAME_COLUMN[1]))
-        self.backend = max(self.backend, min(len(backend), 14))
-        quiet = "dim" if status == "cached" else ""
-        row: Line = [
-            (f"  {MARKS[status]}  ", status),
-            (f"{name:<{self.name}}  ", quiet),
-            (f"{time:<10} ", "failed" if status == "failed" else "dim"),
-            (f"{backend:<{self.backend}}  ", "dim"),
-            (said, "failed" if status == "failed" else quiet),
-        ]
-        while not row[-1][0].strip():
-            row.pop()
-        text, style = row.pop()
-        return [*row, (text.rstrip(), style)]
+def _row(status: str, name: str, time: str, backend: str, said: str) -> Line:
+    style = "failed" if status == "failed" else "dim"
+    row: Line = [
+        (f"  {MARKS[status]}  ", status),
+        (f"{name:<{_NAME}}  ", ""),
+        (f"{time:<10} ", style),
+        (f"{backend:<{_BACKEND}}  ", "dim"),
+        (said, style if status == "failed" else ""),
+    ]
+    while not row[-1][0].strip():
+        row.pop()
+    text, last = row.pop()
+    return [*row, (text.rstrip(), last)]
 
 
 def plain(line: Line, *, colour: bool = False) -> str:

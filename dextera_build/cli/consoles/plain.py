@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import TextIO
 
 from dextera_build.cli.consoles import Console, lines
-from dextera_build.cli.consoles.lines import Columns, Line
+from dextera_build.cli.consoles.lines import Line
 from dextera_build.cli.consoles.record import beat
 from dextera_build.runs.events import Event, NodeFinished, NodeStarted, RemoteGivenUp, RunFinished
 
@@ -37,7 +37,6 @@ class PlainConsole(Console):
         super().__init__(stream)
         self._verbose, self._beat_s, self._now = verbose, beat_s, now
         self._unicode = (getattr(stream, "encoding", None) or "utf-8").lower().replace("-", "").startswith("utf")
-        self._columns = Columns()
         self._held: list[Line] | None = []
         self._uploads_told = 0.0
         self._stop = threading.Event()
@@ -74,7 +73,7 @@ class PlainConsole(Console):
             ran = isinstance(event, NodeFinished) and event.status != "cached"
             if ran or isinstance(event, NodeStarted | RemoteGivenUp):
                 self._release()
-            line = self._columns.line(event, verbose=self._verbose)
+            line = lines.line(event, verbose=self._verbose)
             if line is not None and self._held is not None:
                 self._held.append(line)
             elif line is not None:
@@ -96,7 +95,7 @@ class PlainConsole(Console):
             self._held = None
         else:
             self._release()
-            self._write(self._columns.left_over(self._record.left_over))
+            self._write(lines.left_over(self._record.left_over))
             for block in self._record.failures(colour=self._colour):
                 self._print("\n" + block)
             closing = [[], *closing]

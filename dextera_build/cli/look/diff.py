@@ -6,9 +6,8 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from dextera_build.cli import options, table
 from dextera_build.errors import UsageError, did_you_mean, listing
@@ -28,12 +27,8 @@ _SHORTEST = 6
 """Digits of a digest's beginning."""
 
 
-@dataclass(frozen=True)
-class _Run:
-    """A run with its events."""
-
-    name: str
-    events: runs.Events
+_Run: TypeAlias = tuple[str, runs.Events]
+"""Its name and its events."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
             code="DXB-U164",
             hint="name two runs, or two results: `dxb diff 0141:NODE 0142:NODE`",
         )
-    return _print(compare.run_rows(store, old.events, new.events), (old.name, new.name), as_json=args.json)
+    return _print(compare.run_rows(store, old[1], new[1]), (old[0], new[0]), as_json=args.json)
 
 
 def _print(found: Mapping[str, Sequence[Row]], names: tuple[str, str], *, as_json: bool) -> int:
@@ -112,14 +107,14 @@ def _find(project: Project, store: Store, text: str) -> Side | _Run:
     """
     head, colon, node = text.partition(":")
     if head in log.runs(store):
-        return _in_run(project, head, node) if colon else _Run(text, runs.find(project, head)[1])
+        return _in_run(project, head, node) if colon else (text, runs.find(project, head)[1])
     named = parse_target(text)
     if colon:
         session = Session(project, named.recipe, last=True)
         return Side(text, session.past(named.node).key, session.output(named.node))
     if len(text) >= _SHORTEST and not set(text) - set("0123456789abcdef"):
         return _by_digest(store, text)
-    return _Run(*runs.find(project, named.recipe))
+    return runs.find(project, named.recipe)
 
 
 def _in_run(project: Project, run: str, node: str) -> Side:

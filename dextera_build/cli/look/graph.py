@@ -60,20 +60,11 @@ def _written(args: argparse.Namespace, recipe: str, target: str, drawn: list[Nod
         return drawing.dot(title, boxes)
     if not args.json:
         return drawing.svg(title, boxes)
-    inside = collapse.members(drawn, args.by)
-    rows = [
-        {
-            "id": box.address,
-            "rule": _same({node.rule for node in inside[box.address]}),
-            "backend": _same({node.backend for node in inside[box.address]}),
-            "status": box.status or None,
-            "count": len(inside[box.address]),
-        }
-        for box in boxes
-    ]
+    rows, members = [], collapse.members(drawn, args.by)
+    for box in boxes:
+        inside = members[box.address]
+        alike = {name: {getattr(node, name) for node in inside} for name in ("rule", "backend")}
+        same = {name: values.pop() if len(values) == 1 else None for name, values in alike.items()}
+        rows.append({"id": box.address, **same, "status": box.status or None, "count": len(inside)})
     edges = [{"from": source, "to": box.address} for box in boxes for source in box.depends_on]
     return json.dumps({"recipe": recipe, "target": target, "by": args.by, "nodes": rows, "edges": edges}, indent=1)
-
-
-def _same(values: set[str] | set[str | None]) -> str | None:
-    return next(iter(values)) if len(values) == 1 else None

@@ -42,19 +42,16 @@ def run(args: argparse.Namespace) -> int:
             facts={"nodes": listing(finished, most=40)},
             hint=did_you_mean(args.node, finished),
         )
-    text = _printed(project, finished[args.node])
-    if text is None:
-        logged = [event["text"] for event in events if event["event"] == "node_log" and event["node"] == args.node]
-        text = "\n".join(logged)
-    if text:
+    logged = (event["text"] for event in events if event["event"] == "node_log" and event["node"] == args.node)
+    if text := _printed(project, finished[args.node]) or "\n".join(logged):
         print(text)
     else:
         print("no output: the node printed nothing, or the store no longer holds its log", file=sys.stderr)
     return 0
 
 
-def _printed(project: Project, finished: Mapping[str, Any]) -> str | None:
-    """All that a node printed when it ran, in this run or an earlier one; None where the store does not have it.
+def _printed(project: Project, finished: Mapping[str, Any]) -> str:
+    """Everything that a node printed when it ran, in this run or an earlier one; "" where the store does not have it.
 
     What a rule prints by itself, and the traceback of one that failed, stands there and in no event.
     """
@@ -63,6 +60,4 @@ def _printed(project: Project, finished: Mapping[str, Any]) -> str | None:
     store = reading(project)
     found = store.actions.known(finished["key"]) if finished["key"] else None
     log = finished.get("log") or (found.log if found else None)
-    if not log or not store.blobs.has(log):
-        return None
-    return store.blobs.get(log).decode(errors="replace").rstrip()
+    return store.blobs.get(log).decode(errors="replace").rstrip() if log and store.blobs.has(log) else ""

@@ -107,7 +107,7 @@ def _lineage(session: Session, target: str, *, as_json: bool) -> int:
     from dextera_build.explain import lineage
 
     found = lineage.trace(session, _targets(session, target))
-    print(json.dumps(found.to_json(), indent=1) if as_json else "\n".join(lineage.lines(found, session.recipe)))
+    print(json.dumps(found, indent=1) if as_json else "\n".join(lineage.lines(found, session.recipe)))
     return 0
 
 

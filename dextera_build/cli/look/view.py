@@ -77,18 +77,11 @@ def _scene(session: Session) -> Any:
             hint=f"`dxb build {session.recipe}`, or name a node: `dxb view {session.recipe}:NODE`",
         )
     loaded: dict[str, Any] = {kind: session.artifact(nodes[kind][-1]) for kind in ("Background", "Support", "Capture")}
-    addresses = {_label(node): node for node in nodes.get("Asset", [])}
+    addresses = {(parse_address(node).labels or (node,))[-1]: node for node in nodes.get("Asset", [])}
     assets: dict[str, Any] = {label: session.artifact(node) for label, node in addresses.items()}
     capture = loaded["Capture"]
-    return lambda viewer: show_scene(
-        viewer,
-        assets,
-        loaded["Background"],
-        loaded["Support"],
-        capture.camera,
-        photo=capture.rgb,
-        addresses=addresses,
-    )
+    ground = loaded["Background"], loaded["Support"], capture.camera
+    return lambda viewer: show_scene(viewer, assets, *ground, photo=capture.rgb, addresses=addresses)
 
 
 def _by_type(session: Session) -> dict[str, list[str]]:
@@ -100,8 +93,3 @@ def _by_type(session: Session) -> dict[str, list[str]]:
             continue  # what is no longer in the store cannot be shown
         found.setdefault(header["artifact"], []).append(node)
     return found
-
-
-def _label(node: str) -> str:
-    labels = parse_address(node).labels or (node,)
-    return labels[-1]

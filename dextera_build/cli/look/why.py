@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from typing import TYPE_CHECKING
 
 from dextera_build.cli import options, table
-from dextera_build.report.wording import count
-
-if TYPE_CHECKING:
-    from dextera_build.session import Session
+from dextera_build.session import addresses
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +20,10 @@ def run(args: argparse.Namespace) -> int:
     """Print a sentence, then one cause a line: kind, name, old -> new, place; causes further upstream are indented."""
     session, node = options.session(args, args.node)
     if not node:
-        return _recipe(session, as_json=args.json)
+        from dextera_build.cli.build import stale
+
+        graph = session.plan().graph
+        return stale.check(session, graph, addresses(graph, ""), as_json=args.json, refuses=False)
     from dextera_build.explain.why import explain
 
     sentence, causes = explain(session, node)
@@ -44,14 +42,3 @@ def run(args: argparse.Namespace) -> int:
     if not args.json:
         print(sentence)
     return table.give({"node": args.node, "answer": sentence, "causes": rows}, as_json=args.json, cells=cells)
-
-
-def _recipe(session: Session, *, as_json: bool) -> int:
-    from dextera_build.cli.build import stale
-    from dextera_build.session import addresses
-
-    graph = session.plan().graph
-    found, waiting = stale.show(session, graph, addresses(graph, ""), as_json=as_json)
-    told = f"{count(len(found), 'node')} of {session.recipe} would run" if found else f"{session.recipe} is up to date"
-    print(f"{told}, {waiting} may follow" if waiting else told, file=sys.stderr)
-    return 0

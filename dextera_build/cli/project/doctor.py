@@ -31,8 +31,7 @@ def run(args: argparse.Namespace) -> int:
     """Print one finding a line; 4 where something is missing that the profile needs."""
     project = options.project(args)
     findings = [*_python(), *_store(project), *_libraries(), *_backends(project), *_rendering()]
-    keys = ("what", "ok", "found", "mend")
-    rows = [dict(zip(keys, finding, strict=True)) for finding in findings]
+    rows = [dict(zip(("what", "ok", "found", "mend"), finding, strict=True)) for finding in findings]
     cells = [
         {"state": "ok" if fine else "lacks", "what": what, "found": found, "mend": "" if fine else mend}
         for what, fine, found, mend in findings

@@ -68,8 +68,8 @@ def _size(args: argparse.Namespace) -> int:
 
 def _collect(args: argparse.Namespace) -> int:
     """Print one line per kind and reason: `drop` or `keep`, the kind, count, bytes, why."""
-    limit = amounts.size(args.max_size) if args.max_size is not None else None
-    age_s = amounts.seconds(args.max_age) if args.max_age is not None else None
+    limit = round(amounts.read(args.max_size, "size")) if args.max_size is not None else None
+    age_s = amounts.read(args.max_age, "time") if args.max_age is not None else None
 
     from dextera_build.cli.consoles.lines import printable
     from dextera_build.gc.collect import collect_all

@@ -58,14 +58,13 @@ def run(args: argparse.Namespace) -> int:
 
 def _show(recipe: str) -> Listener:
     """Print one line for what came, and one for the whole."""
-    columns = lines.Columns()
 
     def show(event: Event) -> None:
         line = None
         if isinstance(event, RunFinished):
             line = lines.pulled(recipe, event)
         elif isinstance(event, RemoteGivenUp) or getattr(event, "status", "") == "fetched":
-            line = columns.line(event, verbose=False)
+            line = lines.line(event, verbose=False)
         if line is not None:
             print(lines.plain(line), file=sys.stderr, flush=True)
 

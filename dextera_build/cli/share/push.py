@@ -5,12 +5,16 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 from dextera_build.build import fetch
 from dextera_build.cli import options, table
+from dextera_build.cli.consoles import lines
+from dextera_build.engine.dry import plan
 from dextera_build.errors import StoreError, listing
 from dextera_build.report.wording import count
+from dextera_build.runs.events import Uploaded, Uploading
+from dextera_build.session import addresses
 
 if TYPE_CHECKING:
     from dextera_build.remotes.exchange import Exchange
@@ -31,14 +35,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one node a line: address, remote, key."""
-    from dextera_build.engine.dry import plan
-    from dextera_build.session import addresses
-
+    """Print one node a line: address, key."""
     project, exchange = options.project(args), None
-    sent: list[tuple[str, str]] = []
-    stale: list[str] = []
-    bare: list[str] = []
+    sent, stale, bare = dict[str, str](), list[str](), list[str]()
     for text in args.targets:
         session, target = options.session(args, text, project)
         graph = session.plan().graph
@@ -49,15 +48,14 @@ def run(args: argparse.Namespace) -> int:
                 bare.append(address)
             elif node.status == "cached" and node.key is not None:
                 exchange.offer(node.key)
-                sent.append((address, node.key))
+                sent[address] = node.key
             else:
                 stale.append(address)
     assert exchange is not None
-    left = _finish_uploads(exchange, sys.stderr)
-    table.give([{"node": address, "key": key} for address, key in sent if key not in left], as_json=args.json)
+    left = _finish_uploads(exchange)
+    table.give([{"node": address, "key": key} for address, key in sent.items() if key not in left], as_json=args.json)
     if bare:
-        are = "node was not uploaded, its bytes are" if len(bare) == 1 else "nodes were not uploaded, their bytes are"
-        print(f"{len(bare)} {are} not in the store: {listing(bare)}", file=sys.stderr)
+        print(f"not uploaded, because the store lacks the bytes: {listing(bare)}", file=sys.stderr)
     if stale:
         raise StoreError(
             f"not uploaded, because not built: {count(len(stale), 'node')}",
@@ -68,22 +66,16 @@ def run(args: argparse.Namespace) -> int:
     return 1 if left else 0
 
 
-def _finish_uploads(exchange: Exchange, stream: TextIO) -> set[str]:
+def _finish_uploads(exchange: Exchange) -> set[str]:
     """Wait for uploads, say how they went, and return the keys of those that failed."""
-    from dextera_build.cli.consoles import lines
-    from dextera_build.runs import events
-
     said = time.monotonic()
     while left := exchange.wait(_TICK_S):
         if time.monotonic() - said > _SAY_S:
             said = time.monotonic()
-            progress = events.Uploading(time.time(), exchange.offered - left, exchange.offered)
-            print(lines.plain(lines.uploading(progress)), file=stream, flush=True)
+            progress = Uploading(time.time(), exchange.offered - left, exchange.offered)
+            print(lines.plain(lines.uploading(progress)), file=sys.stderr, flush=True)
     uploads = exchange.close()
-    for upload in uploads:
-        told = events.Uploaded(
-            time.time(), upload.remote, upload.results, upload.octets, len(upload.left), upload.reason
-        )
-        for line in lines.uploaded(told):
-            print(lines.plain(line).strip(), file=stream)
-    return {key for upload in uploads for key in upload.left}
+    for sent in uploads:
+        told = Uploaded(time.time(), sent.remote, sent.results, sent.octets, len(sent.left), sent.reason)
+        print("".join(f"{lines.plain(line).strip()}\n" for line in lines.uploaded(told)), end="", file=sys.stderr)
+    return {key for sent in uploads for key in sent.left}

@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.store.store import Store
 
     project = options.project(args)
-    most, secret = amounts.size(args.most), os.environ.get(SECRET, "")
+    most, secret = round(amounts.read(args.most, "size")), os.environ.get(SECRET, "")
     _refuse_open_doors(args, project, secret)
     store = Store(project.cache)
     try:
@@ -89,11 +89,7 @@ def _refuse_open_doors(args: argparse.Namespace, project: Project, secret: str) 
     from dextera_build.remotes.remote import is_loopback
 
     if args.tls and not os.path.isfile(args.tls):
-        raise UsageError(
-            f"there is no file `{args.tls}`",
-            code="DXB-U146",
-            hint=_MAKE_ONE,
-        )
+        raise UsageError(f"there is no file `{args.tls}`", code="DXB-U146", hint=_MAKE_ONE)
     if args.read_only:
         return
     if project.require_signed:
@@ -114,7 +110,7 @@ def _refuse_open_doors(args: argparse.Namespace, project: Project, secret: str) 
         )
     if not args.tls:
         print(
-            f"warning: without `--tls` the secret of `{SECRET}` crosses the network in the clear, and clients of dxb "
-            "do not send it so",
+            f"warning: without `--tls` the secret of `{SECRET}` would cross the network in the clear, and clients of "
+            "dxb refuse to send it",
             file=sys.stderr,
         )
