@@ -55,7 +55,7 @@ def test_flags_have_the_same_power(project, tmp_path):
     assert forced.nodes["word[a].loud"].status == "ran"
     assert forced.nodes["start"].status == "ran"
     assert project.build("say/words", profile="stub").ok
-    with pytest.raises(UsageError, match="not a profile"):
+    with pytest.raises(UsageError, match="`profile` cannot be `fast`"):
         project.build("say/words", profile="fast")
 
 
