@@ -66,14 +66,16 @@ class Planted:
         for each in gone:
             shutil.rmtree(self.root / each)
 
-    def placed(self) -> None:
+    def outputs(self) -> None:
         """Files in `out/` with as many bytes as before, and the time that they had."""
+        placed(self.project, build(self.project))
         found = [path for path in (self.root / "cache/out").rglob("n*") if path.is_file()]
         for path in self.chance.sample(found, self.chance.randint(1, len(found))):
             alter(path, path.read_bytes().translate(bytes.maketrans(b"0123456789", b"1234567890")))
 
-    def placed_swapped(self) -> None:
+    def outputs_swapped(self) -> None:
         """Files in `out/` that lie in the places of others."""
+        placed(self.project, build(self.project))
         one, other = self.chance.sample(sorted((self.root / "cache/out").rglob("n*/n*")), 2)
         swap(one, other, both=True)
 
@@ -123,8 +125,8 @@ def alter(path: Path, data: bytes) -> None:
 ATTACKS: dict[str, Callable[[Planted], None]] = {
     "entries under other keys": Planted.entries,
     "blobs under other digests": Planted.blobs,
-    "altered outputs": Planted.placed,
-    "swapped outputs": Planted.placed_swapped,
+    "altered outputs": Planted.outputs,
+    "swapped outputs": Planted.outputs_swapped,
     "byte code": Planted.byte_code,
     "swapped rows": Planted.rows,
 }
