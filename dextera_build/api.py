@@ -62,7 +62,7 @@ class Result:
         if record is None or record.output is None:
             known = [name for name, other in self.nodes.items() if other.output is not None]
             raise UsageError(
-                f"`{node}` is no node of this build"
+                f"`{node}` is not a node of this build"
                 if record is None
                 else f"`{node}` returned nothing: {record.status}",
                 code="DXB-U162",

@@ -79,7 +79,7 @@ def test_a_failed_node_is_told_not_raised(project, capfd):
     assert built.nodes["c"].status == "waits"
     with pytest.raises(UsageError, match="`c` returned nothing: waits"):
         built.artifact("c")
-    with pytest.raises(UsageError, match="`aa` is no node of this build") as caught:
+    with pytest.raises(UsageError, match="`aa` is not a node of this build") as caught:
         built.artifact("aa")
     assert caught.value.hint == "did you mean `a`?"
     assert capfd.readouterr() == ("", "")

@@ -46,7 +46,7 @@ class Locking:
             raise UsageError("`--lock` and `--locked` do not go together", code="DXB-U160", hint="give one of them")
         if (lock or locked) and not self._plain:
             raise UsageError(
-                "what `--input`, `--set` or `--backend` makes is not pinned",
+                "a build with `--input`, `--set` or `--backend` cannot be pinned",
                 code="DXB-U161",
                 hint="write it into a recipe, which can extend this one, and lock that",
             )
@@ -77,7 +77,7 @@ class Locking:
         facts = {name: difference for name, difference in told.items() if difference}
         if facts:
             raise StaleError(
-                f"`{session.recipe}` is not what `{self.path.name}` says",
+                f"`{session.recipe}` does not match `{self.path.name}`",
                 code="DXB-C103",
                 facts=facts,
                 hint=f"`dxb build --lock {session.recipe}` pins the current one",

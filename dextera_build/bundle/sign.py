@@ -89,7 +89,7 @@ def generate(path: Path, name: str) -> PublicKey:
     public_path = path.with_name(f"{path.name}.pub")
     for file in (path, public_path):
         if file.exists():
-            raise UsageError(f"`{file}` is there already", code="DXB-U143", hint="name another file")
+            raise UsageError(f"`{file}` already exists", code="DXB-U143", hint="name another file")
     private = Ed25519PrivateKey.generate()
     public = _public(private.public_key(), name)
     secret = private.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption())

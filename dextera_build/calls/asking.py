@@ -110,7 +110,7 @@ def _look_at_status(asked: Question, response: Response, manner: Manner) -> None
         raise _AgainError(f"it answered {status}", _retry_after(response.headers))
     if status in (401, 403):
         raise MachineError(
-            f"`{asked.shown}` does not let this machine ask: it answered {status}",
+            f"`{asked.shown}` denies access: it answered {status}",
             code="DXB-E361",
             facts=asked.facts(),
             hint="set the key that the backend takes from the environment, or build with `--calls replay`",
@@ -152,7 +152,7 @@ def _give_up(asked: Question, fault: _AgainError, tries: int) -> NoReturn:
     if fault.after_s is not None:
         facts["asks to wait"] = f"{fault.after_s:.0f} s"
     raise MachineError(
-        f"`{asked.shown}` cannot be asked: {fault}",
+        f"`{asked.shown}` cannot be reached: {fault}",
         code="DXB-E360",
         facts=facts,
         hint="build again later; answers so far are recorded",

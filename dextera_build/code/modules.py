@@ -46,7 +46,7 @@ def read(file: str | os.PathLike[str]) -> bytes:
                 f"a source file cannot be read: {error.strerror}",
                 code="DXB-E303",
                 where=Place(name),
-                hint="give yourself leave to read it, or take it away",
+                hint="make it readable (`chmod u+r`), or delete it",
             ) from None
     return _READ[name]
 

@@ -85,7 +85,7 @@ class Reading:
                     f"`{step[1]}` changed while `{node.address}` ran",
                     code="DXB-B304",
                     where=node.call.where,
-                    hint="build again; nothing of this run of the node was kept",
+                    hint="build again; nothing was stored",
                 )
         for kind, name, answer in steps:
             self._told[node.rule.discovers, kind, name] = answer

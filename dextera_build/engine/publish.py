@@ -107,5 +107,5 @@ def _check_leaves(store: Store, node: Node) -> None:
                 f"`{leaf.path}` changed while `{node.address}` ran",
                 code="DXB-B304",
                 where=leaf.where,
-                hint="build again; nothing of this run of the node was kept",
+                hint="build again; nothing was stored",
             )

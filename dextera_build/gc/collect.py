@@ -88,7 +88,7 @@ def collect(store: Store, roots: Callable[[], Roots], limits: Limits | None = No
         return _Collector(store, roots(), limits, alone=store.locks.reliable() and not store.running.starts()).said
     if (folder := inventory.unwritable(store)) is not None:
         raise StoreError(
-            "the store cannot be collected, it may only be read",
+            "the store is read-only, nothing can be collected",
             code="DXB-S401",
             facts={"folder": str(folder)},
             hint="ask its owner, or set `DXB_CACHE` to a store of your own",

@@ -68,7 +68,7 @@ def verify(
     """
     if repair and (folder := inventory.unwritable(store)) is not None:
         raise StoreError(
-            "the store cannot be repaired, it may only be read",
+            "the store is read-only and cannot be repaired",
             code="DXB-S402",
             facts={"folder": str(folder)},
             hint="ask its owner; `dxb cache verify` without `--repair` only reads",

@@ -173,7 +173,7 @@ class CallMaker:
             bound = _resolved(given[name], name, slot, scope)
             if bound is None and not slot.optional:
                 raise RecipeError(
-                    f"`{decl.rule}` needs the input `{name}`, but `{given[name].value}` was left out",
+                    f"`{decl.rule}` needs the input `{name}`, but `{given[name].value}` is not given",
                     code="DXB-R106",
                     where=given[name].place,
                 )

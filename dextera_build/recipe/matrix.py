@@ -84,7 +84,7 @@ def _values(name: str, node: Node) -> list[tuple[str, Node]]:
                 facts={"values": "numbers, true, false, null, and text without spaces and [ ] / \\ , = :"},
             )
         if text in found:
-            raise RecipeError(f"`{text}` stands twice in the list", code="DXB-R508", where=item.place)
+            raise RecipeError(f"`{text}` is listed twice", code="DXB-R508", where=item.place)
         found[text] = item
     return list(found.items())
 
@@ -122,7 +122,7 @@ def refuse_outside(arguments: Mapping[str, Node]) -> None:
     for node in arguments.values():
         for place, text in references(node):
             raise RecipeError(
-                f"`{text}` names nothing: this call does not stand directly in a matrix",
+                f"`{text}` names nothing: this node is not directly inside a matrix",
                 code="DXB-R510",
                 where=place,
                 hint="values of a matrix are for options and backends of its own nodes",

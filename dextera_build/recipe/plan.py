@@ -299,7 +299,7 @@ class _Planner:
             for name, node in changes.items():
                 if name not in members or not isinstance(node.value, dict):
                     raise RecipeError(
-                        f"`{name}` of `overrides.{label}` is no call of this group",
+                        f"`{name}` of `overrides.{label}` is not a node of this group",
                         code="DXB-R114",
                         where=node.place,
                         facts={"calls": listing(members)},

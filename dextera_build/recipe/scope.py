@@ -117,7 +117,7 @@ class Scope:
 
 def _gathered(inner: Bound, where: Place) -> Bound:
     if not isinstance(inner.input, Output):
-        raise RecipeError("a group hands on what its calls return, nothing else", code="DXB-R104", where=where)
+        raise RecipeError("only the outputs of a group's nodes can be used outside it", code="DXB-R104", where=where)
 
     def kind() -> Any:
         from dextera_build.artifacts.base import Collection
@@ -158,7 +158,7 @@ def _field_type(kind: Any, fields: tuple[str, ...], where: Place) -> Any:
         kind = next((part for part in get_args(kind) if part is not type(None)), kind) if _optional(kind) else kind
     if not (isinstance(kind, type) and issubclass(kind, Artifact)):
         raise RecipeError(
-            f"`{'.'.join(fields)}` is {type_name(kind)}, not an artifact that can be handed on",
+            f"`{'.'.join(fields)}` is {type_name(kind)}, not an artifact, and only artifacts can be inputs",
             code="DXB-R107",
             where=where,
         )

@@ -171,7 +171,7 @@ class _Reader:
             raise RecipeError(f"a key must be text, this one is {shown}", code="DXB-R102", where=place)
         if key in known:
             raise RecipeError(
-                f"`{key}` stands twice in one mapping",
+                f"`{key}` is a duplicate key",
                 code="DXB-R103",
                 where=place,
                 facts={"first": known[key]},

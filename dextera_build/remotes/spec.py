@@ -206,7 +206,7 @@ def _filled(text: str, name: str) -> str:
     def value(match: re.Match[str]) -> str:
         if match[1] not in os.environ:
             raise UsageError(
-                f"remote `{name}` needs the variable `{match[1]}`, which is not set",
+                f"remote `{name}` needs the environment variable `{match[1]}`, which is not set",
                 code="DXB-U135",
                 hint=f"export {match[1]}=...",
             )

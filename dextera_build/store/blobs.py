@@ -129,7 +129,7 @@ class Blobs:
         """Store bytes that come from elsewhere; False where they are not those that `digest` and `size` name.
 
         At most `size` bytes are taken, if it is known, and nothing shows under `digest` before the last one was
-        checked. A blob that is there already is not written again.
+        checked. A blob that already exists is not written again.
 
         Raises:
             StoreError: The disk is full, or the store cannot be written.

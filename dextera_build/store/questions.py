@@ -237,7 +237,7 @@ class Recording:
 
 def _outside(name: str, real: str = "") -> RuleError:
     return RuleError(
-        f"`{name}` is not in the project's folder, and a rule reads nothing else",
+        f"`{name}` is outside the project's folder, and rules read files only inside it",
         code="DXB-B351",
         facts={"leads to": real} if real else {},
         hint="name it from the project's folder, without `..`; copy other files into it, or make them inputs",

@@ -123,7 +123,7 @@ class StatCache:
         raise RecipeError(
             f"`{path}` keeps changing while it is read",
             code="DXB-R304",
-            hint="build again when whatever writes it is done",
+            hint="build again once the process that writes it has finished",
         )
 
     def _walk(self, root: str) -> Iterator[tuple[str, os.stat_result]]:

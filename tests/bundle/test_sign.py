@@ -134,7 +134,7 @@ def test_a_signature_is_of_one_bundle(tmp_path_factory, number, bit, place, flip
 
 def test_the_private_key_is_for_its_owner_alone(key):
     assert key.stat().st_mode & 0o777 == 0o600
-    with pytest.raises(UsageError, match="there already") as error:
+    with pytest.raises(UsageError, match="already exists") as error:
         sign.generate(key, "anna")
     assert error.value.code == "DXB-U143"
 

@@ -146,7 +146,7 @@ def test_rests_grow(store, monkeypatch):
     def send(seconds):
         raise ConnectionResetError("by peer")
 
-    with pytest.raises(DxbError, match="cannot be asked: ConnectionResetError: by peer"):
+    with pytest.raises(DxbError, match="cannot be reached: ConnectionResetError: by peer"):
         Recorder(store, "record")("s", {}, send, tries=5, wait_s=1.0)
     assert len(rests) == 4
     assert all(later == pytest.approx(2 * rest) for rest, later in pairwise(rests))

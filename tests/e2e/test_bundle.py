@@ -101,7 +101,7 @@ def test_bytes_that_did_not_come_are_made_when_they_are_asked_for(space, there):
     again = there.build("say/file:loud")
     assert again.nodes("ran") == set()
     there.edit("recipes/say/file.yaml", "times: 3", "times: 4")
-    # What is read is made first; `loud` is there already.
+    # What is read is made first; `loud` already exists.
     louder = {f"word[{word}].louder" for word in ("!", "SOME", "TEXT")}
     assert there.build("say/file").nodes("ran") == {"words", "all", *louder}
     assert there.dxb("check", "say/file:words").code == 0

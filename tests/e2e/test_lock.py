@@ -59,7 +59,7 @@ def test_an_option_upstream_is_named_when_the_target_is_known_to_differ(locked):
     locked.edit("recipes/say/words.yaml", "text: one two", "text: three")
     answer = locked.dxb("build", "--locked", "say/words")
     assert answer.code == 3
-    assert "error[DXB-C103]: `say/words` is not what `dxb.lock` says" in answer.err
+    assert "error[DXB-C103]: `say/words` does not match `dxb.lock`" in answer.err
     assert "option  text  one two -> three  recipes/say/words.yaml:3:34" in answer.err
     assert "hint: `dxb build --lock say/words`" in answer.err
     assert answer.out == ""

@@ -107,10 +107,10 @@ def test_a_variable_that_is_not_set(space: Space) -> None:
     space.write("dxb.toml", '[remotes]\nlab = "https://ci:${NOT_SET_HERE}@host/x"\n')
     answer = space.dxb("cache", "pull", "say/words")
     assert answer.code == 2
-    assert "error[DXB-U135]: remote `lab` needs the variable `NOT_SET_HERE`, which is not set" in answer.err
+    assert "error[DXB-U135]: remote `lab` needs the environment variable `NOT_SET_HERE`, which is not set" in answer.err
     built = space.dxb("build", "say/words", "--console", "plain")
     assert built.code == 0
-    assert "needs the variable `NOT_SET_HERE`" in built.err
+    assert "needs the environment variable `NOT_SET_HERE`" in built.err
 
 
 def test_serving_where_nothing_can_listen(space: Space, served: str) -> None:

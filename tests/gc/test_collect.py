@@ -229,7 +229,7 @@ def test_what_a_running_build_may_need_stays(store: Store) -> None:
 def test_a_store_that_may_only_be_read_is_not_collected(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     publish(store, "a")
     monkeypatch.setattr("os.access", lambda path, mode: False)
-    with pytest.raises(StoreError, match="cannot be collected, it may only be read") as caught:
+    with pytest.raises(StoreError, match="read-only, nothing can be collected") as caught:
         collect(store, nobody, dry=False)
     assert caught.value.code == "DXB-S401"
     assert collect(store, nobody).before > 0  # to look is no change

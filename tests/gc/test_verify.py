@@ -156,6 +156,6 @@ def test_a_store_that_may_only_be_read_is_verified_but_not_repaired(
 ) -> None:
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     assert verify(store).is_whole
-    with pytest.raises(StoreError, match="cannot be repaired, it may only be read") as caught:
+    with pytest.raises(StoreError, match="read-only and cannot be repaired") as caught:
         verify(store, repair=True)
     assert caught.value.code == "DXB-S402"

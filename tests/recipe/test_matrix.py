@@ -92,7 +92,7 @@ def test_a_matrix_can_stand_in_a_group_and_a_group_in_a_matrix(planned):
     graph = planned(text.replace("p q", "p"))
     assert graph.members["word"].members["sweep"].over.labels == ("times=1", "times=2")
     assert isinstance(graph.members["other"].members["word"], Group)
-    with pytest.raises(RecipeError, match="this call does not stand directly in a matrix") as caught:
+    with pytest.raises(RecipeError, match="this node is not directly inside a matrix") as caught:
         planned(
             text.replace("p q", "p").replace(
                 "{loud: {rule: toy.shout, text: $word}}", "{loud: {rule: toy.shout, text: $word, times: $matrix.text}}"

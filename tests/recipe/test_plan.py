@@ -239,7 +239,7 @@ def test_a_listed_cycle_is_found(space):
         (
             "nodes: {a: {rule: toy.start}, b: {rule: toy.split, text: $a.data}}",
             "R107",
-            "`data` is bytes, not an artifact that can be handed on",
+            "`data` is bytes, not an artifact, and only artifacts can be inputs",
             "1:58",
         ),
         ("nodes: {a: {rule: toy.start}, b: {rule: toy.split, text: $a.dat}}", "R107", "File has no `dat`", "1:58"),

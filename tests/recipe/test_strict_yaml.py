@@ -64,7 +64,7 @@ def test_every_value_knows_its_place():
 @pytest.mark.parametrize(
     ("text", "message", "place"),
     [
-        ("a: 1\nb: 2\na: 3\n", "`a` stands twice in one mapping", "f:3:1"),
+        ("a: 1\nb: 2\na: 3\n", "`a` is a duplicate key", "f:3:1"),
         ("a: [1\n", "not valid YAML: expected ',' or ']', but got '<stream end>'", "f:2:1"),
         ("", "the file is empty", "f"),
         ("<<: {a: 1}", "a key must be text, this one is '<<'", "f:1:1"),
