@@ -1,4 +1,4 @@
-"""Which blobs belong to a bundle; export and import use the same walk.
+"""The blobs that belong to a bundle; export and import use the same walk.
 
 A whole result needs everything that its output refers to, its previews, log and `result.json`. Any other node needs its
 key document, the headers of its output without their bytes, and `result.json` if its result is known. The headers of
@@ -47,8 +47,8 @@ def of(contents: Contents, read: Read, actions: Actions) -> tuple[set[str], dict
 
     Args:
         contents: The nodes.
-        read: Gives the bytes of a document, which need not be what they claim to be.
-        actions: Of the store that holds the blobs.
+        read: Returns the bytes of a document, which is untrusted.
+        actions: Results of the store that holds the blobs.
 
     Raises:
         BundleRefused: A document is malformed.
@@ -115,7 +115,7 @@ def read_result(data: bytes, address: str) -> ActionResult:
     """Parse an untrusted `result.json`.
 
     Raises:
-        BundleRefused: It spells none.
+        BundleRefused: It is malformed.
     """
     what = f"the result of `{address}`"
     try:

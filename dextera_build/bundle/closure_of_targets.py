@@ -1,4 +1,4 @@
-"""Every node that targets need, as it stands in the store, without running anything."""
+"""Finds every node that targets need in the store, without running anything."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from dextera_build.store.store import Store
 
 @dataclass(frozen=True)
 class Survey:
-    """What the store holds for some targets."""
+    """The state of some targets in the store."""
 
     targets: tuple[str, ...]
-    """Nodes that were asked for, every copy by itself."""
+    """The requested nodes, each copy separately."""
     nodes: tuple[Node, ...]
-    """Those that are not stale, sorted."""
+    """The nodes that are not stale, sorted."""
     stale: tuple[str, ...]
     """Nodes that a build would run or fetch, or that wait for one."""
 
@@ -33,17 +33,17 @@ def survey(
     closure: Closure = "targets",
     shown: Callable[[Path], str] = str,
 ) -> Survey:
-    """Look at every node that some targets need.
+    """Look up every node that some targets need.
 
     Args:
         graph: The plan.
         wanted: The targets.
-        store: Where results are looked for.
-        closure: Of which nodes the bytes must be there.
-        shown: A project file's path as others may see it.
+        store: Where results are looked up.
+        closure: Which nodes need their bytes in the store.
+        shown: Formats the path of a project file for other readers.
 
     Raises:
-        UsageError: A target names nothing.
+        UsageError: A target does not exist.
         RecipeError: A file or folder is missing or cannot be read.
     """
     scheduler, _ = dry.survey(graph, wanted, store, whole=closure == "full")

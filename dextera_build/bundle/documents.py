@@ -1,4 +1,4 @@
-"""Untrusted JSON: parsed, and compared with a form."""
+"""Parses untrusted JSON and checks its form."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ Read = Callable[[str], bytes]
 
 @dataclass(frozen=True)
 class Form:
-    """What a value must be."""
+    """A condition on a value."""
 
     name: str
-    """As errors call it."""
+    """Its name in errors."""
     fits: Callable[[Any], bool]
 
 
 TEXT = Form(
     "a text without control characters", lambda it: isinstance(it, str) and it.isprintable() and len(it) <= 4096
 )
-"""Can be shown on a terminal."""
+"""Safe to show on a terminal."""
 BODY = Form("a text", lambda it: isinstance(it, str) and not any("\ud800" <= sign <= "\udfff" for sign in it))
-"""A text of any length and with any characters, as UTF-8 holds them."""
+"""A text of any length, with any characters that UTF-8 can encode."""
 DIGEST = Form("a SHA-256 digest", lambda it: isinstance(it, str) and is_digest(it))
 COUNT = Form("a whole number", lambda it: type(it) is int and 0 <= it < 1 << 53)
 SECONDS = Form("a number of seconds", lambda it: type(it) in (int, float) and 0 <= it < 1e15)
@@ -36,7 +36,7 @@ FLAG = Form("true or false", lambda it: isinstance(it, bool))
 
 
 def maybe(form: Form) -> Form:
-    """The same, or null."""
+    """The same form, or null."""
     return Form(f"{form.name}, or null", lambda it: it is None or form.fits(it))
 
 
@@ -60,10 +60,10 @@ def parse(data: bytes, form: dict[Any, Any], what: str) -> dict[str, Any]:
 
 
 def refuse_other_spelling(data: bytes, value: object, what: str) -> None:
-    """Refuse bytes that another parser could read differently: `value` has one spelling.
+    """Refuse `data` unless it is the canonical JSON of `value`: another parser could read it differently.
 
     Raises:
-        BundleRefused: `data` is another one.
+        BundleRefused: `data` is not canonical.
     """
     try:
         same = digests.canonical(value) == data
@@ -74,7 +74,7 @@ def refuse_other_spelling(data: bytes, value: object, what: str) -> None:
 
 
 def check(value: Any, form: Any, what: str, place: str = "it") -> None:
-    """Compare a value with a form.
+    """Check that a value has a form.
 
     Args:
         value: Parsed JSON.

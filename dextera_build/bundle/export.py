@@ -29,20 +29,20 @@ class Export:
     """The bundle of some nodes of a store.
 
     Args:
-        store: Holds all that the nodes need.
+        store: Holds everything that the nodes need.
         contents: The nodes.
-        created: When the results were made, as RFC 3339; "" where that is not known.
+        created: When the results were made, as RFC 3339; "" if unknown.
 
     Raises:
-        MissingBlob: The store lacks something, or a blob is damaged.
-        BundleRefused: A document in the store is not what it must be.
+        MissingBlob: The store lacks a blob, or a blob is damaged.
+        BundleRefused: A document in the store is malformed.
     """
 
     def __init__(self, store: Store, contents: Contents, created: str = "") -> None:
         self._store = store
         known = {node.key: store.actions.known(node.key) for _, node in contents.nodes() if node.result is not None}
         self._documents = {result.digest: result.document for result in known.values() if result is not None}
-        """Digest -> content of parts that are not blobs of the store: results lie in entries."""
+        """Digest -> content of parts that are not blobs of the store, such as results, which are parts of entries."""
         self._packs: dict[str, list[str]] = {}
         """Digest of a layer -> the blobs in it."""
         needed, _ = closure.of(contents, self._get, store.actions)
@@ -64,8 +64,8 @@ class Export:
         """Write the bundle as a file `NAME.tar`.
 
         Raises:
-            UsageError: The name is another.
-            StoreError: The disk is full, the place cannot be written, or a blob of the store is damaged.
+            UsageError: `path` does not end in `.tar`, or is a folder.
+            StoreError: The disk is full, `path` cannot be written, or a blob of the store is damaged.
         """
         if path.suffix != ".tar" or path.is_dir():
             raise UsageError(
@@ -107,7 +107,7 @@ class Export:
         return self._documents.get(digest) or self._store.blobs.get(digest)
 
     def _read(self, digest: str) -> Iterator[bytes]:
-        """The pieces of a blob, which was compared with its digest."""
+        """The pieces of a blob, after verifying its digest."""
         if digest in self._documents:
             yield self._documents[digest]
             return
@@ -124,8 +124,8 @@ class Export:
 def packs(sizes: Mapping[str, int]) -> list[list[str]]:
     """Assign blobs (digest -> bytes) to archives of bounded size; the same blobs give the same archives.
 
-    An archive holds the blobs whose digests begin alike, so a blob that is added or gone changes the one archive that
-    it belongs to: a registry that has the last bundle takes little of the next.
+    Blobs are grouped by digest prefix, so an added or removed blob changes only its own archive: a registry that has
+    the last bundle receives little of the next.
     """
     most = max(_PACK, sum(sizes.values()) // _MANY)
 

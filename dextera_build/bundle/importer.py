@@ -1,7 +1,7 @@
 """Imports bundles into a store. Everything in a bundle is checked.
 
-Blobs are written under the digest of what came, whatever the bundle says; results are written last, by the same code
-that a build uses, after all of them were checked. What is refused leaves at most blobs behind that nothing names.
+Blobs are written under the digest of the received bytes, whatever the bundle claims. After all results were checked,
+they are written by the same code that a build uses. A refused bundle leaves at most unreferenced blobs.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from dextera_build.store.store import Store
 from dextera_build.store.traces import publish
 
 MOST_DOCUMENT = 64 << 20
-"""Bytes of a key document or a `result.json`."""
+"""Largest key document or `result.json` [bytes]."""
 _CHUNK = 1 << 20
 
 

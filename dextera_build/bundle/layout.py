@@ -1,7 +1,7 @@
 """OCI image layouts in tar archives, read by the `tarfile` of the standard library.
 
-A header that announces anything but a file or a folder (a link, a device, a long name, an extended header) is refused
-before `tarfile` acts on it. Every part is compared with its digest before it is read.
+A header of anything but a file or a folder (a link, a device, a long name, an extended header) is refused before
+`tarfile` acts on it. Every part is verified against its digest before it is read.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from dextera_build.store.blobs import is_digest
 
 BLOBS = "blobs/sha256/"
 MOST_FILES = 1 << 14
-"""Files of one archive; `tarfile` keeps a record of each in memory."""
+"""Most files in one archive; `tarfile` keeps a record of each in memory."""
 _VERSION = documents.Form("1.0.0", lambda it: it == "1.0.0")
 _KINDS = (tarfile.REGTYPE, tarfile.AREGTYPE, tarfile.DIRTYPE)
 
@@ -40,10 +40,10 @@ class _File(tarfile.TarInfo):
 
 @contextmanager
 def reading(name: str, file: IO[bytes]) -> Iterator[tarfile.TarFile]:
-    """An archive, for as long as the block takes.
+    """Open an archive for the block.
 
     Raises:
-        BundleRefused: It is not an archive, or is damaged; the block may raise what `tarfile` raises.
+        BundleRefused: It is not an archive, or is damaged; the block may raise errors of `tarfile`, too.
     """
     packed = None
     try:
@@ -56,10 +56,10 @@ def reading(name: str, file: IO[bytes]) -> Iterator[tarfile.TarFile]:
 
 
 def files(packed: tarfile.TarFile) -> Iterator[tarfile.TarInfo]:
-    """The files of an archive; folders are passed over.
+    """The files of an archive; folders are skipped.
 
     Raises:
-        BundleRefused: It holds too many files, or two of one name.
+        BundleRefused: It holds too many files, or two with the same name.
     """
     seen = set()
     for number, info in enumerate(packed):
@@ -73,18 +73,18 @@ def files(packed: tarfile.TarFile) -> Iterator[tarfile.TarInfo]:
 
 
 class Layout:
-    """A layout that is read.
+    """An image layout in a tar archive.
 
     Args:
-        path: Its file.
+        path: The archive.
 
     Raises:
-        BundleRefused: It is none, or holds what no layout holds.
+        BundleRefused: It is not a layout, or holds files that no layout has.
     """
 
     def __init__(self, path: Path) -> None:
         self.name = str(path)
-        """As the command line names it."""
+        """As given on the command line."""
         self._path = path
         with self._archive() as packed:
             self._parts = {info.name.removeprefix("./"): info for info in files(packed)}
@@ -96,7 +96,7 @@ class Layout:
         """The one manifest that its index names.
 
         Raises:
-            BundleRefused: It is no layout, or names none or several.
+            BundleRefused: It is not a layout, or does not name exactly one manifest.
         """
         index, version = self._document("index.json"), self._document("oci-layout")
         documents.parse(version, {"imageLayoutVersion": _VERSION}, "`oci-layout`")
@@ -107,10 +107,10 @@ class Layout:
 
     @contextmanager
     def part(self, wanted: Descriptor, what: str = "a layer") -> Iterator[IO[bytes]]:
-        """A part of the layout, whose size and digest were checked.
+        """Open a part of the layout, after verifying its size and digest.
 
         Raises:
-            BundleRefused: It is missing, cannot be read, or has other bytes than the descriptor says.
+            BundleRefused: It is missing, cannot be read, or does not match its descriptor.
         """
         info = self._parts.get(BLOBS + wanted.digest)
         if info is None:
@@ -127,7 +127,7 @@ class Layout:
         """All bytes of a small document.
 
         Raises:
-            BundleRefused: It is larger than `most` bytes, or not what the descriptor names.
+            BundleRefused: It is larger than `most` bytes, or does not match its descriptor.
         """
         if wanted.size > most:
             raise too_large(what, wanted.size, most)

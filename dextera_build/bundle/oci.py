@@ -26,7 +26,7 @@ VERSION = {"imageLayoutVersion": "1.0.0"}
 """The content of `oci-layout`."""
 
 MOST_MANIFEST = 4 << 20
-"""Bytes of a manifest or an index; registries take no more."""
+"""Largest manifest or index [bytes]; registries accept no larger ones."""
 MOST_CONFIG = 128 << 20
 _OCI_DIGEST = Form(
     "a SHA-256 digest", lambda it: isinstance(it, str) and it[:7] == "sha256:" and is_digest(it.removeprefix("sha256:"))
@@ -44,7 +44,7 @@ class Descriptor(NamedTuple):
 
     @classmethod
     def read(cls, raw: Mapping[str, Any]) -> Descriptor:
-        """From JSON of the form of a descriptor."""
+        """From JSON that has the form of a descriptor."""
         return cls(raw["mediaType"], raw["digest"].removeprefix("sha256:"), raw["size"])
 
     def plain(self) -> dict[str, Any]:
@@ -60,7 +60,7 @@ class Manifest:
     layers: tuple[Descriptor, ...]
     """Archives of blobs."""
     signature: Descriptor | None = None
-    """The last layer, which is about the manifest without it."""
+    """The last layer, which signs the manifest without this layer."""
     annotations: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
@@ -68,7 +68,7 @@ class Manifest:
         """Parse an untrusted manifest.
 
         Raises:
-            BundleRefused: It is malformed, or not that of a bundle.
+            BundleRefused: It is malformed, or does not describe a bundle.
         """
         what = "the manifest"
         form = {"config": _DESCRIPTOR, "layers": [_DESCRIPTOR], "annotations": {TEXT: TEXT}}

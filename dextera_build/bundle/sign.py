@@ -1,6 +1,6 @@
 """ed25519 keys, signatures of bundles, and whether a signer is trusted.
 
-Private keys are files as `ssh-keygen` or `openssl` write them (OpenSSH or PKCS 8), public ones lines
+Private keys are files written by `ssh-keygen` or `openssl` (OpenSSH or PKCS 8), public keys are lines
 `ssh-ed25519 AAAA... name`.
 """
 
@@ -57,10 +57,10 @@ class PublicKey:
 
 
 def seal(bundle: str, key: Path) -> tuple[bytes, PublicKey]:
-    """Sign a bundle (digest) with the private key in a file; returns the signature's document and the public key.
+    """Sign a bundle (digest) with the private key in a file; return the signature's document and the public key.
 
     Raises:
-        UsageError: The file holds no such key.
+        UsageError: The file holds no ed25519 private key.
         MachineError: The package for keys is not installed.
     """
     private = _private(key)
@@ -75,10 +75,10 @@ def message(bundle: str) -> bytes:
 
 
 def generate(path: Path, name: str) -> PublicKey:
-    """Write a new private key to `path`, which only its owner may read, and its public half to `path.pub`.
+    """Write a new private key to `path`, readable only by its owner, and the public key to `path.pub`.
 
     Raises:
-        UsageError: One of the files is there.
+        UsageError: One of the files exists.
         StoreError: They cannot be written.
         MachineError: The package for keys is not installed.
     """
@@ -102,7 +102,7 @@ def trusted(places: Sequence[Path]) -> list[PublicKey]:
     """The public keys in files, and in the files `*.pub` of folders.
 
     Raises:
-        UsageError: A file holds no key.
+        UsageError: A file holds no ed25519 public key.
         MachineError: The package for keys is not installed.
     """
     found: dict[bytes, PublicKey] = {}
@@ -183,7 +183,7 @@ def _no_key(file: Path, kind: str, why: str) -> UsageError:
 
 def _require() -> None:
     try:
-        import cryptography  # noqa: F401 - asked for, so that the error comes before any work
+        import cryptography  # noqa: F401 - imported here to raise the error before any work
     except ImportError:
         raise MachineError(
             "keys and signatures need the package `cryptography`",
@@ -199,7 +199,7 @@ class Voucher:
     state: Literal["trusted", "unknown", "unsigned"]
     """`trusted`: signed by a trusted key. `unknown`: signed by a key that is not trusted here."""
     signer: str = ""
-    """Name and id of a trusted key, or the id of another."""
+    """Name and id of a trusted key, or the id of an unknown one."""
 
     def __str__(self) -> str:
         """One line."""
@@ -212,7 +212,7 @@ def judge(bundle: Opened, keys: Sequence[PublicKey]) -> Voucher:
     """Read and check the signature of a bundle.
 
     Raises:
-        BundleRefused: It is malformed, or wrong in the name of a trusted key.
+        BundleRefused: It is malformed, or claims a trusted key and is wrong.
     """
     layer = bundle.manifest.signature
     if layer is None:
@@ -248,7 +248,7 @@ def require(bundle: Opened, voucher: Voucher, keys: Sequence[PublicKey]) -> None
     """Refuse a bundle that no trusted key signed.
 
     Raises:
-        BundleRefused: None did.
+        BundleRefused: No trusted key signed it.
     """
     if voucher.state == "trusted":
         return

@@ -1,4 +1,4 @@
-"""Recorded calls of services: asked once, then answered from the store."""
+"""Recorded calls of services: sent once, then answered from the store."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Response:
-    """What a service answered; only its body is part of results."""
+    """The answer of a service; only its body is part of results."""
 
     body: bytes
     status: int = 200
-    """HTTP status, or what corresponds to it: 429 and 5xx are asked again, other 4xx are refusals."""
+    """HTTP status, or its equivalent: 429 and 5xx are retried, other 4xx are refusals."""
     headers: Mapping[str, str] = field(default_factory=dict)
     """`Retry-After` is honoured; the others are ignored."""

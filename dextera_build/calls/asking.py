@@ -1,4 +1,4 @@
-"""Asks a service: time-outs, tries with rests between them, and what an answer that is none means."""
+"""Sends a request to a service: timeouts, retries with backoff, and errors for unusable answers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.store.backoff import backoff
 
 Send: TypeAlias = Callable[[float], bytes | Response]
-"""Seconds it may take -> the answer."""
+"""Timeout [s] -> the answer."""
 _MOST_RETRY_AFTER_S = 300.0
 _SHOWN = 200
 _USAGE = {"prompt_tokens": "tokens", "completion_tokens": "tokens", "total_tokens": "tokens", "cost": "USD"}
@@ -25,19 +25,19 @@ _ALSO = {"input_tokens": "prompt_tokens", "output_tokens": "completion_tokens"}
 
 @dataclass(frozen=True)
 class Manner:
-    """How a service is asked."""
+    """Timeout, retries and checks of a call."""
 
     timeout_s: float = 60.0
     tries: int = 4
     wait_s: float = 1.0
-    """Rest before the second try [s]; twice as long before each further one."""
+    """Wait before the second try [s], doubled before each further one."""
     valid: Callable[[bytes], object] | None = None
-    """Raises `ValueError` or `RuleError` where a body is no answer; such a body is not recorded."""
+    """Raises `ValueError` or `RuleError` for an unusable body, which is not recorded."""
     secrets: tuple[str, ...] = ()
 
 
 class _AgainError(Exception):
-    """Worth another try, after so many seconds where the service says so."""
+    """The call is worth a retry, after `after_s` [s] if the service says so."""
 
     def __init__(self, why: str, after_s: float | None = None, *, invalid: bool = False) -> None:
         super().__init__(why)
@@ -45,11 +45,11 @@ class _AgainError(Exception):
 
 
 def ask(asked: Question, send: Send, manner: Manner, log: Callable[[str], None]) -> tuple[Response, float]:
-    """The answer, and how long the try that brought it took [s].
+    """Send the request; return the answer, and the duration of the try that succeeded [s].
 
     Raises:
-        MachineError: The service cannot be reached, is overloaded, or does not know who asks.
-        RuleError: It refuses the request, or what it answers is no answer.
+        MachineError: The service cannot be reached, is overloaded, or denies access.
+        RuleError: It refuses the request, or its answer is unusable.
     """
     for number in range(1, manner.tries + 1):
         began = time.monotonic()
@@ -67,7 +67,7 @@ def ask(asked: Question, send: Send, manner: Manner, log: Callable[[str], None])
 
 
 def amounts(body: bytes) -> dict[str, tuple[float, str]]:
-    """Tokens and cost, where a JSON answer says so in its field `usage`."""
+    """Tokens and cost from the field `usage` of a JSON answer."""
     try:
         usage = json.loads(body)["usage"]
         rows = {_ALSO.get(name, name): usage[name] for name in (*_ALSO, *_USAGE) if name in usage}
@@ -86,7 +86,7 @@ def _once(asked: Question, send: Send, manner: Manner) -> Response:
         why = without_secrets(f"{type(error).__name__}: {error}".rstrip(": "), manner.secrets)
         if _is_transport(error):
             raise _AgainError(why) from None
-        # Not let through: a traceback goes into the node's log, and with it an address that may hold a key.
+        # Replaced, since its traceback in the node's log could contain an address with a key.
         raise RuleError(
             f"the call of `{asked.shown}` failed: {why.splitlines()[0][:_SHOWN]}", code="DXB-B344", facts=asked.facts()
         ) from None

@@ -1,4 +1,4 @@
-"""The request of a recorded call: its one spelling, its digest, and the secrets that must not stand in it."""
+"""The request of a recorded call: its canonical form, its digest, and the check for secrets."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from dextera_build import digest as digests
 from dextera_build.errors import RuleError
 
 SCHEMA = 1
-"""Raised when the form of the document changes; every call is then asked again."""
+"""Increased when the form of the document changes; every call is then sent again."""
 CALL = "call"
-"""The field by which a key document is known to be that of a call."""
+"""The field that marks a key document of a call."""
 _SECRET = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIAL", re.IGNORECASE)
 _SHORTEST = 8
 _DEEPEST = 64
@@ -23,15 +23,15 @@ _DEEPEST = 64
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of whom."""
+    """One request to one service."""
 
     service: str
     document: bytes
-    """Canonical bytes; attached bytes stand in it by digest and size."""
+    """Canonical JSON, which names attachments by digest and size."""
     octets: int
-    """Bytes of the request with all that is attached."""
+    """Size of the request with its attachments [bytes]."""
     model: str = ""
-    """What the request calls its model, for people."""
+    """The model that the request names, for messages."""
 
     @property
     def key(self) -> str:
@@ -44,18 +44,18 @@ class Question:
         return f"{self.service} {self.model}".rstrip()
 
     def facts(self) -> dict[str, object]:
-        """What an error says of it."""
+        """The facts of errors about this request."""
         size = f"{self.octets:,} bytes"
         return {"service": self.service, "model": self.model or "-", "request": size, "call": self.key}
 
 
 def question(service: str, request: object, secrets: Iterable[str] = ()) -> Question:
-    """The question that a rule asks.
+    """The question for a rule's request.
 
     Args:
-        service: Names the service, never its host: the same question elsewhere has the same answer.
+        service: Names the service, never its host: the same question to another host has the same answer.
         request: Plain data; bytes in it are attachments.
-        secrets: What must not stand in it, beside the values of variables such as `SERVICE_API_KEY`.
+        secrets: Texts that it must not contain, besides the values of variables such as `SERVICE_API_KEY`.
 
     Raises:
         RuleError: The request is not plain data, or holds a secret.
@@ -76,7 +76,7 @@ def question(service: str, request: object, secrets: Iterable[str] = ()) -> Ques
 
 
 def secret_in(data: bytes, secrets: Iterable[str] = ()) -> str | None:
-    """What names the secret that stands in `data`, or None."""
+    """A name for the secret that `data` contains, or None."""
     for name, value in _known(secrets):
         if value.encode() in data:
             return name
@@ -84,14 +84,14 @@ def secret_in(data: bytes, secrets: Iterable[str] = ()) -> str | None:
 
 
 def without_secrets(text: str, secrets: Iterable[str] = ()) -> str:
-    """`text` with every known secret as `***`."""
+    """`text` with every known secret replaced by `***`."""
     for _, value in _known(secrets):
         text = text.replace(value, "***")
     return text
 
 
 def _known(secrets: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """(name, value) of everything that counts as secret, the longest first."""
+    """(name, value) of everything that counts as a secret, longest first."""
     found = [(f"the value of `{name}`", value) for name, value in os.environ.items() if _SECRET.search(name)]
     found += [("a secret", value) for value in secrets]
     yield from sorted((row for row in found if len(row[1]) >= _SHORTEST), key=lambda row: -len(row[1]))

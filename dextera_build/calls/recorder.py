@@ -1,7 +1,7 @@
 """Answers calls: from the store, from a remote, or from the service itself, whose answer is then recorded.
 
-A recorded call is a result like that of a node, under the digest of its request: the output is a `File` with the body,
-the key document is the request, and the metrics say when it was asked, for how many tokens, at what cost.
+A recorded call is stored as a node's result is, under the digest of its request: the output is a `File` with the body,
+the key document is the request, and the metrics are its time, tokens and cost.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from dextera_build.store.store import Store
 
 How: TypeAlias = Literal["replayed", "fetched", "asked", "confirmed", "diverged", "replaced"]
 Fetch: TypeAlias = Callable[[str], ActionResult | None]
-"""Key -> the result that a remote has."""
+"""Key -> the result from a remote, or None."""
 
 
 class Recorder:
@@ -30,10 +30,10 @@ class Recorder:
 
     Args:
         store: Where answers are recorded.
-        mode: `record`: recorded answers are replayed, the rest is asked. `replay`: nothing is asked. `refresh`:
-            everything is asked again and compared; the first answer stays. `replace`: the new answer stays. `off`: no
-            call is made.
-        fetch: Asks remotes for a recorded answer; None where there are none.
+        mode: `record`: replay recorded answers, send the other requests. `replay`: send nothing. `refresh`: send
+            everything again and compare; the first answer stays. `replace`: as `refresh`, but the new answer stays.
+            `off`: make no calls.
+        fetch: Looks up a recorded answer in remotes; None without remotes.
         log: Takes a line about each call, for the node's log.
     """
 
@@ -42,7 +42,7 @@ class Recorder:
     ) -> None:
         self._store, self._mode, self._fetch, self._log = store, mode, fetch, log
         self.made: list[dict[str, Any]] = []
-        """What was called, in order: `call`, `result`, `service`, `model`, `how`, `seconds` and amounts."""
+        """The calls, in order: `call`, `result`, `service`, `model`, `how`, `seconds` and amounts."""
 
     def __call__(
         self,
@@ -75,16 +75,16 @@ class Recorder:
                     facts=asked.facts(),
                     hint="`--calls record` asks; `--cache local:rw,NAME:r` or `dxb bundle import` gets answers",
                 )
-            # Whoever asks the same at the same time waits here, and then finds the answer.
+            # Concurrent callers with the same request wait here, and then find the answer.
             with self._store.locks.hold(asked.key):
                 found = self._settle(asked, send, manner)
         body, result, how = found
-        self._store.blobs.put(result.document)  # results of nodes name it, and carry it to other stores
+        self._store.blobs.put(result.document)  # the node's result refers to it, here and in other stores
         self._note(asked, result, how)
         return body
 
     def _settle(self, asked: Question, send: Send, manner: Manner) -> tuple[bytes, ActionResult, How]:
-        known = self._known(asked, elsewhere=self._mode != "record")  # a record was looked for there before
+        known = self._known(asked, elsewhere=self._mode != "record")  # `record` has searched remotes before
         if known is not None and self._mode == "record":
             return known
         response, seconds = ask(asked, send, manner, self._log)
@@ -109,7 +109,7 @@ class Recorder:
         try:
             return body_of(self._store, result), result, how
         except MissingBlob:
-            return None  # damaged on disk, and set aside
+            return None  # damaged, and moved to quarantine
 
     def _publish(self, asked: Question, response: Response, seconds: float) -> ActionResult:
         blobs, found = self._store.blobs, amounts(response.body)
@@ -126,7 +126,7 @@ class Recorder:
         return result
 
     def _kept(self, body: bytes) -> str:
-        """Digest of the `File` with these bytes."""
+        """Store these bytes as a `File` and return its digest."""
         return self._store.blobs.put(headers.file_header(self._store.blobs.put(body), len(body)))
 
     def _note(self, asked: Question, result: ActionResult, how: How) -> None:
@@ -140,8 +140,8 @@ def body_of(store: Store, result: ActionResult) -> bytes:
     """The body that a recorded call holds.
 
     Raises:
-        MissingBlob: It is lost.
-        StoreError: The result is not that of a call.
+        MissingBlob: It is not in the store.
+        StoreError: The result is not a recorded call.
     """
     _, blobs = headers.closure(store.blobs.get(result.output))
     if len(blobs) != 1:
@@ -150,7 +150,7 @@ def body_of(store: Store, result: ActionResult) -> bytes:
 
 
 def of(store: Store, key: str) -> tuple[Mapping[str, Any], ActionResult] | None:
-    """The request and the result of a recorded call, or None where `key` is not one."""
+    """The request and the result of a recorded call, or None if `key` is not one."""
     result = store.actions.get(key)
     if result is None:
         return None

@@ -1,1 +1,1 @@
-"""Garbage collection of the store, and its verification."""
+"""Garbage collection and verification of the store."""

@@ -1,4 +1,4 @@
-"""What of a store may go: a pure function of what it holds, what must stay, and the limits."""
+"""Chooses what a collection removes: a pure function of the inventory, the roots and the limits."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ Reason = Literal["broken", "age", "size"]
 
 @dataclass(frozen=True)
 class Limits:
-    """What a store shall hold at most."""
+    """Limits on the contents of a store."""
 
     size: int | None = None
-    """Bytes, None for any number."""
+    """Most bytes; None: no limit."""
     since: float | None = None
-    """Results that were used before (seconds since the epoch) go."""
+    """Results last used before this time (seconds since the epoch) are removed; None: no limit."""
 
 
 @dataclass(frozen=True)
 class Horizon:
-    """Running builds may need whatever was used at these times or later (seconds since the epoch)."""
+    """Running builds may need anything that was used at these times or later (seconds since the epoch)."""
 
     results: float
     """For results, and for the blobs that any result names."""
     blobs: float
-    """For blobs that no result names: they may be there for one that is about to be published."""
+    """For blobs that no result names: a result that needs them may be about to be published."""
 
 
 @dataclass
 class Choice:
-    """What goes."""
+    """The items that a collection removes."""
 
     results: dict[str, Reason] = field(default_factory=dict)
-    """Key -> why."""
+    """Key -> reason."""
     blobs: set[str] = field(default_factory=set)
     keep: dict[str, Reason] = field(default_factory=dict)
     left: int = 0
@@ -46,9 +46,9 @@ class Choice:
 
 
 def choose(inventory: Inventory, roots: Set[str], limits: Limits, horizon: Horizon) -> Choice:
-    """Choose what goes: broken results, blobs that nothing needs, results by age, then the oldest down to the size.
+    """Choose broken results, unneeded blobs, results over the age limit, then the least recently used down to the size.
 
-    Results under `roots` stay whatever the limits are, and so does everything that running builds may need.
+    Results under `roots` stay regardless of the limits, and so does everything that running builds may need.
     """
     choice = Choice(left=inventory.bytes())
     named = {name for entry in inventory.broken.values() for name in entry.needs}
@@ -56,7 +56,7 @@ def choose(inventory: Inventory, roots: Set[str], limits: Limits, horizon: Horiz
 
     def drop_blobs(digests: Iterable[str]) -> None:
         for digest in digests:
-            size, used = inventory.blobs.get(digest, (0, math.inf))  # a bare result names blobs that are not there
+            size, used = inventory.blobs.get(digest, (0, math.inf))  # a bare result names missing blobs
             if not readers[digest] and used < (horizon.results if digest in named else horizon.blobs):
                 choice.blobs.add(digest)
                 choice.left -= size
@@ -84,7 +84,7 @@ def choose(inventory: Inventory, roots: Set[str], limits: Limits, horizon: Horiz
 
 
 def _candidates(inventory: Inventory, roots: Set[str]) -> list[tuple[float, str, Kept | None]]:
-    """(last use, key, result or None for saved progress) of everything that limits apply to, longest unused first."""
+    """(last use, key, result or None for saved progress) of everything under the limits, least recently used first."""
     found: list[tuple[float, str, Kept | None]] = [
         (kept.used, key, kept) for key, kept in inventory.results.items() if key not in roots
     ]

@@ -1,8 +1,8 @@
-"""Garbage collection: results that nobody uses and blobs that no result needs go, while builds run.
+"""Garbage collection of unused results and unneeded blobs, safe while builds run.
 
-What workspaces built last stays, and what running builds may need; `use.py` says why that holds. The order makes every
-moment of it safe, a kill included: results go before the blobs that they name, and what is published meanwhile is read
-before blobs go.
+The latest results of workspaces stay, and so does everything that running builds may need; `store/last_use.py` explains
+why. A kill at any moment is safe: results are removed before the blobs that they name, and results published meanwhile
+are read before blobs are removed.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from dextera_build.store import failpoints, files, last_use
 from dextera_build.store.store import Store
 
 _RUN_S = 90 * 86400.0
-"""Age from which the log of a run that made nothing that is still held goes [s]."""
+"""Age from which the log of a run is removed if none of its results are held [s]."""
 _LAST_RUNS = 20
-"""So many logs stay whatever their age."""
+"""Number of latest logs that stay regardless of age."""
 _LOCKLESS_S = 86400.0
-"""Where a file system has no locks, all that was used in this time stays [s]."""
+"""On a file system without locks, everything that was used within this time stays [s]."""
 _WHY = {
     "broken": "they lack a blob or cannot be read",
     "age": "they were not used for longer than the age",
@@ -38,12 +38,12 @@ _WHY = {
 
 
 Roots = Mapping[str, Set[str]]
-"""Whoever holds on to results -> keys of these."""
+"""Owner -> keys of the results that it holds."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """Some things of one kind that go, or stay, for one reason."""
+    """Items of one kind that are removed, or stay, for one reason."""
 
     kind: str
     count: int
@@ -53,7 +53,7 @@ class Row:
 
 @dataclass
 class Collection:
-    """What a collection took, or would take."""
+    """What a collection removed, or would remove."""
 
     gone: list[Row] = field(default_factory=list)
     stays: list[Row] = field(default_factory=list)
@@ -63,22 +63,22 @@ class Collection:
     running: bool = False
     """Whether builds ran meanwhile."""
     vanished: list[str] = field(default_factory=list)
-    """Projects whose folder is not there: what they built last is not held."""
+    """Projects whose folder is missing; their latest results are not held."""
 
     def add(self, kind: str, sizes: list[int], why: str) -> None:
-        """Note what goes."""
+        """Add a row of removed items."""
         if sizes:
             self.gone.append(Row(kind, len(sizes), sum(sizes), why))
 
 
 def collect(store: Store, roots: Callable[[], Roots], limits: Limits | None = None, *, dry: bool = True) -> Collection:
-    """Take what may go.
+    """Remove garbage and everything over the limits.
 
     Args:
         store: The store.
-        roots: Asked once no build can change the answer unseen; keys without a result are passed over.
-        limits: What the store shall hold at most; None: any amount, and only garbage goes.
-        dry: Change nothing, say what would go.
+        roots: Called once no build can change the answer unnoticed; keys without a result are ignored.
+        limits: Limits on the store's contents; None: only garbage is removed.
+        dry: Change nothing, report what would be removed.
 
     Raises:
         StoreError: The store cannot be written.
@@ -98,13 +98,13 @@ def collect(store: Store, roots: Callable[[], Roots], limits: Limits | None = No
 
 
 def collect_all(store: Store, *, size: int | None = None, age_s: float | None = None, dry: bool = True) -> Collection:
-    """Take what may go: results that no project built last and nobody used of late, blobs that none needs, old logs.
+    """Remove results over the limits that no project holds and no build used recently, unneeded blobs, and old logs.
 
     Args:
         store: The store.
-        size: Bytes that it shall hold at most.
-        age_s: Results that were not used for so long [s] go.
-        dry: Change nothing, say what would go.
+        size: Size limit of the store [bytes].
+        age_s: Age limit of unused results [s].
+        dry: Change nothing, report what would be removed.
 
     Raises:
         StoreError: The store cannot be written.
@@ -132,7 +132,7 @@ def collect_all(store: Store, *, size: int | None = None, age_s: float | None = 
 
 
 class _Collector:
-    """Chooses what goes when it is made; `said` tells of it, and `sweep` takes it."""
+    """Chooses what to remove when it is created; `said` reports it, and `sweep` removes it."""
 
     def __init__(self, store: Store, roots: Roots, limits: Limits, *, alone: bool) -> None:
         self._store = store
@@ -144,7 +144,7 @@ class _Collector:
         self._horizon = Horizon(results=math.inf if alone else horizon, blobs=horizon)
         self._held = inventory.read(store)
         everyone = frozenset().union(*roots.values())
-        # A result names the key documents of the calls that it came of, and their digests are the keys of these.
+        # A result names the key documents of its recorded calls, whose digests are the keys of the calls.
         results = self._held.results
         everyone |= {name for key in everyone if key in results for name in results[key].needs if name in results}
         self._choice = choose(self._held, everyone, limits, self._horizon)
@@ -184,7 +184,7 @@ class _Collector:
             )
 
     def sweep(self) -> Collection:
-        """Take what was chosen, but for what a build began to use since."""
+        """Remove what was chosen, except for items that a build has used since."""
         use, choice = self._store.blobs.use, self._choice
         spared = 0
         for key in choice.results:
@@ -208,7 +208,7 @@ class _Collector:
         return self.said
 
     def _needed(self) -> set[str]:
-        """Blobs that results need which are still there, also those published since we looked."""
+        """Blobs that the remaining results need, including results published since the inventory."""
         known = frozenset(key for key in self._held.results if key not in self._choice.results)
         needed = {name for key in known for name in self._held.results[key].needs}
         for _, kept in inventory.results(self._store, known):
@@ -217,7 +217,7 @@ class _Collector:
 
 
 def _now(store: Store) -> float:
-    """The time by the clock that stamps the store's files."""
+    """The current time of the clock that stamps the store's files."""
     path = store.local / f"{files.TEMPORARY}-{files.unique()}"
     try:
         path.write_bytes(b"")

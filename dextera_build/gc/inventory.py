@@ -26,33 +26,33 @@ class Kept:
     used: float
     """Last use (seconds since the epoch)."""
     needs: Mapping[str, int | None]
-    """Digest -> size of the blobs that it names, see `entry.File`; none where it cannot be read."""
+    """Digest -> size of the blobs that it names, see `entry.File`; empty if it cannot be read."""
 
 
 @dataclass
 class Inventory:
-    """What lies in a store at one time."""
+    """The contents of a store at one time."""
 
     blobs: dict[str, tuple[int, float]] = field(default_factory=dict)
     """Digest -> (bytes, last use)."""
     results: dict[str, Kept] = field(default_factory=dict)
-    """Key -> result, if every blob that it needs is there; a bare result names bytes that need not be."""
+    """Key -> result, if every blob that it needs is present; a bare result may lack bytes."""
     broken: dict[str, Kept] = field(default_factory=dict)
     """Key -> result that cannot be read or lacks a blob: a miss for every build."""
     keep: dict[str, tuple[int, float]] = field(default_factory=dict)
     """Key -> (bytes, last use) of the folders in which calls saved their progress."""
 
     def bytes(self) -> int:
-        """Size of all of it."""
+        """Total size."""
         entries = (*self.results.values(), *self.broken.values())
         sizes = (*self.blobs.values(), *self.keep.values())
         return sum(entry.size for entry in entries) + sum(size for size, _ in sizes)
 
 
 def read(store: Store) -> Inventory:
-    """Look at everything; nothing is changed, and no use is noted."""
+    """List everything; nothing is changed, and no use is noted."""
     found = Inventory()
-    # Entries first: blobs of results that are published meanwhile are named by no entry, but are too young to go.
+    # Entries first: blobs of results published meanwhile are named by no entry, but are too young to be removed.
     held = dict(results(store))
     found.blobs = {digest: (size, used) for digest, size, used in listing(store.blobs.root)}
     for key, kept in held.items():
@@ -63,7 +63,7 @@ def read(store: Store) -> Inventory:
 
 
 def results(store: Store, known: frozenset[str] = frozenset()) -> Iterator[tuple[str, Kept]]:
-    """Every result except those of `known` keys."""
+    """Every result whose key is not in `known`."""
     names: dict[str, str] = {}
     for key, size, used in listing(store.actions.root):
         if key not in known:
@@ -81,7 +81,7 @@ def path_of(store: Store, key: str) -> str:
 
 
 def leftovers(store: Store) -> Iterator[tuple[str, int, float]]:
-    """Unfinished files of processes that were killed, and damaged blobs set aside: (path, bytes, last change)."""
+    """Unfinished files of killed processes, and damaged blobs in quarantine: (path, bytes, last change)."""
     for pattern in _LEFTOVERS:
         for path in store.root.glob(pattern):
             with suppress(FileNotFoundError):
@@ -102,6 +102,6 @@ def remove(path: str) -> None:
 
 
 def unwritable(store: Store) -> Path | None:
-    """A folder of the store that may only be read, or None."""
+    """A read-only folder of the store, or None."""
     places = (store.blobs.root, store.actions.root, store.local, store.root)
     return next((place for place in places if place.is_dir() and not os.access(place, os.W_OK)), None)

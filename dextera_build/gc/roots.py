@@ -1,4 +1,4 @@
-"""Whose results a collection leaves alone: those that a workspace's recipes built last, by all that remembers them."""
+"""The results that a collection always keeps: the latest of each workspace's recipes, from history and lock files."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ NOBODY = "builds outside a project"
 
 _KEY = re.compile(rb"(?<![0-9a-f])[0-9a-f]{64}(?![0-9a-f])")
 _VARIANT_S = 30 * 86400.0
-"""Requests with other flags than the recipe's own hold on to nothing after so long [s]."""
+"""Age from which requests with other flags than the recipe's own hold no results [s]."""
 
 
 @dataclass
 class Roots:
-    """Who holds on to what."""
+    """The holders of results."""
 
     keys: dict[str, set[str]] = field(default_factory=dict)
     """Workspace -> keys."""
     vanished: list[str] = field(default_factory=list)
-    """Workspaces whose folder is not there: they hold on to nothing."""
+    """Workspaces whose folder is missing; they hold no results."""
     runs: set[str] = field(default_factory=set)
-    """Runs that made what is held."""
+    """Runs that made the held results."""
 
 
 def find(store: Store) -> Roots:
-    """Read what remembers results: history and lock files of workspaces."""
+    """Read the history and the lock files of workspaces."""
     found = Roots()
     vanished: set[str] = set()
     for workspace, variant, entries in history.projects(store.state):
@@ -49,6 +49,6 @@ def find(store: Store) -> Roots:
     found.vanished = sorted(vanished)
     for workspace, held in found.keys.items():
         with suppress(OSError):
-            # Whatever form the file has: its digests are written out.
+            # This works for any format of the file: digests are written out.
             held.update(match.decode() for match in _KEY.findall(files.read(f"{workspace}/{LOCKFILE}")))
     return found

@@ -19,16 +19,16 @@ from dextera_build.store.blobs import listed, shards
 from dextera_build.store.store import Store
 
 Progress = Callable[[int, int], None]
-"""Takes how many blobs were read so far, and their bytes."""
+"""Takes the number of blobs read so far, and their bytes."""
 
 
 @dataclass(frozen=True, order=True)
 class Finding:
-    """One thing that is not as it should be."""
+    """One problem in the store."""
 
     kind: str
     """`damaged`, `truncated`: a blob; `unreadable`, `lacking`: a result; `leftover`: an unfinished file of a killed
-    process, which is no damage."""
+    process, which is not damage."""
     name: str
     """Digest, key or path."""
     detail: str
@@ -37,7 +37,7 @@ class Finding:
 
 @dataclass
 class Verdict:
-    """What was found."""
+    """The outcome of a verification."""
 
     blobs: int = 0
     bytes: int = 0
@@ -46,25 +46,25 @@ class Verdict:
 
     @property
     def is_whole(self) -> bool:
-        """Whether nothing is damaged, or all of it was repaired."""
+        """Whether there is no damage, or all of it was repaired."""
         return all(finding.repaired or finding.kind == "leftover" for finding in self.findings)
 
 
 def verify(
     store: Store, *, fast: bool = False, repair: bool = False, jobs: int = 0, progress: Progress | None = None
 ) -> Verdict:
-    """Look at every blob and every result.
+    """Check every blob and every result.
 
     Args:
         store: The store; builds may run meanwhile.
         fast: Compare sizes only, and read no blob.
-        repair: Set damaged blobs aside, drop results that cannot stand, remove leftovers. A result that was dropped is
-            a miss, and is built again when it is needed.
-        jobs: How many blobs to read at a time; 0: one per core.
-        progress: Is told how far it is, at most ten times a second.
+        repair: Move damaged blobs to quarantine, remove invalid results and leftovers. A removed result is a miss, and
+            is built again when it is needed.
+        jobs: Number of blobs to read in parallel; 0: one per core.
+        progress: Called at most ten times a second.
 
     Raises:
-        StoreError: It shall be repaired and cannot be written.
+        StoreError: `repair` is set, and the store is read-only.
     """
     if repair and (folder := inventory.unwritable(store)) is not None:
         raise StoreError(
@@ -95,7 +95,7 @@ class _Verifier:
         self.verdict = Verdict()
 
     def blobs(self, jobs: int) -> None:
-        """Read every blob, folder by folder in parallel: hashing and reading let other threads run."""
+        """Read every blob, several folders in parallel: hashing and reading release the GIL."""
         with ThreadPoolExecutor(jobs) as pool:
             for _ in pool.map(self._shard, shards(self._store.blobs.root)):
                 pass
@@ -119,7 +119,7 @@ class _Verifier:
             self._find(kind, digest, what, str(path))
 
     def results(self) -> None:
-        """Judge every result by what is there of its blobs now."""
+        """Check every result against the blobs that are present now."""
         self.verdict.results = len(self._results)
         for key, kept in self._results.items():
             lacks = [name for name, size in kept.needs.items() if size not in (None, self._store.blobs.size(name))]
@@ -130,7 +130,7 @@ class _Verifier:
                 self._find("unreadable", key, "it is no result, or that of another key", path)
 
     def leftovers(self) -> None:
-        """Find what killed processes left; what may still be written now is left alone."""
+        """Find leftovers of killed processes; files that may still be in use are left alone."""
         horizon = min([time.time(), *self._store.running.starts()]) - last_use.STEP_S - last_use.SLACK_S
         aside = str(self._store.local / "quarantine")
         for path, size, used in inventory.leftovers(self._store):

@@ -1,4 +1,4 @@
-"""Limits what a failing remote costs a build to a few time-outs.
+"""Limits the cost of a failing remote to a few timeouts per build.
 
 A request that fails is repeated once. If it fails again, or is refused, the remote is not used for the rest of the
 build, and that is reported once. Reading and writing are given up separately: a read-only server can still be read.
@@ -17,10 +17,10 @@ from dextera_build.remotes.remote import Digest, Remote, RemoteFault, T
 Doing = Literal["read", "write"]
 _BOTH: tuple[Doing, ...] = ("read", "write")
 
-_DAMAGED = 3  # blobs with other bytes, after which nothing is read any more
+_DAMAGED = 3  # blobs with wrong bytes after which the remote is not read any more
 _PAUSE_S = 0.2
 _SLOWEST = 16 << 10  # bytes a second; slower transfers count as stalled
-_PATIENCE = 3  # an answer may take so many times the time-out, however it drips
+_PATIENCE = 3  # an answer may take this many timeouts in all, even if bytes trickle in
 
 
 class GivenUp(NamedTuple):
@@ -37,8 +37,8 @@ class Guarded(Remote):
     """A remote with a circuit breaker; itself a `Remote`, for one build.
 
     Args:
-        name: What people call the remote.
-        address: What to show of where it is.
+        name: Name of the remote.
+        address: Its address, as shown to users.
         opener: Connects; called when the remote is first needed.
         timeout_s: How long the remote waits for an answer [s].
         mode: `r`, `w` or `rw`.
@@ -56,12 +56,12 @@ class Guarded(Remote):
         self._opener, self._remote = opener, None
         self._guard, self._opening = threading.Lock(), threading.Lock()
         self._deadlines: dict[int, float] = {}
-        """Thread -> when the call that it makes counts as stalled."""
+        """Thread -> time at which its current call counts as stalled."""
 
     _remote: Remote | None
 
     def may(self, doing: Doing) -> bool:
-        """Whether the remote is still asked."""
+        """Whether the remote is still read or written."""
         return doing[0] in self._mode and doing not in self.reasons
 
     def get_entry(self, key: str) -> bytes | None:
@@ -73,13 +73,13 @@ class Guarded(Remote):
         self._call("write", lambda remote: remote.put_entry(key, message), len(message))
 
     def has(self, digest: Digest) -> bool:
-        """As `Remote`; asked before writing."""
+        """As `Remote`; used before writing."""
         return self._call("write", lambda remote: remote.has(digest))
 
     def fetch(self, digest: Digest, take: Callable[[Iterator[bytes]], bool]) -> bool | None:
-        """As `Remote`; after a few blobs that came with other bytes nothing is read any more.
+        """As `Remote`; after a few blobs with wrong bytes, the remote is not read any more.
 
-        Sizes are claims of the remote, so its time grows with the bytes that came, not with those it announced.
+        Announced sizes are not trusted, so the deadline grows with the bytes received.
         """
         right = self._call("read", lambda remote: remote.fetch(digest, lambda pieces: take(self._timed(pieces))))
         if right is False:
@@ -106,7 +106,7 @@ class Guarded(Remote):
             self._remote.close()
 
     def watch(self) -> None:
-        """Give the remote up if a call takes longer than it may, and end that call."""
+        """Give the remote up if a call exceeds its deadline, and abort that call."""
         now = time.monotonic()
         with self._guard:
             late = any(now > deadline for deadline in self._deadlines.values()) and len(self.reasons) < 2
@@ -129,7 +129,7 @@ class Guarded(Remote):
                 return self._watched(work, self._patience_s + octets / _SLOWEST)
             except RemoteFault as fault:
                 if last or fault.refused:
-                    # A server that says no to one may say yes to the other; one that is away is away for both.
+                    # A server may refuse reading or writing alone; an unreachable one can do neither.
                     with self._guard:
                         self._give_up(doing if fault.refused else "both", fault.reason)
                     raise
@@ -139,13 +139,13 @@ class Guarded(Remote):
     def _watched(self, work: Callable[[Remote], T], patience_s: float) -> T:
         thread = threading.get_ident()
         try:
-            remote = self._connected()  # not timed: a busy machine is slow to load what speaks to a remote
+            remote = self._connected()  # not timed: a busy machine imports client libraries slowly
             with self._guard:
                 self._deadlines[thread] = time.monotonic() + patience_s
             return work(remote)
         except (RemoteFault, StoreError, KeyboardInterrupt, SystemExit, GeneratorExit):
             raise
-        # An undeclared exception of a library must not end a build; panics of Rust are no `Exception`.
+        # An undeclared exception of a library must not end a build; a Rust panic is not an `Exception`.
         except BaseException as error:
             reason = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
             raise RemoteFault(self.address, reason) from error

@@ -24,22 +24,22 @@ _TICK_S = 0.02
 
 @dataclass(frozen=True)
 class Arrival:
-    """The answer to one question."""
+    """The answer to one lookup."""
 
     key: str
     result: ActionResult | None
-    """None: no remote has it; then it must be made."""
+    """None: no remote has it, so it must be built."""
     is_whole: bool = True
-    """Whether its bytes came, too."""
+    """Whether its bytes were downloaded, too."""
     remote: str = ""
-    """Name of the remote that had it."""
+    """Name of the remote that has it."""
     seconds: float = 0.0
-    """How long that took [s]."""
+    """Duration of the lookup [s]."""
 
 
 @dataclass
 class Upload:
-    """What became of the results that were made for one remote."""
+    """The uploads to one remote."""
 
     remote: str
     results: int = 0
@@ -47,15 +47,15 @@ class Upload:
     left: list[str] = field(default_factory=list)
     """Keys of results that were not uploaded."""
     reason: str = ""
-    """Why the first of them was not."""
+    """Why the first of them was not uploaded."""
 
 
 class Exchange:
-    """Remotes in the order in which they are asked. Only the scheduling thread calls these methods.
+    """The remotes of a build. Only the scheduling thread calls these methods.
 
     Args:
-        store: The local end.
-        remotes: The remotes.
+        store: The local store.
+        remotes: The remotes, in lookup order.
     """
 
     def __init__(self, store: Store, remotes: Sequence[Guarded]) -> None:
@@ -69,7 +69,7 @@ class Exchange:
         self._uploads = {remote.name: Upload(remote.name) for remote in self._writing}
         self._to_send: dict[tuple[Guarded, str], None] = {}
         self.offered = 0
-        """How many uploads were begun."""
+        """Number of uploads started."""
 
     @property
     def reads(self) -> bool:
@@ -77,12 +77,12 @@ class Exchange:
         return any(remote.may("read") for remote in self.remotes)
 
     def ask(self, key: str, *, whole: bool = True) -> None:
-        """Look for a result in the background, with or without its bytes; `arrived` returns the answer later."""
+        """Look up a result in the background, with or without its bytes; `arrived` returns the answer later."""
         self._asked.add(key)
         self._readers.start(lambda: self._answer(key, whole))
 
     def arrived(self, patience_s: float) -> list[Arrival]:
-        """Answers that have come, or come within `patience_s` [s]."""
+        """Answers that have arrived, or arrive within `patience_s` [s]."""
         found = []
         with suppress(Empty):
             found.append(self._answers.get(timeout=patience_s) if patience_s else self._answers.get_nowait())
@@ -91,7 +91,7 @@ class Exchange:
         for remote in self.remotes:
             remote.watch()
         if not self.reads:
-            # Threads may hang in a remote that was given up; what they were asked is answered here.
+            # Threads may hang in a remote that was given up; their lookups are answered here.
             found += [Arrival(key, None) for key in self._asked]
         fresh = {answer.key: answer for answer in reversed(found) if answer.key in self._asked}
         self._asked -= fresh.keys()
@@ -113,7 +113,7 @@ class Exchange:
         return found
 
     def wait(self, patience_s: float) -> int:
-        """Wait at most so long [s] for uploads, and return how many are not over."""
+        """Wait at most `patience_s` [s] for uploads, and return how many are unfinished."""
         end = time.monotonic() + patience_s
         while True:
             for remote in self._writing:
@@ -126,7 +126,7 @@ class Exchange:
             time.sleep(_TICK_S)
 
     def close(self) -> list[Upload]:
-        """Close connections, and return what was uploaded; uploads that are not over are abandoned."""
+        """Close connections, and return what was uploaded; unfinished uploads are abandoned."""
         with self._guard:
             for remote, key in self._to_send:
                 self._leave(remote, key, remote.reasons.get("write", "the build ended before"))
@@ -138,7 +138,7 @@ class Exchange:
         return [upload for upload in self._uploads.values() if upload.results or upload.left]
 
     def fetch(self, key: str, *, whole: bool = True) -> Arrival:
-        """Look for a result in this thread."""
+        """Look up a result in this thread."""
         began = time.monotonic()
         for remote in self.remotes:
             if not remote.may("read"):
@@ -146,9 +146,9 @@ class Exchange:
             try:
                 found = self._transfer.fetch(remote, key, whole=whole)
             except RemoteFault:
-                continue  # counted where it came up
+                continue  # the breaker counted it
             except StoreError:
-                break  # a full disk; the node finds out itself
+                break  # a full disk, which the node will report
             if found is not None:
                 return Arrival(key, found.result, found.is_whole, remote.name, time.monotonic() - began)
         return Arrival(key, None)

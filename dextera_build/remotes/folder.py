@@ -1,6 +1,7 @@
-"""A folder as a remote: a network share, or another store, in the layout of the store.
+"""A folder as a remote: a network share, or another store, in the layout of a store.
 
-Files are written aside and renamed, so no locks are needed; on NFS, too, a reader sees all of a file or none.
+Files are written under temporary names and renamed, so no locks are needed: even on NFS, a reader sees all of a file or
+none.
 """
 
 from __future__ import annotations
@@ -19,16 +20,16 @@ from dextera_build.store import failpoints, files
 
 _CHUNK = 1 << 20
 _ABSENT = (FileNotFoundError, IsADirectoryError)
-"""A folder in the place of a file is damage, and is replaced with the next upload."""
+"""A folder in the place of a file is damage; the next upload replaces it."""
 _ABANDONED_S = 86400.0
-"""Age from which what somebody did not write to its end counts as left by a killed process [s]."""
+"""Age from which an unfinished file counts as left by a killed process [s]."""
 
 
 class Directory(Remote):
     """Blobs under `cas/ab/cdef...` and results under `ac/ab/cdef...` of one folder.
 
     Args:
-        root: The folder; made with the first thing that is written, where the folder around it is there.
+        root: The folder; created by the first write if its parent exists.
     """
 
     def __init__(self, root: Path) -> None:

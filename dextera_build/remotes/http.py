@@ -48,7 +48,7 @@ class HttpCache(Remote):
         self._client = httpx.Client(
             auth=(parsed.username, parsed.password) if parsed.username else _netrc(parsed),
             params=parsed.params,
-            # A compressed body would have another size than its digest says.
+            # A compressed body would not have the size that belongs to its digest.
             headers={"Accept-Encoding": "identity"},
             timeout=httpx.Timeout(timeout_s, connect=min(_CONNECT_S, timeout_s), pool=None),
             limits=httpx.Limits(max_connections=_CONNECTIONS, max_keepalive_connections=_CONNECTIONS),
@@ -73,17 +73,17 @@ class HttpCache(Remote):
             if answer.status_code == 404:
                 return None
             self._expect(answer, 200)
-            # Not decoded: nothing unpacks to more than was sent.
+            # Not decoded, so no body expands to more bytes than were sent.
             return take(answer.iter_raw(_CHUNK))
 
     def _put(self, kind: Kind, digest: Digest, file: BinaryIO) -> None:
         url, content = self._url(kind, digest.hash), iter(lambda: file.read(_CHUNK), b"")
-        # With its length said, so that it is not sent in chunks, which not every server takes.
+        # With a length, the body is not sent in chunks, which some servers reject.
         headers = {"Content-Length": str(digest.size)}
         with self._faults(), self._client.stream("PUT", url, content=content, headers=headers) as answer:
             self._expect(answer, 200, 201, 202, 204)
             said = 0
-            for piece in answer.iter_raw(_CHUNK):  # to its end, so that the connection serves again
+            for piece in answer.iter_raw(_CHUNK):  # to the end, so that the connection can be reused
                 said += len(piece)
                 if said > _CHUNK:
                     break
@@ -121,7 +121,7 @@ def _plain(error: Exception) -> str:
 
 def _netrc(url: httpx.URL) -> httpx.NetRCAuth | None:
     if url.scheme != "https" and not is_loopback(url.host):
-        return None  # it goes over TLS or nowhere
+        return None  # credentials need TLS
     try:
         return httpx.NetRCAuth(os.environ.get("NETRC"))
     except (OSError, SyntaxError):

@@ -17,11 +17,11 @@ T = TypeVar("T")
 Kind: TypeAlias = Literal["ac", "cas"]
 """Entries or blobs."""
 MOST_ENTRY = 64 << 20
-"""A result under a key that is longer is not taken [bytes]; one blob takes about 150 bytes there."""
+"""Longest accepted entry [bytes]; each blob takes about 150 bytes of an entry."""
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine can be reached, or can reach us, at a host."""
+    """Whether a host is a loopback name or address, which only this machine reaches."""
     try:
         return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -29,21 +29,21 @@ def is_loopback(host: str) -> bool:
 
 
 class Digest(NamedTuple):
-    """Names bytes."""
+    """Digest and size of a blob."""
 
     hash: str
     """Lower-case hex SHA-256."""
     size: int
-    """How many bytes."""
+    """[bytes]"""
 
 
 class RemoteFault(Exception):  # noqa: N818 - says what happened, as `MissingBlob` does
-    """A remote did not do what it was asked: no connection, a time-out, an answer that makes no sense.
+    """A remote failed: no connection, a timeout, a malformed answer.
 
     Args:
         address: The remote.
-        reason: What happened, for people; both are shown without secrets.
-        refused: The remote works and said no (no right to, no such method): to ask again does not help.
+        reason: What happened, for users; both are shown without secrets.
+        refused: The remote works and rejected the request (no permission, no such method): a retry does not help.
     """
 
     def __init__(self, address: str, reason: str, *, refused: bool = False) -> None:
@@ -53,23 +53,23 @@ class RemoteFault(Exception):  # noqa: N818 - says what happened, as `MissingBlo
 
 
 class Remote:
-    """Two maps. Every method may be called from several threads, and raises `RemoteFault` and nothing else.
+    """Two maps, entries and blobs. Every method may be called from several threads and raises only `RemoteFault`.
 
     A subclass implements `has`, `_get` and `_put`.
     """
 
     address: str
-    """As the command line names it, without secrets."""
+    """As given on the command line, without secrets."""
 
     def get_entry(self, key: str) -> bytes | None:
-        """The entry under a key (the digest of the key document), or None; `entry.py` says how it is spelled.
+        """The entry under a key (the digest of the key document), or None; `entry.py` describes its format.
 
-        One that is longer than `MOST_ENTRY` is a `RemoteFault`, found before all of it is in memory.
+        An entry longer than `MOST_ENTRY` raises `RemoteFault` before all of it is in memory.
         """
         return self._get("ac", key, self._short)
 
     def put_entry(self, key: str, message: bytes) -> None:
-        """Publish a result, all of whose blobs the remote holds."""
+        """Publish a result whose blobs are all in the remote."""
         self._put("ac", Digest(key, len(message)), BytesIO(message))
 
     def has(self, digest: Digest) -> bool:
@@ -84,11 +84,11 @@ class Remote:
         return self._get("cas", digest.hash, take)
 
     def send(self, digest: Digest, file: BinaryIO) -> None:
-        """Upload a blob, from the place where the file stands."""
+        """Upload a blob, from the current position of the file."""
         self._put("cas", digest, file)
 
     def close(self) -> None:
-        """Let connections go; calls that wait for an answer end with a `RemoteFault`."""
+        """Close connections; pending calls raise `RemoteFault`."""
 
     def _short(self, pieces: Iterator[bytes]) -> bytes:
         found = bytearray()
@@ -99,7 +99,7 @@ class Remote:
         return bytes(found)
 
     def _get(self, kind: Kind, name: str, take: Callable[[Iterator[bytes]], T]) -> T | None:
-        """What `take` makes of an entry or a blob; None if the remote lacks it."""
+        """Pass an entry or a blob to `take` and return its result; None if the remote lacks it."""
         raise NotImplementedError
 
     def _put(self, kind: Kind, digest: Digest, file: BinaryIO) -> None:

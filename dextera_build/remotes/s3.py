@@ -1,7 +1,7 @@
-"""An object store as a remote: S3 and what speaks like it, Google Cloud Storage, Azure Blob Storage.
+"""An object store as a remote: S3 and compatible services, Google Cloud Storage, Azure Blob Storage.
 
-Objects are called as a Bazel HTTP cache calls them, `ac/<hex>` and `cas/<hex>`, so a bucket that is served over HTTP
-serves other tools, too.
+Objects have the names of a Bazel HTTP cache, `ac/<hex>` and `cas/<hex>`, so a bucket that is served over HTTP works
+with other tools, too.
 """
 
 from __future__ import annotations
@@ -21,38 +21,38 @@ from dextera_build.remotes.remote import Digest, Kind, Remote, RemoteFault, T
 _CHUNK = 1 << 20
 _PART = 8 << 20
 _METADATA = "169.254.169.254"
-"""Where a machine of the cloud is asked for credentials, when nothing else has any."""
+"""Metadata server of cloud machines, the last source of credentials."""
 _REQUEST = re.compile(r"^(Generic \w+ error: )?(Error performing \w+ \S+ in [\d.]+\w+(, after \d+ retries.*?)? +- )?")
 _CAUSE = re.compile(r'(?:message|error): "([^"]+)"')
 _REFUSALS = (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError, exceptions.NotSupportedError)
 _CLIENT = re.compile("allow_|connect_timeout|default_content_type|http[12]_|pool_|proxy_|timeout|user_agent")
-"""Beginnings of the options that obstore takes for the connection."""
+"""Name prefixes of obstore's connection options."""
 
 
 class ObjectStore(Remote):
-    """One bucket, or what lies under a prefix of it.
+    """One bucket, or one prefix of it.
 
     Args:
         url: `s3://bucket/prefix`, `gs://bucket/prefix` or `az://container/prefix`.
-        options: What obstore's configuration takes: `endpoint`, `region`, ...; beside it the environment counts
-            (`AWS_ACCESS_KEY_ID`, ...).
+        options: obstore's configuration: `endpoint`, `region`, ...; environment variables (`AWS_ACCESS_KEY_ID`, ...)
+            apply, too.
         timeout_s: How long to wait for an answer [s].
 
     Raises:
-        ValueError: The address or an option is not understood.
+        ValueError: The address or an option is invalid.
     """
 
     def __init__(self, url: str, options: Mapping[str, str] | None = None, *, timeout_s: float = 10.0) -> None:
         self.address = url.rstrip("/")
         patience = timedelta(seconds=timeout_s)
         said = options or {}
-        # Among the settings of the bucket these make the library panic.
+        # As settings of the bucket, connection options make the library panic.
         config: Any = {name: value for name, value in said.items() if not _CLIENT.match(name)}
-        # The library must not retry ten times on its own: a build retries once, or goes on without the remote.
+        # The library must not retry ten times on its own: a build retries once, or continues without the remote.
         retry: Any = {"max_retries": 1, "retry_timeout": patience}
         client: Any = {"timeout": f"{max(timeout_s * 6, 60.0):g}s", "connect_timeout": f"{min(timeout_s, 5.0):g}s"}
         client |= {name: value for name, value in said.items() if _CLIENT.match(name)}
-        # Credentials go over TLS, or to a server of this machine, as `refuse_clear` has made sure.
+        # `refuse_clear` ensured that credentials go over TLS or to this machine.
         client["allow_http"] = any(value.startswith("http://") for name, value in config.items() if "endpoint" in name)
         try:
             self._store = from_url(self.address, config=config, client_options=client, retry_config=retry)
@@ -94,7 +94,7 @@ class ObjectStore(Remote):
 
 
 def _plain(error: Exception) -> str:
-    """What the library says in one line, without the address of the request, which may hold a signature."""
+    """The library's message in one line, without the address of the request, which may contain a signature."""
     text, _, more = str(error).partition("\n")
     if _METADATA in text:
         return "there are no credentials for it: set `AWS_ACCESS_KEY_ID` and `AWS_SECRET_ACCESS_KEY`"

@@ -1,6 +1,6 @@
-"""The store over HTTP: GET, HEAD and PUT of `/ac/<hex>` and `/cas/<hex>`.
+"""Serves the store over HTTP: GET, HEAD and PUT of `/ac/<hex>` and `/cas/<hex>`.
 
-A result that is not whole is not served, and one that is whole is never replaced.
+Only whole results are served, and they are never replaced.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ class CacheServer(ThreadingHTTPServer):
 
     Args:
         store: What to serve.
-        address: Host and port to listen at; port 0 is any that is free.
-        read_only: Take nothing.
-        most_bytes: Largest blob that is taken [bytes].
-        log: Gets a line for each request; None for none.
-        secret: Password of the user `dxb`, whom alone it serves; "" serves everyone.
+        address: Host and port to listen on; port 0: any free port.
+        read_only: Accept no uploads.
+        most_bytes: Largest blob that is accepted [bytes].
+        log: Gets a line for each request; None: no log.
+        secret: Password that clients must send as user `dxb`; "" serves everyone.
         tls: PEM file with a certificate and its private key; "" serves plain HTTP.
 
     Raises:
-        OSError: Nothing can listen there, or the certificate cannot be used.
+        OSError: The address is not available, or the certificate cannot be used.
     """
 
     daemon_threads = True
@@ -64,18 +64,18 @@ class CacheServer(ThreadingHTTPServer):
             self.address_family = socket.AF_INET6
         self.store, self.read_only, self.most_bytes, self.log = store, read_only, most_bytes, log
         self.welcome = b"Basic " + base64.b64encode(f"dxb:{secret}".encode()) if secret else b""
-        """What a client must say to be served."""
+        """`Authorization` header that a client must send."""
         self._scheme = "https" if tls else "http"
         super().__init__(address, partial(_Request))
         if tls:
             context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
             context.load_cert_chain(tls)
-            # The handshake comes with the first read, in the thread of the connection: a client may take its time.
+            # The handshake comes with the first read, in the connection's thread: a slow client delays no other.
             self.socket = context.wrap_socket(self.socket, server_side=True, do_handshake_on_connect=False)
 
     @property
     def url(self) -> str:
-        """Where clients find it."""
+        """Address for clients."""
         host, port = self.server_address[:2]
         shown = str(host)
         return f"{self._scheme}://[{shown}]:{port}" if ":" in shown else f"{self._scheme}://{shown}:{port}"
@@ -101,19 +101,19 @@ class _Request(BaseHTTPRequestHandler):
     server: CacheServer
 
     def do_GET(self) -> None:
-        """Give a blob or a result."""
+        """Serve a blob or a result."""
         self._carry_out(self._give)
 
     def do_HEAD(self) -> None:
-        """Say whether it is there, and its size."""
+        """Answer whether it exists, and its size."""
         self._carry_out(self._give)
 
     def do_PUT(self) -> None:
-        """Take a blob, or a result whose blobs are there."""
+        """Accept a blob, or a result whose blobs are present."""
         self._carry_out(self._take)
 
     def log_message(self, format: str, *words: object) -> None:
-        """Only where a log is wanted."""
+        """Write a line if there is a log."""
         if self.server.log is not None:
             said = (format % words).encode("ascii", "backslashreplace").decode()
             print(f"{self.address_string()} {said}", file=self.server.log, flush=True)
@@ -155,7 +155,7 @@ class _Request(BaseHTTPRequestHandler):
                 _publish(self.server.store, digest, b"".join(pieces))
             else:
                 blobs = self.server.store.blobs
-                blobs.verify(digest)  # a damaged one is set aside, and replaced by what comes
+                blobs.verify(digest)  # a damaged one is moved to quarantine, and replaced by the upload
                 if not blobs.receive(digest, int(self.headers["Content-Length"]), pieces):
                     raise _RefusedError(HTTPStatus.BAD_REQUEST, "these bytes have another digest")
             for _ in pieces:  # the next request begins where this one's body ends
@@ -200,7 +200,7 @@ class _Request(BaseHTTPRequestHandler):
 
 
 def _publish(store: Store, key: str, message: bytes) -> None:
-    """Take a result.
+    """Publish an uploaded result.
 
     Raises:
         _RefusedError: It is not the whole result of this key.

@@ -1,4 +1,4 @@
-"""One remote: its name, address and mode, from the settings or the command line; and how it is opened."""
+"""Remotes by name, address and mode, from the settings or the command line, and how they are opened."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dextera_build.redact import redact
 from dextera_build.remotes.remote import is_loopback
 
 if TYPE_CHECKING:
-    # Settings name remotes in every command; what speaks to one is loaded when it is needed.
+    # Every command reads the settings of remotes; their client libraries are imported on demand.
     from dextera_build.remotes.breaker import Guarded
     from dextera_build.remotes.remote import Remote
 
@@ -23,7 +23,7 @@ MODES = ("r", "rw", "w", "off")
 SCHEMES = ("http", "https", "s3", "gs", "az", "file")
 BUCKETS = ("s3", "gs", "az")
 _SETTINGS = ("address", "mode", "timeout_s")
-"""Of any remote; object stores have more, which their library knows."""
+"""Settings of any remote; object stores have more, which their library checks."""
 LOCAL, EVERY = "local", "remote"
 _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 _SECRET = re.compile(r"key|secret|token|password|credential|sas", re.IGNORECASE)
@@ -33,16 +33,16 @@ _LONGEST_S = 1e6
 
 @dataclass(frozen=True)
 class Spec:
-    """One remote: where it is, and what may be done with it."""
+    """One remote: its address, and how it may be used."""
 
     name: str
     address: str
-    """A URL, or a folder; may hold `${NAME}` for a variable of the environment."""
+    """A URL, or a folder; `${NAME}` inserts an environment variable."""
     mode: str = "r"
     timeout_s: float = _TIMEOUT_S
     """How long to wait for an answer [s]."""
     options: Mapping[str, str] = field(default_factory=dict)
-    """More for the library that speaks to an object store: `endpoint`, `region`, ..."""
+    """Further options for the object store's library: `endpoint`, `region`, ..."""
 
     @property
     def shown(self) -> str:
@@ -50,7 +50,7 @@ class Spec:
         return redact(self.address)
 
     def below(self, root: Path) -> Spec:
-        """The same remote; a folder that is relative is taken from `root`."""
+        """The same remote; a relative folder is resolved against `root`."""
         if "://" in self.address or self.address.startswith(("/", "~", "$")):
             return self
         return replace(self, address=os.path.normpath(root / self.address))
@@ -67,7 +67,7 @@ def refuse_clear(address: str, options: Mapping[str, str]) -> None:
     """Refuse a remote whose password or token would go to another machine over plain HTTP.
 
     Raises:
-        UsageError: It would.
+        UsageError: A secret would go to another machine.
     """
     for url in (address if {"@", "?"} & set(address) else "", *options.values()):
         if not url.startswith("http://"):
@@ -75,7 +75,7 @@ def refuse_clear(address: str, options: Mapping[str, str]) -> None:
         try:
             host = urlsplit(url).hostname or ""
         except ValueError:
-            host = ""  # whoever opens it says what is wrong
+            host = ""  # reported when the remote is opened
         if not is_loopback(host):
             raise UsageError(
                 f"`{url}` would send a password or token in the clear",
@@ -123,10 +123,10 @@ def _wrong(message: str, where: str, hint: str | None = None, **facts: str) -> U
 
 
 def named(what: str, known: Mapping[str, Spec]) -> Spec:
-    """The remote of a name, URL or folder.
+    """The remote with a name, URL or folder.
 
     Raises:
-        UsageError: It is none of these.
+        UsageError: There is no such remote.
     """
     if what in known:
         return known[what]
@@ -141,10 +141,10 @@ def named(what: str, known: Mapping[str, Spec]) -> Spec:
 
 
 def checked(address: str) -> str:
-    """The same address, where its form is that of a remote.
+    """Return `address` if it has the form of a remote's address.
 
     Raises:
-        UsageError: It is not.
+        UsageError: It has another form.
     """
     scheme, separator, rest = address.partition("://")
     if separator and (scheme not in SCHEMES or not rest.strip("/")):
@@ -158,13 +158,13 @@ def checked(address: str) -> str:
 
 
 def open_remote(spec: Spec) -> Remote:
-    """The remote of an address; nothing is asked yet.
+    """Open a remote; no request is sent yet.
 
     Raises:
         MachineError: A package is missing.
         UsageError: The address holds a variable that is not set, is malformed, or would send a password in the clear.
     """
-    address = checked(_filled(spec.address, spec.name))  # a variable may have brought anything
+    address = checked(_filled(spec.address, spec.name))  # a variable may contain anything
     options = {name: _filled(value, spec.name) for name, value in spec.options.items()}
     refuse_clear(address, options)
     scheme = address.partition("://")[0] if "://" in address else "file"

@@ -1,4 +1,4 @@
-"""Threads that wait for other machines, so that nothing else does."""
+"""Thread pools for requests to other machines."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ T = TypeVar("T")
 
 
 class Crew:
-    """At most `size` threads that carry out jobs; one more is made with each of the first jobs.
+    """A pool of at most `size` threads; each of the first jobs starts one.
 
-    They are daemons: a share that hangs must not keep dxb from ending.
+    They are daemons: a share that hangs must not keep dxb from exiting.
 
     Args:
-        size: How many threads.
-        name: What they are called in a debugger.
+        size: Most threads.
+        name: Their name in a debugger.
     """
 
     def __init__(self, size: int, name: str) -> None:
@@ -27,7 +27,7 @@ class Crew:
         self._threads = 0
 
     def start(self, job: Callable[[], None]) -> None:
-        """Carry out `job` when a thread is free; it must not raise."""
+        """Run `job` when a thread is free; it must not raise."""
         with self._guard:
             if self._threads < self._size:
                 self._threads += 1
@@ -35,7 +35,7 @@ class Crew:
         self._jobs.put(job)
 
     def each(self, work: Callable[[T], None], items: Sequence[T]) -> None:
-        """Do `work` for every item, in this thread and those that are free; the first error ends it and is raised."""
+        """Call `work` for every item, in this thread and in free ones; stop at the first error and raise it."""
         todo, errors = iter(items), list[BaseException]()
         changed, active = threading.Condition(), set[int]()
 
@@ -62,7 +62,7 @@ class Crew:
             raise errors[0]
 
     def dismiss(self) -> None:
-        """Let idle threads end; jobs that wait are still done."""
+        """Let idle threads end; queued jobs still run."""
         with self._guard:
             for _ in range(self._threads):
                 self._jobs.put(None)

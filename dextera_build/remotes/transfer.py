@@ -1,4 +1,4 @@
-"""Results between the store and a remote, whole or not at all.
+"""Transfers results between the store and a remote, whole or not at all.
 
 Downloads are checked: blobs against digest and size, entries against their key, and the local entry is rebuilt from the
 headers that arrived. Uploads are checked, too, since many remotes check nothing themselves.
@@ -29,14 +29,14 @@ class Transfer:
     """Fetches and uploads results; may be used by several threads.
 
     Args:
-        store: The local end.
-        crew: Transfers the blobs of a result.
+        store: The local store.
+        crew: Threads that transfer the blobs of a result.
     """
 
     def __init__(self, store: Store, crew: Crew | None = None) -> None:
         self._store, self._crew = store, crew or Crew(_AT_ONCE, "dxb blobs")
         self._right: dict[tuple[str, Digest], bool] = {}
-        """(remote, blob) -> whether the remote has it, or gave other bytes, although it claims to have it."""
+        """(remote, blob) -> True if the remote has it, False if it sent wrong bytes although it claims to have it."""
 
     def fetch(self, remote: Remote, key: str, *, whole: bool = True) -> Found | None:
         """Download the result of `key`; None if the remote lacks it or a part of it.
@@ -44,10 +44,10 @@ class Transfer:
         Args:
             remote: Where from.
             key: Digest of the key document.
-            whole: With every blob that it names; otherwise the key document and the headers of its output.
+            whole: Download every blob that it names; otherwise only the key document and the headers of its output.
 
         Raises:
-            RemoteFault: The remote did not answer rightly.
+            RemoteFault: The remote failed or sent wrong bytes.
             StoreError: The local disk is full, or the store cannot be written.
         """
         entry = entry_at(remote, key)
@@ -68,10 +68,10 @@ class Transfer:
         return Found(entry.result, is_whole)
 
     def _bring(self, remote: Remote, files: Iterable[File]) -> bool:
-        """Download the blobs that are not here; returns False if the remote lacks one.
+        """Download the blobs that the store lacks; return False if the remote lacks one.
 
         Raises:
-            RemoteFault: The remote did not answer rightly, or gave other bytes.
+            RemoteFault: The remote failed or sent wrong bytes.
             StoreError: The local disk is full, or the store cannot be written.
         """
         wanted = [blob for blob in _blobs(files) if self._store.blobs.size(blob.hash) != blob.size]
@@ -97,7 +97,7 @@ class Transfer:
         Returns the bytes of the blobs that the remote lacked.
 
         Raises:
-            RemoteFault: The remote did not take it.
+            RemoteFault: The remote failed or rejected it.
             MissingBlob: The local store does not hold the result, or not all of it.
         """
         entry = self._store.actions.entry(key)
@@ -112,10 +112,10 @@ class Transfer:
         return octets
 
     def _send_traces(self, remote: Remote, static: Mapping[str, Any]) -> None:
-        """Add the traces of a call that reads by itself to those that the remote has."""
+        """Merge the traces of a call with discovered inputs into the remote's list."""
         key = digests.of_bytes(traces.spelled(static, None))
         there: list[traces.Steps] = []
-        with suppress(RemoteFault):  # an upload can do without
+        with suppress(RemoteFault):  # an upload works without them
             entry = entry_at(remote, key)
             is_short = entry is not None and (entry.files[0].size or 0) <= MOST_ENTRY
             if entry is not None and is_short and self._bring(remote, entry.files[:1]):
@@ -143,15 +143,15 @@ class Transfer:
 
 
 def _blobs(files: Iterable[File]) -> list[Digest]:
-    """The blobs of a whole entry, all of whose sizes are known."""
+    """The blobs of a whole entry, whose sizes are all known."""
     return list(dict.fromkeys(Digest(file.digest, file.size or 0) for file in files))
 
 
 def entry_at(remote: Remote, key: str) -> Entry | None:
-    """The whole entry that a remote has under a key, or None; the blobs that it names are not looked for.
+    """The whole entry that a remote has under a key, or None; whether its blobs exist is not checked.
 
     Raises:
-        RemoteFault: The remote did not answer rightly.
+        RemoteFault: The remote failed.
     """
     message = remote.get_entry(key)
     if message is None:

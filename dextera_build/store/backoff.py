@@ -1,4 +1,4 @@
-"""How long to wait before something is tried again."""
+"""Exponential backoff between retries."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ _LONGEST_S = 60.0
 
 
 def backoff(tries: int, wait_s: float, key: str = "") -> float:
-    """The wait after so many failed tries [s]: `wait_s` after the first, and twice as long after each further one.
+    """Return the wait after `tries` failures [s]: `wait_s` after the first, doubled after each further one.
 
     Args:
-        tries: How many failed.
+        tries: Number of failed attempts.
         wait_s: The first wait [s].
-        key: A digest that spreads the wait over half of its length, so that what failed together does not come back
-            together.
+        key: A digest that scales the wait to 50-100 %, which spreads out retries of calls that failed together.
     """
     spread = int(key[:8], 16) / 2**32 if key else 1.0
     return min(wait_s * 2.0 ** (tries - 1), _LONGEST_S) * (0.5 + 0.5 * spread)

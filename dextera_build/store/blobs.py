@@ -19,11 +19,11 @@ from dextera_build.store.locks import Locks
 _DIGEST = re.compile(r"[0-9a-f]{64}", re.ASCII)
 _DAMAGED = "damaged bytes, moved to quarantine"
 _SMALL = 1 << 20
-"""Files up to this size [bytes] are read once, as a whole; others twice, in pieces."""
+"""Files up to this size [bytes] are read once, in full; larger ones are read twice, in pieces."""
 
 
 class MissingBlob(StoreError):  # noqa: N818 - says what it found
-    """Bytes that something refers to are not in the store, or were damaged and set aside."""
+    """A referenced blob is not in the store, or was damaged and moved to quarantine."""
 
     CODE = "DXB-S103"
 
@@ -40,11 +40,11 @@ class MissingBlob(StoreError):  # noqa: N818 - says what it found
 class Blobs:
     """Blobs below one folder.
 
-    Writers never replace a good file and readers check what they read, so any number of processes may share it.
+    Writers never replace a good file and readers verify what they read, so any number of processes may share it.
 
     Args:
-        root: The folder; made when the first blob comes.
-        takes: False where nothing may be written: what is put stays in memory, and of files only the digest is known.
+        root: The folder; created with the first blob.
+        takes: False for a read-only store: `put` keeps bytes in memory, and `put_file` only digests the file.
     """
 
     def __init__(self, root: Path, *, takes: bool = True) -> None:
@@ -56,15 +56,15 @@ class Blobs:
         self.use = Use(Locks(root.parent / "local" / "locks"))
 
     def path(self, digest: str) -> Path:
-        """Where the file of the blob is, or would be."""
+        """Path of the blob's file, which need not exist."""
         return Path(self._file(digest))
 
     def has(self, digest: str) -> bool:
-        """Whether there is such a blob; its bytes are not read."""
+        """Whether the blob exists; its bytes are not read."""
         return self.size(digest) is not None
 
     def size(self, digest: str) -> int | None:
-        """Size of the blob [bytes], or None where there is none."""
+        """Size of the blob [bytes], or None if it does not exist."""
         try:
             state = os.stat(self._file(digest))
             if stat.S_ISREG(state.st_mode):
@@ -84,18 +84,18 @@ class Blobs:
             self._unwritten[digest] = data
             return digest
         path = self._file(digest)
-        # A short file is what a power cut leaves; it is replaced.
+        # A power cut can leave a truncated file, which is replaced.
         if not self.holds(digest, len(data), lambda: files.read(path) == data):
             files.write(path, data, workshop=self._workshop)
         return digest
 
     def holds(self, digest: str, size: int, check: Callable[[], bool] | None = None) -> bool:
-        """Whether the blob is there with this size, and stays while this build runs.
+        """Whether the blob exists with this size; if so, it is protected from collection while this build runs.
 
         Args:
-            digest: Names the blob.
+            digest: Digest of the blob.
             size: Its size [bytes].
-            check: Tells whether its bytes are right; asked of blobs that nobody used for a while.
+            check: Verifies its bytes; called if the blob was not used recently.
         """
         path = self._file(digest)
         try:
@@ -106,13 +106,13 @@ class Blobs:
                 return False
             return self.use.note(path, state.st_mtime)
         except PermissionError:
-            # Another user's file, whose stamp only a copy of our own renews.
+            # Another user owns the file; only a new copy of our own gets a new time stamp.
             return self._copied(digest)
         except OSError:
             return False
 
     def put_file(self, path: Path) -> tuple[str, int]:
-        """Store the bytes of a file, sharing its blocks where the file system can, and return (digest, size).
+        """Store the bytes of a file, sharing its blocks if the file system can, and return (digest, size).
 
         Raises:
             OSError: `path` cannot be read.
@@ -126,10 +126,10 @@ class Blobs:
             return self._take(file.fileno())
 
     def receive(self, digest: str, size: int | None, pieces: Iterable[bytes]) -> bool:
-        """Store bytes that come from elsewhere; False where they are not those that `digest` and `size` name.
+        """Store untrusted bytes; return False if they do not match `digest` and `size`.
 
-        At most `size` bytes are taken, if it is known, and nothing shows under `digest` before the last one was
-        checked. A blob that already exists is not written again.
+        If `size` is known, at most `size` bytes are accepted. The blob appears only after its digest was verified. An
+        existing blob is not written again.
 
         Raises:
             StoreError: The disk is full, or the store cannot be written.
@@ -155,7 +155,7 @@ class Blobs:
         """The bytes of a blob, checked against its digest.
 
         Raises:
-            MissingBlob: It is not there, or its bytes are not what they were; then it was set aside.
+            MissingBlob: It does not exist, or is damaged and was moved to quarantine.
         """
         if self._unwritten and digest in self._unwritten:
             return self._unwritten[digest]
@@ -169,10 +169,10 @@ class Blobs:
         return data
 
     def place(self, digest: str, target: Path) -> None:
-        """Write the blob to `target`, a writable copy that shares its blocks where the file system can.
+        """Write a writable copy of the blob to `target`, sharing its blocks if the file system can.
 
         Raises:
-            MissingBlob: The blob is not there, or is damaged.
+            MissingBlob: The blob does not exist or is damaged.
             StoreError: The target's disk is full, or cannot be written.
         """
         with self.open(digest) as source, files.new_file(str(target), 0o644) as descriptor:
@@ -182,10 +182,10 @@ class Blobs:
             failpoints.reach("place.copied")
 
     def open(self, digest: str) -> BinaryIO:
-        """The bytes of a blob as a file, not checked.
+        """Open the blob's file without verifying it.
 
         Raises:
-            MissingBlob: It is not there.
+            MissingBlob: It does not exist.
         """
         try:
             return open(self._file(digest), "rb")
@@ -193,10 +193,10 @@ class Blobs:
             raise _absent(digest, error) from None
 
     def checked(self, digest: str) -> BinaryIO:
-        """The bytes of a blob as a file, which were compared with its digest.
+        """Open the blob's file after verifying its digest.
 
         Raises:
-            MissingBlob: It is not there, or is damaged; then it was set aside.
+            MissingBlob: It does not exist, or is damaged and was moved to quarantine.
         """
         file = self.open(digest)
         try:
@@ -211,7 +211,7 @@ class Blobs:
         raise MissingBlob(digest, _DAMAGED)
 
     def verify(self, digest: str) -> bool:
-        """Whether the blob is there and whole; a damaged one is set aside."""
+        """Whether the blob exists and is intact; a damaged one is moved to quarantine."""
         try:
             self.checked(digest).close()
         except MissingBlob:
@@ -219,8 +219,8 @@ class Blobs:
         return True
 
     def quarantine(self, digest: str) -> None:
-        """Set a damaged blob aside, so that it counts as missing."""
-        # A store that cannot be written keeps it: readers check the bytes anyway.
+        """Move a damaged blob to quarantine; it then counts as missing."""
+        # A read-only store keeps it; readers verify the bytes anyway.
         with suppress(OSError):
             permissions.make_folder(str(self._quarantine))
             failpoints.reach("blob.aside")
@@ -253,7 +253,7 @@ class Blobs:
 
 
 def _copy(source: int, target: int) -> str:
-    """Copy one open file to another, sharing blocks where the file system can; returns the digest of what arrived."""
+    """Copy one open file to another, sharing blocks if the file system can; return the digest of the copy."""
     if files.clone(source, target):
         return _digest(target)
     state = hashlib.sha256()
@@ -275,12 +275,12 @@ def _absent(digest: str, error: OSError) -> MissingBlob:
 
 
 def is_digest(text: str) -> bool:
-    """Whether `text` is written as digests are: 64 lower-case hex digits."""
+    """Whether `text` has the form of a digest: 64 lower-case hex digits."""
     return _DIGEST.fullmatch(text) is not None
 
 
 class _ChangedError(StoreError):
-    """A file changed between two readings; whoever reads files tries again."""
+    """A file changed between two reads; callers that read files retry."""
 
     def __init__(self, digest: str) -> None:
         super().__init__("a file changed while it was read", code="DXB-S105", facts={"digest": digest})
@@ -298,7 +298,7 @@ def shards(root: Path) -> list[str]:
 
 
 def listed(shard: str) -> Iterator[tuple[str, int, float]]:
-    """The part of a `listing` that lies in one folder."""
+    """The part of a `listing` in one folder."""
     for entry in _scan(shard):
         digest = shard[-2:] + entry.name
         if is_digest(digest):

@@ -1,4 +1,4 @@
-"""What a full disk looks like from where it was met: one error that says which disk, how full, and what to do."""
+"""Recognizes errors of full disks, and reports which disk is full, how full it is, and what to do."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pathlib import Path
 from dextera_build.errors import StoreError
 
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
-"""Error numbers of a disk, a quota or a file that has no more room."""
+"""Error numbers for a full disk, an exceeded quota and a file at its size limit."""
 
 _WORDS = ("No space left on device", "Disk quota exceeded")
 _NEARLY = 1 << 20
-"""Free space [bytes] below which a failed write needs no other reason."""
+"""Free space [bytes] below which a failed write is blamed on the disk."""
 _HINTS = {
     "store": "`dxb cache size` shows the size of the store; free space there, or set `DXB_CACHE` to a larger disk",
     "scratch": "free space there, or set `TMPDIR` to a folder on a larger disk",
@@ -23,13 +23,13 @@ _HINTS = {
 
 
 def explain(error: BaseException, store: Path, scratch: Path) -> StoreError | None:
-    """The error to show where `error` came from a full disk, else None.
+    """Return the error to show if `error` came from a full disk, else None.
 
-    Libraries wrap what the system says, or lose it (`4096 requested and 0 written`), so its text and the free space
-    count too.
+    Libraries wrap or drop the system's error (`4096 requested and 0 written`), so its text and the free space count,
+    too.
 
     Args:
-        error: What escaped from a rule.
+        error: The exception that a rule raised.
         store: Folder of the store.
         scratch: Folder for temporary files.
     """
@@ -46,7 +46,7 @@ def explain(error: BaseException, store: Path, scratch: Path) -> StoreError | No
 
 
 def free_bytes(path: Path | str) -> int:
-    """Free space on the disk of a path that need not exist [bytes]."""
+    """Free space on the disk of a path [bytes]; the path need not exist."""
     with suppress(OSError):
         state = os.statvfs(nearest(path))
         return state.f_bavail * state.f_frsize
@@ -54,7 +54,7 @@ def free_bytes(path: Path | str) -> int:
 
 
 def nearest(path: Path | str) -> str:
-    """The folder at or above a path that is there."""
+    """The nearest existing folder at or above a path."""
     folder = os.path.abspath(path)
     while not os.path.isdir(folder):
         folder = os.path.dirname(folder)
@@ -75,7 +75,7 @@ def _says_full(error: BaseException) -> bool:
 
 
 def _is_foreign(error: BaseException) -> bool:
-    """Whether it may come from a library that writes files: no programming error of the rule's own."""
+    """Whether the error may come from a library that writes files, rather than from a bug in the rule."""
     return isinstance(error, OSError | RuntimeError) or type(error).__module__ != "builtins"
 
 

@@ -1,4 +1,4 @@
-"""Keys that gave another output when they were run again: the first one stays, and the others are remembered."""
+"""Keys whose reruns gave other outputs: the first output stays, and the others are recorded."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dextera_build.store.state import State
 
 _KIND = "divergent"
 _MOST = 16
-"""Outputs of one key that are remembered."""
+"""Most outputs recorded for one key."""
 
 
 @dataclass(frozen=True)
@@ -22,27 +22,27 @@ class Divergence:
 
     key: str
     node: str
-    """Address of the node that was run again, with its recipe where that is known."""
+    """Address of the node that ran again, with its recipe if known."""
     first: str
     """Digest of the output that the store serves."""
     again: tuple[str, ...]
-    """Digests of the others, in the order in which they came."""
+    """Digests of the other outputs, oldest first."""
     time: float
-    """When the last one came, seconds since the epoch."""
+    """Time of the latest one (seconds since the epoch)."""
 
 
 class Divergent:
-    """What this machine knows of such keys.
+    """The divergent keys known on this machine.
 
     Args:
-        state: Remembers it.
+        state: Holds the records.
     """
 
     def __init__(self, state: State) -> None:
         self._state = state
 
     def note(self, key: str, node: str, first: str, again: str, time: float) -> None:
-        """Remember that `key` gave `again` where the store has `first`; a store that cannot be written does not."""
+        """Record that `key` gave `again` although the store has `first`; a read-only store records nothing."""
         known = self.get(key)
         others = known.again if known and known.first == first else ()
         if again not in others and len(others) < _MOST:
@@ -51,12 +51,12 @@ class Divergent:
         failpoints.reach("result.diverged")
 
     def get(self, key: str) -> Divergence | None:
-        """What is known of a key, or None."""
+        """The record of a key, or None."""
         row = self._state.get(_KIND, key)
         return _parsed(key, row) if row is not None else None
 
     def all(self) -> Iterator[Divergence]:
-        """Every one, the newest first."""
+        """All records, newest first."""
         found = [known for key, row in self._state.all(_KIND).items() if (known := _parsed(key, row)) is not None]
         yield from sorted(found, key=lambda known: -known.time)
 

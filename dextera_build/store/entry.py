@@ -1,4 +1,4 @@
-"""The form of an entry: what a store holds under a key, and what remotes and bundles carry of it.
+"""The format of an entry: the result under a key in a store or a remote; bundles hold its second line.
 
 An entry is two lines of canonical JSON:
 
@@ -23,7 +23,7 @@ OUTPUT, HEADER, BLOB, KEY, BESIDE = ("output", "header", "blob", "key", "beside"
 """Roles of blobs: the header of the output, further headers and blobs that it refers to, the key document, and
 everything else: previews, the log, recorded calls and their answers."""
 HEADERS = frozenset((OUTPUT, HEADER, KEY))
-"""Roles of the blobs without which a result is not known."""
+"""Roles of the blobs that even a bare result needs."""
 _ROLES = HEADERS | {BLOB, BESIDE}
 _MOST_BYTES = 1 << 48
 S = TypeVar("S")
@@ -42,12 +42,12 @@ class File(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ActionResult:
-    """What one run of a rule made."""
+    """The result of one run of a rule."""
 
     output: str
     """Digest of the output's header."""
     line: str
-    """The one line that the rule said about its result."""
+    """The rule's one-line summary of its result."""
     previews: tuple[tuple[str, str], ...]
     """(caption, digest of a PNG)."""
     metrics: Mapping[str, tuple[float, str]]
@@ -89,7 +89,7 @@ class ActionResult:
 
     @property
     def called(self) -> tuple[Mapping[str, str], ...]:
-        """The recorded calls, as events and records name them."""
+        """The recorded calls in the form that events and records use."""
         return tuple({"call": key} for key, _ in self.calls)
 
     @property
@@ -99,7 +99,7 @@ class ActionResult:
 
     @classmethod
     def from_document(cls, data: bytes) -> ActionResult:
-        """Parse a `document`, which may come from anywhere.
+        """Parse an untrusted `document`.
 
         Raises:
             ValueError: It is not a result.
@@ -107,7 +107,7 @@ class ActionResult:
         raw = digests.plain(data)
         if not isinstance(raw, dict) or raw.keys() - {"calls"} != _FIELDS:
             raise ValueError("not a result")
-        if not isinstance(raw["metrics"], dict) or raw.get("calls") == []:  # a result has one spelling
+        if not isinstance(raw["metrics"], dict) or raw.get("calls") == []:  # a result has one encoding
             raise ValueError("not a result")
         return cls(
             output=_digest(raw["output"]),
@@ -123,15 +123,15 @@ class ActionResult:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What lies under a key."""
+    """A result and the blobs that it needs."""
 
     result: ActionResult
     files: tuple[File, ...]
-    """The blobs that it needs, each once, the header of the output first."""
+    """The blobs that it needs, without duplicates, the header of the output first."""
 
     @property
     def key(self) -> str:
-        """The key that it belongs under."""
+        """The key of this entry."""
         return self.result.key_document
 
     @property
@@ -145,14 +145,14 @@ class Entry:
         return frozenset(file.digest for file in self.files if file.role in (HEADER, BLOB))
 
     def spell(self) -> bytes:
-        """Its bytes."""
+        """Encode this entry."""
         document = self.result.document
         head = {"files": [list(file) for file in self.files], "result": digests.of_bytes(document)}
         return digests.canonical(head) + b"\n" + document
 
 
 def read(data: bytes) -> Entry:
-    """Parse an entry, which may come from anywhere; its digests are checked against one another.
+    """Parse an untrusted entry and check that its digests agree.
 
     Raises:
         ValueError: The bytes are not an entry.
@@ -181,7 +181,7 @@ def _file(row: Any) -> File:
 
 
 def _pairs(rows: object, first: Callable[[object], S], second: Callable[[object], T]) -> tuple[tuple[S, T], ...]:
-    if rows == []:  # as of most results
+    if rows == []:  # the common case
         return ()
     if isinstance(rows, list) and all(isinstance(row, list) and len(row) == 2 for row in rows):
         return tuple((first(one), second(other)) for one, other in rows)
@@ -201,7 +201,7 @@ def _digest(value: object) -> str:
 
 
 def _number(value: object) -> float:
-    # `math.isfinite` fails for a whole number that is larger than all floats.
+    # `math.isfinite` raises for integers beyond the range of floats.
     if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max:
         return value
     raise ValueError("not a finite number")

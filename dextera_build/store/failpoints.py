@@ -1,10 +1,10 @@
-"""Named moments at which what is on disk has just changed or is about to, so that tests can stop a process at each.
+"""Named points before and after changes on disk, at which tests can stop a process.
 
-    DXB_FAILPOINT=result.blobs:kill         the process is killed (SIGKILL) when it first comes to `result.blobs`
-    DXB_FAILPOINT=file.written:error:7      the seventh time that it comes there, the system reports a fault
+    DXB_FAILPOINT=result.blobs:kill         the process is killed (SIGKILL) when it first reaches `result.blobs`
+    DXB_FAILPOINT=file.written:error:7      at the seventh hit, the system call fails
 
-Without the variable, which is read once, coming to a failpoint is one call of a function that does nothing. A name that
-is not in `POINTS` is never come to.
+The variable is read once; without it, a failpoint costs one call of an empty function. Names that are not in `POINTS`
+are never reached.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 VARIABLE = "DXB_FAILPOINT"
 ERRORS = {"error": errno.EIO, "full": errno.ENOSPC}
-"""What the system can be made to answer, at failpoints that stand before one of its calls."""
+"""System errors that can be injected at failpoints before system calls."""
 KILLS = {"kill": signal.SIGKILL, "interrupt": signal.SIGINT}
 
 
@@ -25,9 +25,9 @@ class Point(NamedTuple):
     """One failpoint."""
 
     when: str
-    """What is on disk at that moment."""
+    """The state of the disk at this point."""
     fails: bool = False
-    """Whether the system may refuse what comes next, so that `ERRORS` can happen there."""
+    """Whether a system call follows, so that `ERRORS` can be injected."""
 
 
 POINTS = {
@@ -71,7 +71,7 @@ POINTS = {
 
 
 def arm(wish: str) -> None:
-    """Take a wish as `DXB_FAILPOINT` has it; "" takes the last one back."""
+    """Arm a failpoint, spelled as in `DXB_FAILPOINT`; "" disarms the last one."""
     global reach
     reach = _Armed(*wish.split(":")) if wish else _pass
 
@@ -98,5 +98,5 @@ def _pass(name: str) -> None:
 
 
 reach: Callable[[str], None] = _pass
-"""Be at a failpoint."""
+"""Called at each failpoint."""
 arm(os.environ.get(VARIABLE, ""))

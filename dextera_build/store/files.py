@@ -1,6 +1,6 @@
-"""Writing files so that a reader sees all of them or none, and saying well what went wrong.
+"""Atomic file writes, and errors that explain why a write failed.
 
-No file is flushed by itself: after a power cut one may be short or empty, which its digest shows, and what it held is
+Files are not flushed one by one: a power cut may leave one truncated, which its digest reveals, and its content is
 built again. `settle` flushes everything that a build wrote with one call.
 """
 
@@ -23,12 +23,12 @@ _FICLONE = 0x40049409
 _CHUNK = 1 << 20
 _NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
 TEMPORARY = ".tmp"
-"""How the names of unfinished files, and of folders for them, begin."""
+"""Name prefix of unfinished files, and of folders for them."""
 _UNFINISHED = re.compile(rf"{re.escape(TEMPORARY)}-[0-9a-f]{{16}}")
 
 
 def store_error(error: OSError, path: str) -> StoreError:
-    """What a failed write to the store means for the person who builds."""
+    """The error to show for a failed write to the store."""
     if error.errno in disk_full.FULL:
         return StoreError(
             "the store is full",
@@ -51,14 +51,14 @@ def store_error(error: OSError, path: str) -> StoreError:
 
 @contextmanager
 def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Iterator[int]:
-    """Yield a descriptor to write to; when the block ends the file takes the place of `path` at once.
+    """Yield a descriptor to write to; the file atomically replaces `path` when the block ends.
 
     Args:
         path: The file.
         mode: Its permissions.
-        workshop: Folder of the same file system where it is written; None is the folder of `path`. ext4 makes a file
-            ten times faster in a folder where others were just made (23 us) than in one of 256 (224 us). With it a
-            folder that lies at `path` counts as damage of the store, and is set aside.
+        workshop: Folder on the same file system for the unfinished file; None: the folder of `path`. ext4 creates a
+            file ten times faster in a recently used folder (23 us) than in one of 256 (224 us). With a workshop, a
+            folder at `path` counts as damage of the store and is moved aside.
 
     Raises:
         StoreError: The disk is full, or the folder cannot be written.
@@ -81,12 +81,12 @@ def new_file(path: str, mode: int = 0o444, workshop: str | None = None) -> Itera
 
 
 def unique() -> str:
-    """A name that no other call takes, in this process or another, here or on another machine."""
+    """A name that is unique across calls, processes and machines."""
     return os.urandom(8).hex()
 
 
 def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None) -> None:
-    """Put `data` at `path`, all or nothing; see `new_file`.
+    """Write `data` to `path` atomically; see `new_file`.
 
     Raises:
         StoreError: The disk is full, or the folder cannot be written.
@@ -96,7 +96,7 @@ def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None
 
 
 def clear(folder: str, age_s: float = 60.0) -> None:
-    """Remove unfinished files of this age [s], left by killed processes where no collection looks after them."""
+    """Remove unfinished files older than `age_s` [s] of killed processes from a folder without garbage collection."""
     with suppress(OSError):
         for entry in os.scandir(folder):
             if _UNFINISHED.fullmatch(entry.name) and entry.stat().st_mtime < time.time() - age_s:
@@ -104,7 +104,7 @@ def clear(folder: str, age_s: float = 60.0) -> None:
 
 
 def write_all(descriptor: int, data: bytes | bytearray | memoryview) -> None:
-    """Write all of `data`, however small the pieces that the system takes."""
+    """Write all of `data`, in as many system calls as that takes."""
     done = os.write(descriptor, data)
     while done < len(data):
         done += os.write(descriptor, data[done : done + _CHUNK])
@@ -121,7 +121,7 @@ def read_stamped(path: str) -> tuple[bytes, float]:
     try:
         state = os.fstat(descriptor)
         data = os.read(descriptor, state.st_size + 1)
-        if len(data) != state.st_size:  # it changes now, or the system reads in pieces
+        if len(data) != state.st_size:  # the file is changing, or the read was partial
             data += b"".join(chunks(descriptor))
         return data, state.st_mtime
     finally:
@@ -129,7 +129,7 @@ def read_stamped(path: str) -> tuple[bytes, float]:
 
 
 def clone(source: int, target: int) -> bool:
-    """Share the blocks of `source` with `target` where the file system can (btrfs, xfs, bcachefs)."""
+    """Share the blocks of `source` with `target` if the file system can (btrfs, xfs, bcachefs)."""
     try:
         fcntl.ioctl(target, _FICLONE, source)
     except OSError:
@@ -138,8 +138,8 @@ def clone(source: int, target: int) -> bool:
 
 
 def chunks(descriptor: int) -> Iterator[bytes]:
-    """The bytes of an open file from where it stands, in pieces."""
-    # A buffer is made for each reading, and one of the full size costs more than reading a small file.
+    """The bytes of an open file from its current position, in pieces."""
+    # Each read allocates a buffer, and one of full size costs more than reading a small file.
     piece = min(_CHUNK, os.fstat(descriptor).st_size + 1)
     while chunk := os.read(descriptor, piece):
         yield chunk
@@ -156,8 +156,8 @@ def _create(folder: str, temporary: str, mode: int) -> int:
 
 
 def _give_up(error: BaseException, path: str, temporary: str, descriptor: int) -> None:
-    """Remove an unfinished file; raises what a failed write means for the person who builds."""
-    # Before the unfinished file goes, so that it says how much room there was when there was none.
+    """Remove an unfinished file; raise a `StoreError` if `error` came from the system."""
+    # Built before the unfinished file is removed, to report the free space at the time of the error.
     said = store_error(error, path) if isinstance(error, OSError) else None
     if descriptor >= 0:
         os.close(descriptor)
@@ -176,13 +176,13 @@ def _move(temporary: str, path: str, *, is_ours: bool) -> None:
     except IsADirectoryError:
         if not is_ours:
             raise
-        # Damage: it is set aside, and a collection takes it as it takes unfinished files.
+        # Damage: moved aside under the name of an unfinished file, which garbage collection removes.
         os.rename(path, f"{os.path.dirname(path)}/{TEMPORARY}-{unique()}")
         os.replace(temporary, path)
 
 
 def settle(folder: str) -> bool:
-    """Wait until all that was written to the file system of `folder` is on its disk; whether the system says it is."""
+    """Flush the file system of `folder` to disk; return whether the system confirms it."""
     call = _syncfs()
     if call is None:
         os.sync()
@@ -198,7 +198,7 @@ def settle(folder: str) -> bool:
 
 @cache
 def _syncfs() -> Any:
-    """`syncfs` of the C library, None where there is none; unlike `sync` it leaves other disks alone."""
+    """`syncfs` of the C library, or None if it has none; unlike `sync`, it leaves other disks alone."""
     import ctypes  # slow to import
 
     try:

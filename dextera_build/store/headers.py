@@ -1,4 +1,4 @@
-"""Artifact headers read as plain JSON, without any type; `artifacts/base.py` describes the format."""
+"""Reads artifact headers as plain JSON, without artifact types; `artifacts/base.py` describes the format."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Read = Callable[[str], bytes]
 
 
 _PARTS: dict[str, list[type]] = {"$bytes": [str, int], "$array": [str, list, str]}
-"""Tag -> what stands behind it."""
+"""Tag -> types of the values after it."""
 
 ESCAPES = "DXB-S219"
 """Code of the error for a label that leads out of its folder."""
@@ -23,13 +23,13 @@ ESCAPES = "DXB-S219"
 
 @contextmanager
 def reading(what: str) -> Iterator[None]:
-    """For the block that decodes an artifact: a bundle or another machine may have brought any header.
+    """Turn errors of the block, which decodes an untrusted header, into `ArtifactError`.
 
     Args:
         what: Names the artifact in the error.
 
     Raises:
-        ArtifactError: What is stored is not what its type says.
+        ArtifactError: The stored header does not match its type.
     """
     try:
         yield
@@ -39,11 +39,11 @@ def reading(what: str) -> Iterator[None]:
 
 
 def closure(header: bytes) -> tuple[list[str], list[str]]:
-    """What one header refers to directly: (artifacts, blobs) by digest, in the order in which they stand.
+    """Digests of the (artifacts, blobs) that one header refers to directly, in the order of the header.
 
     Raises:
         StoreError: A label would lead out of the folder that the artifact is written to.
-        ValueError: It is no header.
+        ValueError: The bytes are not a header.
     """
     refs: list[str] = []
     blobs: list[str] = []
@@ -68,10 +68,10 @@ def closure(header: bytes) -> tuple[list[str], list[str]]:
 
 
 def _fields(stored: Any) -> dict[str, Any]:
-    """The fields of a header; those of the two types that are read without being decoded have their form.
+    """The fields of a header; those of `File` and `Folder`, which are read without decoding, are checked.
 
     Raises:
-        ValueError: It is no header.
+        ValueError: `stored` is not a header.
     """
     match stored:
         case {"artifact": "File", "fields": {"data": {"$bytes": _}, **more}}:
@@ -112,7 +112,7 @@ def project(read: Read, digest: str, fields: Sequence[str]) -> str:
 
 
 def items(read: Read, digest: str) -> dict[str, str]:
-    """Label -> artifact of what `each` opens: the map of artifacts under the field `items`.
+    """The map that `each` opens, label -> artifact, from the field `items`.
 
     Raises:
         RuleError: The artifact has no such field.
@@ -147,7 +147,7 @@ def collection_header(parts: Mapping[str, str]) -> bytes:
 
 
 def _refuse_escapes(labels: Iterable[str]) -> None:
-    """Labels become names of files; a header may come from anywhere."""
+    """Refuse labels that lead out of their folder: headers are untrusted, and labels become file names."""
     for label in labels:
         if label.startswith("/") or "\0" in label or (".." in label and ".." in label.split("/")):
             raise StoreError(f"label {label!a} leads out of the folder that it would be written to", code="DXB-S219")

@@ -1,9 +1,9 @@
-"""When blobs and results were of use last: their modification time, renewed at most once an hour.
+"""Last use of blobs and results: their modification time, renewed at most once an hour.
 
-The promise to builds rests on it. A build that finds a blob or a result relies on it only when its stamp is younger
-than `STEP_S`, or when it could renew the stamp; a collection removes a file only when its stamp is older than `STEP_S`
-before the oldest running build began. Both look and act under one lock (a gate) per folder of the store, so that one
-comes first: either the collection sees the new stamp and spares the file, or the build sees that the file is gone.
+This protects running builds from collections. A build relies on a blob or a result only if its stamp is younger than
+`STEP_S` or could be renewed; a collection removes a file only if its stamp is older than `STEP_S` before the start of
+the oldest running build. Both check and act under one lock (a gate) per folder of the store: either the collection sees
+the new stamp and spares the file, or the build sees that the file is gone.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from dextera_build.store import failpoints
 from dextera_build.store.locks import Locks
 
 STEP_S = 3600.0
-"""A stamp is renewed when it is older than this [s]."""
+"""Age from which a stamp is renewed [s]."""
 SLACK_S = 60.0
-"""What clocks of machines and steps of file systems may differ by [s]."""
+"""Tolerance for clock differences between machines and time stamp steps of file systems [s]."""
 _PATIENCE_S = 0.0005
 
 
@@ -30,19 +30,19 @@ class Use:
     """Last uses of the files of one store.
 
     Args:
-        locks: Hold the gates.
+        locks: Provides the gates.
     """
 
     def __init__(self, locks: Locks) -> None:
         self._locks = locks
 
     def note(self, path: str, stamp: float) -> bool:
-        """Whether a build that found `path`, last used at `stamp`, may rely on it until it ends.
+        """Renew the stamp of `path`, last used at `stamp`; return whether a build may rely on it until it ends.
 
-        A store that cannot be written is relied on all the same: there is no way to ask anyone for anything.
+        Files of a read-only store are always relied on, since their stamps cannot be renewed.
 
         Raises:
-            PermissionError: The file is another user's; it must be written again.
+            PermissionError: Another user owns the file; it must be written again.
         """
         if self.is_recent(stamp):
             return True
@@ -57,13 +57,13 @@ class Use:
         return True
 
     def is_recent(self, stamp: float) -> bool:
-        """Whether a use at `stamp` (seconds since the epoch) need not be noted again."""
+        """Whether `stamp` (seconds since the epoch) is too recent to need renewal."""
         return stamp > time.time() - STEP_S
 
     def drop(self, path: str, older_than: float) -> bool:
-        """Remove `path` if it was last used before `older_than` (seconds since the epoch); whether it is gone.
+        """Remove `path` if it was last used before `older_than` (seconds since the epoch); return whether it is gone.
 
-        What the system does not let go of stays.
+        Files that cannot be removed stay.
         """
         with self.gate(path):
             try:
@@ -82,8 +82,8 @@ class Use:
 
     @contextmanager
     def gate(self, path: str) -> Iterator[None]:
-        """Keep everyone else from noting and dropping files of the folder of `path`."""
-        # By the last two folders, since machines may mount one store at different places.
+        """Exclude other threads and processes from noting and dropping files in the folder of `path`."""
+        # Named by the last two folders, since machines may mount a store at different paths.
         place = "/".join(os.path.dirname(path).split(os.sep)[-2:])
         with self._locks.hold(digests.of_bytes(f"gate {place}".encode()), _PATIENCE_S):
             yield

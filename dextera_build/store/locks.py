@@ -1,7 +1,7 @@
-"""One builder per key: advisory locks on single bytes of one file, at the place that the key's digest names.
+"""One builder per key: advisory locks on single bytes of one file, at an offset derived from the key's digest.
 
 A lock vanishes with the process that holds it, so a killed build never blocks the next one, and there are no lock files
-to clean up. Whoever waited looks into the cache again before building.
+to clean up. A build that waited for a lock checks the cache again before building.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from pathlib import Path
 from dextera_build.store import failpoints, permissions
 
 _PROBE = 1 << 61
-"""A place that no key has."""
+"""An offset that no key has."""
 
 _MOST_OPEN = 64
-"""So many stores' files stay open that nobody has a lock of."""
+"""Number of open lock files from which unlocked ones are closed."""
 
 # POSIX locks belong to the process and are all dropped when any descriptor of the file is closed, so each file is
-# opened once per process and stays open while there is a lock; threads exclude one another by `_held`.
+# opened once per process and stays open while a lock is held; `_held` excludes threads from one another.
 _guard = threading.RLock()
 _open: dict[str, int] = {}
 _held: set[tuple[int, int]] = set()
@@ -33,7 +33,7 @@ class Locks:
     """Locks of one store.
 
     Args:
-        path: The lock file; never holds a byte.
+        path: The lock file, which stays empty.
     """
 
     def __init__(self, path: Path) -> None:
@@ -41,10 +41,10 @@ class Locks:
         self._name = str(path)
 
     def take(self, key: str) -> bool:
-        """Take the lock of `key`, or return False where another holds it.
+        """Take the lock of `key`, or return False if another thread or process holds it.
 
-        A store that cannot be written, or a file system without locks, gives every lock: nothing can be published
-        there twice anyway.
+        A read-only store or a file system without locks grants every lock: nothing can be published there twice
+        anyway.
         """
         with _guard:
             descriptor = self._descriptor()
@@ -64,7 +64,7 @@ class Locks:
         return True
 
     def release(self, key: str) -> None:
-        """Give the lock of `key` back; one that is not held is left alone."""
+        """Release the lock of `key`; do nothing if it is not held."""
         with _guard:
             place = (self._descriptor(), _offset(key))
             if place in _held:
@@ -73,7 +73,7 @@ class Locks:
                     fcntl.lockf(place[0], fcntl.LOCK_UN, 1, place[1])
 
     def is_held_elsewhere(self, key: str) -> bool:
-        """Whether another holds the lock of `key` now; where locks do not work, nobody does."""
+        """Whether another thread or process holds the lock of `key`; False if locks do not work."""
         if not self.take(key):
             return True
         self.release(key)
@@ -94,7 +94,7 @@ class Locks:
 
     @contextmanager
     def hold(self, key: str, patience_s: float = 0.02) -> Iterator[None]:
-        """Wait for the lock of `key`, looking every `patience_s` [s], and hold it for the block."""
+        """Wait for the lock of `key`, polling every `patience_s` [s], and hold it for the block."""
         while not self.take(key):
             time.sleep(patience_s)
         try:
@@ -103,7 +103,7 @@ class Locks:
             self.release(key)
 
     def _descriptor(self) -> int:
-        """The open lock file, -1 where there can be none; of use as long as the caller has the guard."""
+        """The open lock file, or -1 if it cannot be opened; valid while the caller holds the guard."""
         known = _open.get(self._name)
         if known is not None:
             return known
@@ -119,7 +119,7 @@ class Locks:
 
 
 def _close_idle() -> None:
-    """Close the files of which there is no lock, where many are open: a program may use any number of stores."""
+    """Close unlocked files if many are open: a program may use any number of stores."""
     if len(_open) < _MOST_OPEN:
         return
     busy = {descriptor for descriptor, _ in _held}

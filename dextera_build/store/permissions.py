@@ -1,7 +1,7 @@
-"""Stores that a group shares: where the store's folder is group-writable, so is all that is made in it.
+"""Shared stores: everything made in a group-writable store is accessible to the group.
 
-As git does with `core.sharedRepository`: whatever the umask of a user, folders get the bits of the folder that they are
-made in and its group, and files may be read by whoever may read that.
+As with git's `core.sharedRepository`, regardless of a user's umask, new folders inherit the permission bits and the
+group of their parent, and new files are readable by every user who can read the parent.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dextera_build.store import failpoints
 
 
 def make_folder(path: str) -> None:
-    """Make a folder and those above it that are not there, each shared as the one that it is made in.
+    """Make a folder and its missing parents, each shared like its own parent.
 
     Raises:
         OSError: It cannot be made.
@@ -36,17 +36,17 @@ def make_folder(path: str) -> None:
 
 
 def share_file(descriptor: int, folder: str, mode: int) -> None:
-    """Let the group have a file that was made in `folder` with these permissions, if the folder is shared."""
+    """Give the group access to a file that was made in `folder` with permissions `mode`, if the folder is shared."""
     shared = _known(folder)
     if shared:
-        # A file is nobody's to run, and a group may write to what its owner may write to.
+        # No file is executable, and the group may write if the owner may.
         allowed = 0o066 if mode & 0o200 else 0o044
         with suppress(PermissionError):
             os.fchmod(descriptor, mode & 0o700 | shared & allowed)
 
 
 def share_tree(folder: str) -> None:
-    """Let the group have all that other programs wrote below a shared folder."""
+    """Give the group access to everything that other programs wrote below a shared folder."""
     shared = _bits(os.path.dirname(folder))
     if not shared:
         return
@@ -62,7 +62,7 @@ def _known(folder: str) -> int:
 
 
 def _bits(folder: str) -> int:
-    """What others may do in a folder that its group may write to, and the bit that hands the group on; else 0."""
+    """Group and other permission bits of a group-writable folder, with setgid; else 0."""
     try:
         mode = os.stat(folder).st_mode
     except OSError:
@@ -71,7 +71,7 @@ def _bits(folder: str) -> int:
 
 
 def _make_shared(folder: str, shared: int) -> None:
-    # Aside first: others find it with its final permissions, or not at all.
+    # Made under a temporary name: others see it with its final permissions or not at all.
     aside = f"{os.path.dirname(folder)}/.tmp-{os.urandom(8).hex()}"
     os.mkdir(aside, 0o700)
     try:

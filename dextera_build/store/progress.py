@@ -1,7 +1,7 @@
-"""Folders in which long calls keep their progress: one per key, on this machine alone.
+"""Folders in which long calls save their progress: one per key, on this machine only.
 
-What lies there enters no key and no result: the call that made it goes on from it in the next build, and when the
-call's result is in the store the folder goes.
+Saved progress enters no key and no result: the call resumes from it in the next build, and the folder is removed when
+the call's result is in the store.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ class Keep:
     """Folders by key below one folder.
 
     Args:
-        root: The folder; made when the first call asks for its own.
+        root: The folder; created when a call first asks for its own.
     """
 
     def __init__(self, root: Path) -> None:
         self.root = root
 
     def path(self, key: str) -> Path:
-        """The folder of a key; it need not be there."""
+        """The folder of a key, which need not exist."""
         return self.root / key
 
     def drop(self, key: str) -> None:
-        """Remove the folder of a key. Whoever looks meanwhile, or after a kill, sees all of it or none."""
-        if not os.access(f"{self.root}/{key}", os.F_OK):  # as for nearly all, so it is to be quick
+        """Remove the folder of a key atomically: others see all of it or none, even after a kill."""
+        if not os.access(f"{self.root}/{key}", os.F_OK):  # the common case, which must be fast
             return
         aside = self.root / f"{files.TEMPORARY}-{files.unique()}"
-        # A store that cannot be written keeps it: nothing can be published there either.
+        # A read-only store keeps it; nothing can be published there either.
         with suppress(OSError):
             os.rename(self.path(key), aside)
             failpoints.reach("keep.aside")

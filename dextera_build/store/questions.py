@@ -1,8 +1,7 @@
-"""Questions about a project's folder, and about nothing outside it: the answers, and what one call asked.
+"""Answers questions about a project's folder, never about paths outside it, and records what a call asked.
 
-Patterns: `*`, `?` and `[...]` stand for characters of one name, `**` alone between slashes for any number of folders. A
-name that begins with a dot is matched only by a pattern that does. Links to files count as files; `**` does not follow
-links.
+Patterns: `*`, `?` and `[...]` match within one name, `**` alone between slashes any number of folders. A name with a
+leading dot matches only a pattern with a leading dot. Links to files count as files; `**` does not follow links.
 """
 
 from __future__ import annotations
@@ -26,16 +25,16 @@ UNKNOWN = "?"
 """Returned if there is no answer."""
 
 _Step: TypeAlias = tuple[str, tuple[str, ...]]
-"""A folder below the root, and the parts of a pattern that are left to match there."""
+"""A folder below the root, and the remaining parts of a pattern to match there."""
 
 
 class Look:
-    """A project's folder as calls see it that read by themselves.
+    """A project's folder as seen by calls with discovered inputs.
 
     Args:
         root: The folder.
-        leaves: Digests files; what watches it is told of folders and missing files, too.
-        store: The folder of the store, which is no part of the project wherever it lies.
+        leaves: Digests files; its `watch` also notes folders and missing files.
+        store: The folder of the store, which is never part of the project, even if it is inside.
     """
 
     def __init__(self, root: Path, leaves: StatCache, store: Path) -> None:
@@ -45,11 +44,11 @@ class Look:
         self._leaves = leaves
 
     def answer(self, kind: str, name: str) -> str:
-        """What a call would be told now; see `steps`.
+        """The current answer to a question; see `traces`.
 
         Raises:
             RuleError: The name leads out of the project.
-            RecipeError: Something there cannot be read.
+            RecipeError: A file or folder cannot be read.
         """
         if kind == "names":
             return digests.of_value(self.names(name))
@@ -85,7 +84,7 @@ class Look:
         return sorted(found)
 
     def path(self, name: str) -> str:
-        """Where a file or folder of the project lies.
+        """Path of a file or folder of the project.
 
         Raises:
             RuleError: The name leads out of the project.
@@ -106,7 +105,7 @@ class Look:
             return None
 
     def _follow(self, folder: str, parts: tuple[str, ...], found: set[str]) -> Iterator[_Step]:
-        """The next steps of a walk; adds the files that match."""
+        """The next steps of a walk; adds matching files to `found`."""
         part, rest = parts[0], parts[1:]
         if rest and not any(sign in part for sign in "*?["):
             yield _join(folder, part), rest  # need not be listed
@@ -150,10 +149,10 @@ class Look:
 
 
 class Recording:
-    """Answers the questions of one call, each once, and keeps them in order.
+    """Answers the questions of one call and records them in order, each once.
 
     Args:
-        look: Answers them.
+        look: Provides the answers.
     """
 
     def __init__(self, look: Look) -> None:
@@ -163,7 +162,7 @@ class Recording:
         """Pattern -> what matched."""
         self._answers: dict[tuple[str, str], str] = {}
         self.error: DxbError | None = None
-        """Why a question had no answer; such a call fails, even if it catches the error."""
+        """Why a question had no answer; the call then fails, even if it catches the error."""
         self._closed = False
         """Whether the call saved progress, which depends on what was read so far."""
 
@@ -173,7 +172,7 @@ class Recording:
         return [[kind, name, answer] for (kind, name), answer in self._answers.items()]
 
     def close(self) -> str:
-        """Answer no further questions; returns the digest of what was read so far."""
+        """Answer no further questions; return the digest of the answers so far."""
         self._closed = True
         return digests.of_value(self.steps)
 
@@ -181,7 +180,7 @@ class Recording:
         """Digest of the `File` at `path`.
 
         Raises:
-            DxbError: There is none, it cannot be read, or it is not in the project.
+            DxbError: It does not exist, cannot be read, or is outside the project.
         """
         name = posixpath.normpath(path)
         answer = self._ask("file", name, lambda: self._look.answer("file", name))

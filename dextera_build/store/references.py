@@ -1,4 +1,4 @@
-"""What artifacts refer to, through all headers below them; each header is read once as long as few are known."""
+"""Follows the references of artifacts through all headers below them; parsed headers are cached."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dextera_build.store.blobs import Blobs, MissingBlob
 
 _MOST_KNOWN = 4096
 _MOST_HEADER = 1 << 30
-"""The header of a folder of ten million files has this length [bytes]; longer ones are refused."""
+"""Longest accepted header [bytes], enough for a folder of ten million files."""
 UNREADABLE = (MissingBlob, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError)
 """Raised for a header that is missing or malformed."""
 
@@ -16,7 +16,7 @@ class References:
     """The references of one store.
 
     Args:
-        blobs: Hold the headers.
+        blobs: Holds the headers.
     """
 
     def __init__(self, blobs: Blobs) -> None:
@@ -24,10 +24,10 @@ class References:
         self._known: dict[str, tuple[list[str], list[str]]] = {}
 
     def below(self, output: str) -> dict[str, bool]:
-        """Everything that `output` refers to, each once: digest -> whether it is a header.
+        """Everything that `output` refers to, directly or not: digest -> whether it is a header.
 
         Raises:
-            MissingBlob: A header is not there.
+            MissingBlob: A header is missing.
         """
         found = {output: True}
         stack = [output]
@@ -42,7 +42,7 @@ class References:
         return found
 
     def are_here(self, output: str) -> bool:
-        """Whether `output` is there with every artifact and blob that it refers to."""
+        """Whether `output` and every artifact and blob that it refers to are in the store."""
         try:
             return all(map(self._blobs.has, (output, *self.below(output))))
         except UNREADABLE:
@@ -52,8 +52,8 @@ class References:
         """(artifacts, blobs) that one header refers to.
 
         Raises:
-            MissingBlob: It is not there.
-            ValueError: It is longer than any header.
+            MissingBlob: The header is missing.
+            ValueError: It is too long or malformed.
         """
         if digest not in self._known:
             if (self._blobs.size(digest) or 0) > _MOST_HEADER:

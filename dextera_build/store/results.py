@@ -1,4 +1,4 @@
-"""The action cache: key -> what the run of that key made; `entry.py` describes the form of an entry."""
+"""The action cache: key -> result; `entry.py` describes the format of an entry."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from dextera_build.store.references import UNREADABLE, References
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A result that a store has."""
+    """A result found in a store."""
 
     result: ActionResult
     is_whole: bool
-    """Whether every blob that the result names is there; if not, the headers of its output are."""
+    """Whether every blob that the result names is present; the headers of its output always are."""
 
 
 class Actions:
     """Results below one folder.
 
     Args:
-        root: The folder; made when the first result comes.
+        root: The folder; created with the first result.
         blobs: The blobs that results refer to.
     """
 
@@ -42,7 +42,7 @@ class Actions:
         self.references = References(blobs)
 
     def get(self, key: str) -> ActionResult | None:
-        """The result of `key`; None if there is none, or a blob that it needs is gone or has another size."""
+        """The result of `key`; None if there is none, or a blob that it needs is missing or has the wrong size."""
         found = self.find(key)
         return found.result if found is not None and found.is_whole else None
 
@@ -52,7 +52,7 @@ class Actions:
         return entry.result if entry is not None else None
 
     def find(self, key: str) -> Found | None:
-        """The result of `key`, which may be bare; None if there is none, or the headers of its output are gone."""
+        """The result of `key`, which may be bare; None if there is none, or a header of its output is missing."""
         stamped = self._stamped(key)
         if stamped is None:
             return None
@@ -60,28 +60,28 @@ class Actions:
         absent = [file for file in entry.files if not self._is_there(file)]
         if any(file.role in entries.HEADERS for file in absent) or not self._stays(key, stamp):
             return None
-        if entry.is_bare and not absent:  # the bytes have come since, and their sizes are known now
+        if entry.is_bare and not absent:  # the bytes arrived since, so their sizes are known
             with suppress(StoreError, *UNREADABLE):
                 self.put(key, entry.result, [file.digest for file in entry.files if file.role == entries.BESIDE])
         return Found(entry.result, not absent)
 
     def put(self, key: str, result: ActionResult, beside: Iterable[str] = (), *, may_lack: bool = False) -> bool:
-        """Store the result of `key`, whose blobs are stored already; returns False if the entry is bare.
+        """Store the result of `key`, whose blobs are already stored; return False if the entry is bare.
 
         Args:
             key: Digest of the key document.
             result: The result.
-            beside: Further blobs that stay as long as the result does.
-            may_lack: Write a bare entry if bytes are absent but the headers of the output are there.
+            beside: Further blobs that are kept as long as the result.
+            may_lack: Write a bare entry if bytes are absent but the headers of the output are present.
 
         Raises:
-            MissingBlob: The result refers to something that is not in the store.
+            MissingBlob: A blob that the result refers to is not in the store.
             StoreError: The disk is full, or the store cannot be written.
-            ValueError: A number is not finite, or a call that the result names is not one.
+            ValueError: A number is not finite, or a named call is not a recorded call.
         """
         entry = self.made(result, beside, may_lack=may_lack)
         for call, digest in () if entry.is_bare else result.calls:
-            if self.entry(call) is None:  # it came with a result from another store
+            if self.entry(call) is None:  # the call came with a result from another store
                 self.put(call, ActionResult.from_document(self._blobs.get(digest)))
         if not entry.is_bare or entry != self.entry(key):
             failpoints.reach("result.blobs")
@@ -90,10 +90,10 @@ class Actions:
         return not entry.is_bare
 
     def made(self, result: ActionResult, beside: Iterable[str] = (), *, may_lack: bool = False) -> Entry:
-        """The entry of a result whose blobs are stored; the entry itself is not. See `put`.
+        """Make the entry of a result whose blobs are stored, without storing the entry; see `put`.
 
         Raises:
-            MissingBlob: The result refers to something that is not in the store.
+            MissingBlob: A blob that the result refers to is not in the store.
         """
         roles = {result.output: entries.OUTPUT, result.key_document: entries.KEY}
         for digest, is_header in self.references.below(result.output).items():
@@ -112,7 +112,7 @@ class Actions:
         yield from (key for key, _, _ in cas.listing(self.root))
 
     def entry(self, key: str) -> Entry | None:
-        """The entry of `key`, or None; no use is noted."""
+        """The entry of `key`, or None; this does not count as a use."""
         found = self._stamped(key)
         return found[0] if found is not None else None
 
@@ -128,14 +128,14 @@ class Actions:
         try:
             return self._blobs.use.note(path, stamp)
         except PermissionError:
-            # Another user's file, whose stamp only a copy of our own renews.
+            # Another user owns the file; only a new copy of our own gets a new time stamp.
             with suppress(OSError, StoreError):
                 files.write(path, files.read(path), workshop=self._workshop)
                 return True
             return False
 
     def _stamped(self, key: str) -> tuple[Entry, float] | None:
-        """The entry of `key` and its last use; one that is damaged or belongs under another key is dropped."""
+        """The entry of `key` and its last use; a damaged entry, or one with another key, is deleted."""
         path = self._file(key)
         try:
             data, stamp = files.read_stamped(path)

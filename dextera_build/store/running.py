@@ -1,7 +1,7 @@
-"""Builds announce themselves, so that a collection takes nothing that they need.
+"""Announcements of running builds, which keep collections from removing anything that they need.
 
-An announcement is a small file whose time is the start of the build, and a lock that dies with the process. A
-collection that finds nobody announced holds the lock `_ALONE`, and builds that start meanwhile wait for its end.
+An announcement is a small file, whose time stamp is the start of the build, and a lock that vanishes with the process.
+A collection that finds no announcement keeps the lock `_ALONE`, and builds that start meanwhile wait until it ends.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ _ALONE = digests.of_bytes(b"a collection that no build may disturb")
 _ONE = digests.of_bytes(b"one collection at a time")
 _PATIENCE_S = 0.01
 _FORGOTTEN_S = 7 * 86400.0
-"""An announcement of this age counts as dead where locks cannot tell."""
+"""Age from which an announcement counts as dead if locks do not work [s]."""
 
 
 class Running:
-    """The builds that run now on one store.
+    """The running builds of one store.
 
     Args:
-        folder: Where announcements lie.
-        locks: Tell the living from the dead.
+        folder: Folder of the announcements.
+        locks: Show whether the process of an announcement is alive.
     """
 
     def __init__(self, folder: Path, locks: Locks) -> None:
@@ -38,15 +38,15 @@ class Running:
 
     @contextmanager
     def announced(self) -> Iterator[None]:
-        """Be a running build for the block; waits for a collection that has the store to itself.
+        """Announce a running build for the block, after waiting for a collection that has exclusive access.
 
-        A store that cannot be written gets no announcement, and its builds no protection.
+        A read-only store gets no announcement, and its builds are not protected.
         """
         name = files.unique()
         path, lock = str(self._folder / name), _lock(name)
         self._locks.take(lock)
         try:
-            # Without a blob's mode: whoever collects may have to remove it.
+            # Not read-only like a blob: a collection may have to remove it.
             with suppress(StoreError):
                 files.write(path, f"process {os.getpid()} on {os.uname().nodename}\n".encode(), 0o644)
             failpoints.reach("running.announced")
@@ -60,7 +60,7 @@ class Running:
             self._locks.release(lock)
 
     def starts(self) -> list[float]:
-        """When the builds began that run now (seconds since the epoch); announcements of dead ones are removed."""
+        """Start times of the running builds (seconds since the epoch); announcements of dead builds are removed."""
         found = []
         for path in self._folder.glob("[!.]*"):
             with suppress(OSError):
@@ -74,7 +74,7 @@ class Running:
 
     @contextmanager
     def collecting(self) -> Iterator[bool]:
-        """Be the one collection for the block; True: no build runs, and none starts before it ends."""
+        """Be the only collection for the block; yield True if no build runs and none can start before it ends."""
         with self._locks.hold(_ONE), self._locks.hold(_ALONE):
             alone = self._locks.reliable() and not self.starts()
             if not alone:

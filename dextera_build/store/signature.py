@@ -1,7 +1,7 @@
-"""What a `stat` says of a file, and the record of everything that a build looked at.
+"""File signatures from `stat`, and the record of every path that a build looked at.
 
-A signature that is equal says that a file is unchanged, unless it was written so shortly before we looked that a second
-write could bear the same time stamp. `is_racy` finds those, as git does.
+An equal signature means an unchanged file, unless the file was written so shortly before the look that a second write
+could get the same time stamp. `is_racy` detects that case, as git does.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ Signature: TypeAlias = tuple[int, int, int, int]
 """(mtime_ns, ctime_ns, size, inode)."""
 
 IGNORED = frozenset({".git", "__pycache__"})
-"""Names that are not content of a folder."""
+"""Names that do not count as content of a folder."""
 
 _MODULE_ENDINGS = frozenset({"py", "so", "zip", "pth", "dist-info", "egg-info", "egg-link"})
 
@@ -27,12 +27,12 @@ _NEVER: Signature = (0, 0, 0, 0)
 
 
 def of(state: os.stat_result) -> Signature:
-    """The signature that a `stat` result holds."""
+    """The signature in a `stat` result."""
     return (state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino)
 
 
 def look(path: str) -> Signature | None:
-    """The signature of a file (its target, for a link), or None where there is none."""
+    """The signature of a file (its target, for a link), or None if it does not exist."""
     try:
         return of(os.stat(path))
     except OSError:
@@ -40,7 +40,7 @@ def look(path: str) -> Signature | None:
 
 
 def names(folder: str) -> list[str] | None:
-    """What a folder holds, sorted, without `IGNORED`; None where it is not a folder."""
+    """Names in a folder, sorted, without `IGNORED`; None if it is not a folder."""
     try:
         return sorted(name for name in os.listdir(folder) if name not in IGNORED)
     except OSError:
@@ -48,7 +48,7 @@ def names(folder: str) -> list[str] | None:
 
 
 def modules(folder: str) -> list[str] | None:
-    """Those names of a folder of the module search path that an import or a look for versions can find, sorted."""
+    """Names in a folder of the module search path that an import or a version lookup can find, sorted."""
     try:
         return sorted(name for name in os.listdir(folder) if _is_module(name))
     except OSError:
@@ -57,25 +57,25 @@ def modules(folder: str) -> list[str] | None:
 
 def _is_module(name: str) -> bool:
     stem, dot, ending = name.rpartition(".")
-    # A folder is imported by its name: temporary ones, which have a hyphen, are none.
+    # A folder is imported by its name; temporary folders have a hyphen and are not modules.
     return name not in IGNORED and ((stem != "" and ending in _MODULE_ENDINGS) if dot else name.isidentifier())
 
 
 def is_racy(signature: Signature, looked_ns: int) -> bool:
-    """Whether a write after `looked_ns` (nanoseconds since the epoch) could leave this very signature."""
+    """Whether a write after `looked_ns` (nanoseconds since the epoch) could leave the same signature."""
     mtime, ctime = signature[0], signature[1]
     margin = _FINE_NS if mtime % 1_000_000_000 else _COARSE_NS
     return max(mtime, ctime) >= looked_ns - margin
 
 
 class Watch:
-    """Signatures of what a build reads, each taken before it is read.
+    """Signatures of the paths that a build reads, each taken before the read.
 
     Attributes:
-        files: Path -> signature, None for a file that was looked for and is not there.
+        files: Path -> signature, None for a file that was looked for and does not exist.
         folders: Path -> sorted names, for folders whose list of names matters.
-        paths: Path -> sorted names of what can be imported, for folders of the module search path.
-        present: Path -> signature of files that dxb wrote, and that may be deleted or written again.
+        paths: Path -> sorted names that can be imported, for folders of the module search path.
+        present: Path -> signature of files that dxb wrote, which may be deleted or rewritten.
     """
 
     def __init__(self) -> None:
@@ -103,13 +103,13 @@ class Watch:
             self.paths[path] = modules(path)
 
     def doubt(self, path: str, *, was_read: bool) -> None:
-        """Check a path that was looked at before it was noted: if it may have changed in between, nothing is settled.
+        """Check a path that was read before it was noted: if it may have changed in between, nothing is settled.
 
-        A file that is there needs no check, for `settled` finds that it is new.
+        An existing file needs no check: `settled` detects that it is new.
 
         Args:
             path: A file or folder that was noted.
-            was_read: Whether it was there.
+            was_read: Whether it existed.
         """
         if path in self.folders and ((state := look(path)) is None or is_racy(state, self.started_ns)):
             self.folders[path] = [os.sep]  # no folder holds such a name
@@ -117,7 +117,7 @@ class Watch:
             self.files[path] = _NEVER
 
     def settled(self) -> bool:
-        """Whether every file is what it was at the first look, and none may change without a trace."""
+        """Whether nothing changed since the first look, and no later change can go undetected."""
         files = self.files.items()
         return (
             all(look(path) == known and not (known and is_racy(known, self.started_ns)) for path, known in files)

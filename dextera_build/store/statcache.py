@@ -1,4 +1,4 @@
-"""From files and folders of a project to artifact digests, without reading what did not change.
+"""Digests files and folders of a project as artifacts, without reading unchanged files again.
 
 As git does: a file whose (mtime, ctime, size, inode) is known keeps its digest, unless it was written so shortly before
 it was read that a second write could have left the same stamps; then it is read again.
@@ -31,11 +31,11 @@ class StatCache:
     """Digests of project files; the table is local to this machine.
 
     Args:
-        blobs: Where contents go.
-        state: Remembers signatures between runs; written by `save`.
+        blobs: Stores the contents.
+        state: Keeps signatures between runs; written by `save`.
 
     Attributes:
-        watch: When set, every file and folder that is looked at is noted there.
+        watch: If set, it notes every file and folder that is looked at.
     """
 
     def __init__(self, blobs: Blobs, state: State) -> None:
@@ -44,14 +44,14 @@ class StatCache:
         self._state = state
         self._known: dict[str, list[int | str]] | None = None
         self._fresh: set[str] = set()
-        """Paths whose rows are not written down."""
+        """Paths whose rows are not saved yet."""
 
     def digest_leaf(self, path: Path) -> str:
-        """Digest of the `File` or `Folder` artifact with this content, all of which is in the store then.
+        """Store a file or folder as a `File` or `Folder` artifact and return its digest.
 
         Raises:
-            RecipeError: There is no such file, it cannot be read, or it is neither a file nor a folder.
-            StoreError: The store cannot take it.
+            RecipeError: The path does not exist, cannot be read, or is neither a file nor a folder.
+            StoreError: The store cannot be written.
         """
         name = os.path.abspath(path)
         state = _stat(name)
@@ -64,7 +64,7 @@ class StatCache:
         return self._blobs.put(headers.folder_header(tree))
 
     def save(self) -> None:
-        """Write down what was read, all or nothing; a store that cannot be written keeps what it has."""
+        """Save the digests of the files that were read, all or nothing; a read-only store stays unchanged."""
         if self._fresh:
             known = self._load()
             failpoints.reach("leaves.save")
@@ -72,7 +72,7 @@ class StatCache:
             self._fresh.clear()
 
     def _files(self, inside: list[tuple[str, os.stat_result]]) -> dict[str, tuple[str, int]]:
-        """Digest and size of many files; those that must be read are, in parallel: hashing lets other threads run."""
+        """Digest and size of many files; new and changed ones are read in parallel, since hashing releases the GIL."""
         found = {path: self._recall(path, state) for path, state in inside}
         unread = [(path, state) for path, state in inside if found[path] is None]
         if len(unread) < _FEW:
@@ -169,7 +169,7 @@ def _stat(path: str) -> os.stat_result:
 
 
 def listed(folder: str) -> list[os.DirEntry[str]]:
-    """What a folder holds, sorted by name, without names that are no content.
+    """Entries of a folder, sorted by name, without the names in `signature.IGNORED`.
 
     Raises:
         RecipeError: The folder cannot be read, or a name is not UTF-8.

@@ -1,13 +1,13 @@
-"""What a store remembers on this machine: one SQLite file of small rows, each with a check sum.
+"""A store's local state on this machine: one SQLite file of small rows, each with a checksum.
 
-All of it can be found out again. So a damaged file is set aside, and where the disk is full, the file may not be
-written, or another build holds it for too long, nothing is remembered. No other module speaks SQL.
+All of it can be recomputed. A damaged file is therefore moved aside, and nothing is saved if the disk is full, the file
+cannot be written, or another build locks it for too long. No other module uses SQL.
 """
 
 import os
 import zlib
 
-TYPE_CHECKING = False  # a build of which nothing changed loads next to nothing
+TYPE_CHECKING = False  # a no-op build imports next to nothing
 if TYPE_CHECKING:
     import sqlite3
     from collections.abc import Callable, Iterable, Mapping
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     T = TypeVar("T")
 
 _PATIENCE_S = 20.0
-"""How long a build waits for another that writes."""
+"""How long a build waits for another build's write [s]."""
 _TABLE = """CREATE TABLE IF NOT EXISTS rows
 (kind BLOB, name BLOB, value BLOB, sum INT, PRIMARY KEY (kind, name)) WITHOUT ROWID"""
 _SELECT = "SELECT name, value, sum FROM rows WHERE kind=?"
@@ -28,8 +28,8 @@ class State:
     """Rows by kind and name.
 
     Args:
-        path: The file; the first `put` makes it.
-        takes: False where nothing may be written.
+        path: The file; created by the first `put`.
+        takes: False for a read-only store.
     """
 
     def __init__(self, path: str, *, takes: bool = True) -> None:
@@ -37,11 +37,11 @@ class State:
         self._takes = takes
 
     def get(self, kind: str, name: str) -> bytes | None:
-        """The value of one row, None where there is none."""
+        """The value of one row, or None."""
         return self.some(kind, [name]).get(name)
 
     def some(self, kind: str, names: "Iterable[str]") -> dict[str, bytes]:
-        """The values of those of `names` that have one; a few are asked for at a time."""
+        """Name -> value for the rows in `names` that exist; meant for a few names."""
         wanted = [_bytes(name) for name in names]
         select = f"{_SELECT} AND name IN ({','.join('?' * len(wanted))})"
         return _whole(kind, self._read(lambda base: list(base.execute(select, (_bytes(kind), *wanted)))))
@@ -51,15 +51,15 @@ class State:
         return _whole(kind, self._read(lambda base: list(base.execute(_SELECT, (_bytes(kind),)))))
 
     def kinds(self) -> list[str]:
-        """Every kind of which there are rows."""
+        """Every kind that has rows."""
         found = self._read(lambda base: list(base.execute("SELECT DISTINCT kind FROM rows")))
         return [_text(kind) for (kind,) in found if type(kind) is bytes]
 
     def put(self, kind: str, rows: "Mapping[str, bytes]", *, without: "Iterable[str]" = ()) -> bool:
-        """Write rows, all or none; False where that cannot be.
+        """Write rows, all or none; return False if that fails.
 
         Args:
-            kind: Of the rows.
+            kind: Kind of the rows.
             rows: Name -> value.
             without: Names of rows to delete.
         """
@@ -67,7 +67,7 @@ class State:
         made = [(_bytes(kind), _bytes(name), value, _sum(kind, name, value)) for name, value in rows.items()]
 
         def write(base: "sqlite3.Connection") -> bool:
-            with base:  # commits, or takes all of it back
+            with base:  # commits or rolls back
                 base.execute("BEGIN IMMEDIATE")
                 base.execute(_TABLE)
                 base.executemany("DELETE FROM rows WHERE kind=? AND name=?", gone)
@@ -88,12 +88,12 @@ class State:
                     self._make()
                 base = sqlite3.connect(self._path, _PATIENCE_S, isolation_level=None)
                 try:
-                    # A power cut may damage the file, which is seen; the end of a build flushes everything at once.
+                    # A power cut may damage the file, which is detected; a build flushes everything at its end.
                     base.execute("PRAGMA synchronous=OFF")
                     return work(base)
                 finally:
                     base.close()
-            except (sqlite3.Error, UnicodeDecodeError) as error:  # messages quote the file, whatever it holds
+            except (sqlite3.Error, UnicodeDecodeError) as error:  # messages quote the file's bytes
                 code = getattr(error, "sqlite_errorcode", _CORRUPT) & 0xFF
                 if not self._takes or not self._is_damage(code, writes) or not self._set_aside() or not writes:
                     return None
@@ -102,7 +102,7 @@ class State:
         return None
 
     def _is_damage(self, code: int, writes: bool) -> bool:
-        # A reader may come between the making of the file and that of its table, which is a generic error.
+        # A reader may see the file before its table exists, which is a generic error.
         return code in (_CORRUPT, _NOT_A_DATABASE) or (writes and code == _GENERIC) or os.path.isdir(self._path)
 
     def _make(self) -> None:
@@ -118,7 +118,7 @@ class State:
             os.close(descriptor)
 
     def _set_aside(self) -> bool:
-        """Take a damaged file out of the way; False where that cannot be."""
+        """Move a damaged file aside; return False if that fails."""
         try:
             os.replace(self._path, f"{self._path}~")
             if os.path.exists(f"{self._path}-journal"):
@@ -141,7 +141,7 @@ def _sum(kind: str, name: str, value: bytes) -> int:
 
 
 def _whole(kind: str, rows: "Iterable[tuple[bytes, bytes, int]]") -> dict[str, bytes]:
-    """The rows that are as they were written."""
+    """The rows whose checksums are correct."""
     head = zlib.crc32(_bytes(f"{kind}\0"))
     return {
         _text(name): value

@@ -1,4 +1,4 @@
-"""The store: digest -> bytes, key -> result, and what this machine remembers."""
+"""The store: digest -> bytes, key -> result, and local state of this machine."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TAG = b"""Signature: 8a477f597d28d172789f06886806bc55
 
 
 class Reader:
-    """The blobs of a store as artifacts are decoded from them; see `artifacts.content`."""
+    """Reads the blobs of a store for decoding artifacts; see `artifacts.content`."""
 
     def __init__(self, blobs: Blobs) -> None:
         self._blobs = blobs
@@ -36,10 +36,10 @@ class Reader:
         return self._blobs.get(digest)
 
     def path(self, digest: str) -> Path:
-        """The file of a blob whose bytes were compared with its digest; it may only be read.
+        """The file of a blob, after verifying its digest; the file is read-only.
 
         Raises:
-            MissingBlob: It is not there, or is damaged; then it was set aside.
+            MissingBlob: It does not exist, or is damaged and was moved to quarantine.
         """
         if not self._blobs.verify(digest):
             raise MissingBlob(digest)
@@ -47,7 +47,7 @@ class Reader:
 
 
 class Writer:
-    """The blobs of a store as artifacts are encoded into them; see `artifacts.content`."""
+    """Writes the blobs of encoded artifacts to a store; see `artifacts.content`."""
 
     def __init__(self, blobs: Blobs) -> None:
         self._blobs = blobs
@@ -64,17 +64,17 @@ class Store:
         cas/ab/cdef...   blobs, read-only, by SHA-256
         ac/ab/cdef...    results by key, JSON
         runs/0001/       event logs
-        local/           what belongs to this machine: signatures of project files, history, snapshots and keys that
-                         gave more than one output (`state.db`), locks, builds that run now, damaged blobs that were
-                         set aside, what calls that did not end keep for their next try
+        local/           state of this machine: signatures of project files, history, snapshots and divergent keys
+                         (`state.db`), locks, running builds, damaged blobs in quarantine, saved progress of unfinished
+                         calls
 
     Args:
-        root: The folder; made when it is not there.
-        make: False where it is only read: then none is made, one that is not there is empty, and what a plan puts into
-            one that cannot be written is held in memory.
+        root: The folder; created if it is missing.
+        make: False if the store is only read: a missing folder is not created and counts as empty, and a plan's writes
+            to a read-only store stay in memory.
 
     Raises:
-        StoreError: The folder is not there and cannot be made.
+        StoreError: The folder is missing and cannot be created.
     """
 
     def __init__(self, root: Path, *, make: bool = True) -> None:
@@ -94,7 +94,7 @@ class Store:
         self.running = Running(self.local / "running", self.locks)
 
     def size(self) -> dict[str, tuple[int, int]]:
-        """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of calls that did not end."""
+        """(count, bytes) of `blobs`, `actions` and `keep`, the saved progress of unfinished calls."""
         found = {"blobs": listing(self.blobs.root), "actions": listing(self.actions.root), "keep": self.keep.all()}
         sizes = {name: [size for _, size, _ in each] for name, each in found.items()}
         return {name: (len(each), sum(each)) for name, each in sizes.items()}
@@ -110,12 +110,12 @@ class Store:
             raise files.store_error(error, str(self.root)) from None
         tag = self.root / "CACHEDIR.TAG"
         if not tag.exists():
-            # A store that can only be read still serves what it holds.
+            # A read-only store still serves its contents.
             with suppress(StoreError):
                 files.write(str(tag), _TAG, 0o644)
 
 
 @lru_cache(maxsize=1)
 def opened(root: str) -> Store:
-    """The store of a process that serves one; see `Store`."""
+    """Open a store, and keep it for a process that uses a single one; see `Store`."""
     return Store(Path(root))

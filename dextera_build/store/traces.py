@@ -1,4 +1,4 @@
-"""Discovered inputs: what calls asked about the project's folder, and the results that the answers lead to.
+"""Discovered inputs: the questions that calls asked about the project's folder, and the results for their answers.
 
 A trace is the list of steps of one run, in order. A step is (kind, name, answer):
 
@@ -7,10 +7,10 @@ A trace is the list of steps of one run, in order. A step is (kind, name, answer
     names   pattern   digest of the list of files that match
 
 The key document of a call with discovered inputs holds its trace under `read`. With null instead of a trace it is the
-static document, which is known before the call runs; its digest is the static key. An ordinary result lies under that
-key, whose output is a `Reads`: the traces of the last runs, the newest first. A trace fits if each of its questions has
-the same answer today; the static document and the trace give the key of the result. If two builders write the list at
-the same time, a trace may be lost, and the call runs once more.
+static document, which is known before the call runs; its digest is the static key. The output of the result under that
+key is a `Reads`: the traces of the last runs, newest first. A trace matches if each of its questions still has the same
+answer; the static document and the trace give the key of the result. If two builders write the list at the same time, a
+trace may be lost, and the call runs once more.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ READ = "read"
 """The field of a key document that holds the trace; absent for calls without discovered inputs."""
 NONE, YES, NO = "-", "yes", "no"
 _MOST_STEPS = 100_000
-"""Steps of one trace."""
+"""Most steps of one trace."""
 _MOST = 16
-"""Traces of one call."""
+"""Most traces of one call."""
 _LONGEST = 4096
 _ARTIFACT = "Reads"
 
 Static: TypeAlias = Mapping[str, Any]
 Answer: TypeAlias = Callable[[str, str], str]
-"""Kind, name -> the answer today; raises a `DxbError` if there is none."""
+"""Kind, name -> current answer; raises a `DxbError` if there is none."""
 
 _ANSWERS: dict[str, Callable[[str], bool]] = {
     "file": lambda answer: answer == NONE or is_digest(answer),
@@ -67,12 +67,12 @@ def parts_of(document: bytes) -> tuple[dict[str, Any], Steps | None] | None:
 
 
 def label(kind: str, name: str) -> str:
-    """A question as people read it."""
+    """A question in readable form."""
     return {"file": name, "there": f"exists {name}", "names": f"glob {name}"}[kind]
 
 
 def is_plain(name: str) -> bool:
-    """Whether this is a path, or a pattern, below a folder, in its one spelling."""
+    """Whether `name` is a normalized relative path or pattern that stays below its folder."""
     return (
         0 < len(name) <= _LONGEST
         and "\0" not in name
@@ -84,10 +84,10 @@ def is_plain(name: str) -> bool:
 
 
 def checked(rows: Any) -> Steps:
-    """Parse a trace, which may come from anywhere.
+    """Parse an untrusted trace.
 
     Raises:
-        ValueError: No call can have made it.
+        ValueError: It is not a valid trace.
     """
     if not isinstance(rows, list) or len(rows) > _MOST_STEPS:
         raise ValueError("a trace is a list of steps")
@@ -102,7 +102,7 @@ def checked(rows: Any) -> Steps:
 
 
 def fitting(store: Store, static: Static, answer: Answer) -> Steps | None:
-    """The newest trace whose questions all have the same answers today, or None."""
+    """The newest trace whose questions all have the same answers now, or None."""
     key = digests.of_value({**static, READ: None})
     return next((steps for steps in known(store, key) if _fits(steps, answer)), None)
 
@@ -114,7 +114,7 @@ def known(store: Store, key: str) -> list[Steps]:
 
 
 def listed(store: Store, result: ActionResult) -> list[Steps]:
-    """The traces that a result lists, none if they are malformed."""
+    """The traces that a result lists; empty if they are malformed."""
     try:
         stored = digests.plain(store.blobs.get(result.output))
         if stored["artifact"] != _ARTIFACT:
@@ -125,7 +125,7 @@ def listed(store: Store, result: ActionResult) -> list[Steps]:
 
 
 def merged(first: Iterable[Steps], others: Iterable[Steps]) -> list[Steps]:
-    """Both lists without duplicates, cut to the number of traces that are kept."""
+    """Both lists without duplicates, cut to the limits on traces and steps."""
     found = list(dict.fromkeys([*first, *others]))[:_MOST]
     while len(found) > 1 and sum(map(len, found)) > _MOST_STEPS:
         found.pop()
@@ -133,7 +133,7 @@ def merged(first: Iterable[Steps], others: Iterable[Steps]) -> list[Steps]:
 
 
 def made(store: Store, static: Static, found: Iterable[Steps]) -> ActionResult:
-    """The result that lists traces, with its blobs in the store and no entry."""
+    """Make a result that lists traces; its blobs are stored, its entry is not."""
     content = [[list(step) for step in steps] for steps in found]
     output = store.blobs.put(digests.canonical({"artifact": _ARTIFACT, "fields": {"traces": content}}))
     key = store.blobs.put(spelled(static, None))
@@ -146,15 +146,15 @@ def publish(store: Store, key: str, result: ActionResult, *, may_lack: bool = Fa
     The trace of a call with discovered inputs is added to the list under its static key.
 
     Args:
-        store: Takes it.
+        store: Where to store it.
         key: Digest of the key document, which is stored.
-        result: The result; a list of traces is merged with that of the store.
+        result: The result; a list of traces is merged with the list in the store.
         may_lack: See `Actions.put`.
 
     Raises:
-        MissingBlob: The result refers to something that is not in the store.
+        MissingBlob: A blob that the result refers to is not in the store.
         StoreError: The disk is full, or the store cannot be written.
-        ValueError: The result or its key document is not what it must be.
+        ValueError: The result or its key document is malformed.
     """
     parts = parts_of(store.blobs.get(key))
     if parts is None:
@@ -163,7 +163,7 @@ def publish(store: Store, key: str, result: ActionResult, *, may_lack: bool = Fa
     if steps is None:
         _keep(store, static, merged(known(store, key), listed(store, result)))
         return True
-    # A collection that keeps the result keeps the list, too, and the names of the files that a pattern matched.
+    # A collection that keeps the result also keeps the list of traces, and the file names that patterns matched.
     root = store.blobs.put(spelled(static, None))
     lists = (answer for kind, _, answer in steps if kind == "names" and store.blobs.has(answer))
     is_whole = store.actions.put(key, result, [root, *lists], may_lack=may_lack)
