@@ -1,1 +1,1 @@
-"""Digest to bytes, key to result: the content-addressed store and what keeps it sound."""
+"""Digest to bytes, key to result: the content-addressed store, with its locks and checks."""

@@ -37,7 +37,7 @@ class File(NamedTuple):
     role: str
     digest: str
     size: int | None
-    """[bytes]; None where the bytes are absent by design."""
+    """[bytes]; None if the bytes are absent by design."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,7 +68,7 @@ def closure(header: bytes) -> tuple[list[str], list[str]]:
 
 
 def _fields(stored: Any) -> dict[str, Any]:
-    """The fields of a header; those of `File` and `Folder`, which are read without decoding, are checked.
+    """The fields of a header, checked for `File` and `Folder`, which are read without decoding.
 
     Raises:
         ValueError: `stored` is not a header.

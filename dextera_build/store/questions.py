@@ -159,12 +159,12 @@ class Recording:
         self._look = look
         self._guard = threading.RLock()
         self.listings: dict[str, list[str]] = {}
-        """Pattern -> what matched."""
+        """Pattern -> files that match."""
         self._answers: dict[tuple[str, str], str] = {}
         self.error: DxbError | None = None
         """Why a question had no answer; the call then fails, even if it catches the error."""
         self._closed = False
-        """Whether the call saved progress, which depends on what was read so far."""
+        """Whether the call saved progress, which depends on all files read so far."""
 
     @property
     def steps(self) -> list[list[str]]:

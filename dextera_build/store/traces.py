@@ -141,7 +141,7 @@ def made(store: Store, static: Static, found: Iterable[Steps]) -> ActionResult:
 
 
 def publish(store: Store, key: str, result: ActionResult, *, may_lack: bool = False) -> bool:
-    """Store a result; returns False if its entry is bare.
+    """Store a result; return False if its entry is bare.
 
     The trace of a call with discovered inputs is added to the list under its static key.
 

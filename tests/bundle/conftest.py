@@ -1,4 +1,4 @@
-"""A store with a small build in it, and the bundle of that."""
+"""A store with a small build, and its bundle."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Bundling = Callable[..., Export]
 
 
 def small(file: Path) -> Graph:
-    """A file, a group over what is found in it, and a target; one output has a blob beside its header."""
+    """A file, a group over its items, and a target; one output has a blob beside its header."""
     return graph(
         call("read", file=leaf(file)),
         call("seg", "items", {"box": "b", "mug": "m"}, read=out("read")),
@@ -75,6 +75,6 @@ def other(tmp_path: Path) -> Store:
 
 @pytest.fixture
 def folder(tmp_path: Path, store: Store, plan: Graph) -> Path:
-    """A good bundle, with all results, taken apart."""
+    """A good bundle with all results, unpacked."""
     bundle(store, plan, "full").write(tmp_path / "bundle.tar")
     return unpacked(tmp_path / "bundle.tar")

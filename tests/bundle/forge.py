@@ -1,4 +1,4 @@
-"""Makes wrong bundles out of a good one: every digest fits, so that what is refused is what was changed."""
+"""Forges bundles from a good one; all digests are correct, so a refusal is due to the change itself."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ END = bytes(2 * tarfile.BLOCKSIZE)
 
 
 class Forgery:
-    """A bundle in a folder, taken apart; `write` puts it together again, in place.
+    """An unpacked bundle in a folder; `write` reassembles it in place.
 
     Args:
         folder: The bundle.
@@ -98,7 +98,7 @@ class Forgery:
         return found
 
     def write(self) -> Path:
-        """The folder again."""
+        """Write the changed parts and return the folder."""
         packed = b"".join(
             _header(name, len(data)) + data + bytes(-len(data) % tarfile.BLOCKSIZE) for name, data in self.files
         )
@@ -126,14 +126,14 @@ def _header(name: str, size: int, kind: bytes = tarfile.REGTYPE) -> bytes:
 
 
 def unpacked(path: Path) -> Path:
-    """The parts of a bundle, in a folder beside it."""
+    """Unpack a bundle into a folder beside it."""
     with tarfile.open(path) as archive:
         archive.extractall(path.with_suffix(""), filter="data")
     return path.with_suffix("")
 
 
 def packed(path: Path) -> Path:
-    """A bundle again, of the parts in a folder."""
+    """Pack the parts in a folder into a bundle."""
     if path.is_dir():
         names = sorted(file.relative_to(path).as_posix() for file in path.rglob("*") if file.is_file())
         parts = [
@@ -152,7 +152,7 @@ def take(path: Path, store: Store) -> importer.Taken:
 
 
 def refused(path: Path, other: Store, code: str, *words: str) -> BundleRefused:
-    """The one error; nothing was written beside the store, and no result into it."""
+    """Import a bundle that must be refused and return the error; check that no result and no foreign file appeared."""
     path = packed(path)
     before = {place for place in other.root.parent.rglob("*") if not place.is_relative_to(other.root)}
     with pytest.raises(BundleRefused) as error:

@@ -1,4 +1,4 @@
-"""Archives: every blob once, bounded, the same for the same blobs, and little changes where little changed."""
+"""Archives: every blob once, bounded size, deterministic, and small changes change few archives."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def digest(number: int) -> str:
 
 
 def read(data: bytes) -> dict[str, bytes]:
-    """What the reader finds in an archive."""
+    """The files of an archive, as our reader finds them."""
     with layout.reading("an archive", io.BytesIO(data)) as packed:
         return {info.name: packed.extractfile(info).read() for info in layout.files(packed)}  # type: ignore[union-attr]
 
@@ -56,7 +56,7 @@ def test_one_more_blob_changes_few_layers():
 
 
 def test_there_are_never_too_many_layers():
-    """A registry's manifest holds some 4,000; twenty terabytes in files of one size stay below."""
+    """A registry's manifest holds about 4,000 layers; twenty terabytes in files of one size stay below that."""
     for size in (1, 10_000, 1 << 20, 20 << 20, 1 << 30):
         assert len(packs({digest(number): size for number in range(20_000)})) <= 4_000
 

@@ -1,4 +1,4 @@
-"""Whatever is done to a good bundle: it is taken as it was, or refused with one error, and nothing else happens."""
+"""Random changes to a good bundle: it is imported unchanged or refused with one error, without side effects."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SETTINGS = settings(
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A good signed bundle, as `good` and `good.tar`, beside the store that it is of."""
+    """A good signed bundle, as `good` and `good.tar`, beside its store."""
     root = tmp_path_factory.mktemp("fuzz")
     (root / "photo.bin").write_bytes(b"photo")
     plan: Graph = small(root / "photo.bin")
@@ -48,7 +48,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def take(path: Path, root: Path) -> bool:
-    """Whether a bundle was taken into a new store; what may never happen is asserted."""
+    """Whether a bundle was imported into a new store; asserts the invariants."""
     path = packed(path)
     shutil.rmtree(root / "other", ignore_errors=True)
     other = Store(root / "other")
@@ -69,7 +69,7 @@ def take(path: Path, root: Path) -> bool:
     mine = Store(root / "store")
     for key in other.actions.keys():  # noqa: SIM118 - a method, not a mapping
         theirs = other.actions.get(key)
-        assert theirs is not None  # with all that it needs
+        assert theirs is not None  # with all of its blobs
         assert theirs.output == mine.actions.get(key).output  # type: ignore[union-attr]
     return error is None
 
@@ -88,7 +88,7 @@ def test_bytes_of_an_archive(place, data):
 @SETTINGS
 @given(data=st.data())
 def test_values_of_the_documents(place, data):
-    """The digests fit, so that what is refused is what the documents say."""
+    """The digests are correct, so a refusal is due to the documents' content."""
     shutil.rmtree(place / "bad", ignore_errors=True)
     shutil.copytree(place / "good", place / "bad")
     forged = Forgery(place / "bad")
@@ -115,11 +115,11 @@ def test_outputs(place, header):
     shutil.copytree(place / "good", place / "bad")
     forged = Forgery(place / "bad")
     forged.replace_output("scene", canonical(header))
-    assert not take(forged.write(), place)  # one that is an artifact does not bring what the old one brought
+    assert not take(forged.write(), place)  # even a valid header does not refer to the old one's blobs
 
 
 def mutate(raw: Raw, data: st.DataObject) -> None:
-    """Replace, remove or double one value somewhere."""
+    """Replace, remove or duplicate one value."""
     here: object = raw
     while True:
         steps = list(here) if isinstance(here, dict) else list(range(len(here))) if isinstance(here, list) else []

@@ -1,4 +1,4 @@
-"""What was tampered with is refused with one error, and nothing of it can be used."""
+"""Bundles that were tampered with are refused with one error, and no part of them can be used."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_a_blob_that_nothing_names_is_refused(folder, other):
 
 
 def test_every_blob_is_needed(folder, other):
-    """Without any one of them the bundle is refused."""
+    """A bundle that lacks any one of them is refused."""
     for place in range(len(Forgery(folder).files)):
         copy = folder.with_name(f"without-{place}")
         shutil.copytree(folder, copy)

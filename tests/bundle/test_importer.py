@@ -1,4 +1,4 @@
-"""What is made of a store arrives in another one."""
+"""A bundle from one store is imported into another."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_build_of_its_targets_runs_nothing(tmp_path, store, other, plan, closu
     result, record = run(plan, other)
     assert result.ok
     assert record.with_status("ran") == []
-    # The second look is at what the first one wrote down.
+    # The second build reads the state that the first one saved.
     assert run(plan, other)[1].with_status("ran") == []
 
 
@@ -106,7 +106,7 @@ def test_the_store_keeps_what_it_has_under_a_key(folder, store, other):
 
 
 def test_a_large_blob_is_never_in_memory(tmp_path, store, other):
-    """96 MiB pass through while Python holds a tenth of that."""
+    """96 MiB are imported while Python holds at most a tenth of that."""
     size = 96 << 20
     made = large(store, tmp_path / "large", size)
     tracemalloc.start()

@@ -1,4 +1,4 @@
-"""Signed bundles go to a real OCI registry and back by `skopeo`, with the commands of the docs word for word."""
+"""Signed bundles go to a real OCI registry and back with `skopeo`, by the exact commands of the docs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.bundle.conftest import bundle
 REPO = Path(__file__).parents[2]
 DOCS = REPO / "dextera_build" / "docs" / "bundles.md"
 PORT = 5000
-"""As `cache/registry.yml` and the docs say."""
+"""As in `cache/registry.yml` and the docs."""
 
 pytestmark = [
     pytest.mark.slow,
@@ -27,14 +27,14 @@ pytestmark = [
 
 
 def commands() -> list[str]:
-    """What the page on bundles says of registries, one command a line."""
+    """The commands about registries on the page on bundles, one per line."""
     (block,) = re.findall(r"## Registries\n.*?```text\n(.*?)```", DOCS.read_text(), re.DOTALL)
     return [line for line in block.splitlines() if line]
 
 
 @pytest.fixture
 def registry(tmp_path: Path) -> Iterator[None]:
-    """A registry as the first command of the page starts it, below a folder of this test."""
+    """A registry started by the first command of the page, in a folder of this test."""
     words = commands()[0].removesuffix(" &").split()
     (tmp_path / "cache").mkdir()
     shutil.copy(REPO / "cache" / "registry.yml", tmp_path / "cache")

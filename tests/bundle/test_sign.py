@@ -1,4 +1,4 @@
-"""Signatures hold for one bundle and one key, whoever reads them; keys are those of other programs too."""
+"""A signature is valid for one bundle and one key; keys of other programs work, too."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_a_signature_of_another_bundle_is_refused(tmp_path, store, plan, key):
 
 
 def test_a_signature_does_not_outlive_a_change_of_the_bundle(tmp_path, store, plan, key):
-    """Whoever edits the config has to spell the manifest anew, and then nobody vouches for it."""
+    """An edit of the config needs a new manifest, which is then unsigned."""
     signed(bundle(store, plan), key).write(tmp_path / "b.tar")
     forged = Forgery(unpacked(tmp_path / "b.tar")).edit_config(lambda raw: raw.update(dxb="2.0")).write()
     assert judge(forged, tmp_path / "key.pub").state == "unsigned"

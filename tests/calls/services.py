@@ -1,4 +1,4 @@
-"""A chat endpoint on this machine, with the faults that real ones have."""
+"""A local chat endpoint with the faults of real ones."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ KEY = "sk-geheim-0123456789"
 
 
 class Service:
-    """Answers `POST /v1/chat/completions`; `faults` are used up first, one a request."""
+    """Answers `POST /v1/chat/completions`; `faults` are served first, one per request."""
 
     def __init__(self) -> None:
         self.asked: list[dict[str, Any]] = []

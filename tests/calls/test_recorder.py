@@ -1,4 +1,4 @@
-"""Requests have one spelling and hold no secret; answers are asked once, in good manners."""
+"""Requests are canonical and contain no secrets; each is sent once, with retries and backoff."""
 
 from __future__ import annotations
 

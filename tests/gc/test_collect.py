@@ -1,4 +1,4 @@
-"""Collection of a store: what goes and what stays."""
+"""Collection of a store: which files are removed and which stay."""
 
 from __future__ import annotations
 
@@ -218,7 +218,7 @@ def test_saved_progress_goes_by_age_unless_the_call_runs(store: Store) -> None:
 def test_what_a_running_build_may_need_stays(store: Store) -> None:
     young, old = publish(store, "young"), publish(store, "old")
     age(entry(store, old), time.time() - DAY)
-    with store.running.announced(), store.running.announced():  # a build, and that it places its results
+    with store.running.announced(), store.running.announced():  # a build, and the placing of its results
         said = collect(store, nobody, Limits(size=0), dry=False)
         assert keys(store) == {young}
         assert said.running
@@ -232,4 +232,4 @@ def test_a_store_that_may_only_be_read_is_not_collected(store: Store, monkeypatc
     with pytest.raises(StoreError, match="read-only, nothing can be collected") as caught:
         collect(store, nobody, dry=False)
     assert caught.value.code == "DXB-S401"
-    assert collect(store, nobody).before > 0  # to look is no change
+    assert collect(store, nobody).before > 0  # a dry run changes nothing

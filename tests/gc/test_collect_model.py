@@ -1,4 +1,4 @@
-"""Collection of random stores: what goes and what stays agrees with a model, also while builds use the store."""
+"""Collection of random stores agrees with a model, also while builds use the store."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from tests.store.stores import (
 
 @dataclass
 class World:
-    """A store by plan: results with their last use and blobs, blobs of nobody, what is held, the limits."""
+    """A planned store: results with last use and blobs, unreferenced blobs, held results, limits."""
 
     results: dict[str, tuple[int, list[int]]]
     loose: dict[int, int]
@@ -85,7 +85,7 @@ def make(world: World, store: Store) -> None:
 
 
 def model(world: World, store: Store) -> tuple[set[str], set[str]]:
-    """(keys, blobs) that stay, found by trying: each step looks at everything again."""
+    """(keys, blobs) that stay, by brute force: each step recomputes everything."""
     found, now = inventory.read(store), time.time()
     horizon = now - 3660
     alive = dict(found.results)
@@ -134,7 +134,7 @@ def test_a_collection_agrees_with_the_model(world: World) -> None:
 
 
 def assert_whole_untouched(store: Store) -> None:
-    """As `assert_whole`, without a hit, which would be a use."""
+    """As `assert_whole`, without lookups, which would count as uses."""
     assert inventory.read(store).broken == {}
 
 

@@ -1,4 +1,4 @@
-"""What a collection leaves alone, by all that remembers results."""
+"""The results that a collection keeps, from history and lock files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Verification of a store: every kind of damage is found, and repair makes a miss of it."""
+"""Verification of a store: every kind of damage is found, and repair turns it into a miss."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_repair_makes_a_miss_of_damage_and_of_nothing_else(store: Store, kind: s
 
 
 def spoil(store: Store, kind: str) -> None:
-    """Damage what belongs to the first result."""
+    """Damage the files of the first result."""
     if kind == "damaged":
         harm(blob(store, 0), b"z" * 100)
     elif kind == "truncated":
@@ -81,7 +81,7 @@ def spoil(store: Store, kind: str) -> None:
     elif kind == "unreadable":
         harm(entry(store, key_of("r0")), b"\0" * 300)
     elif kind == "cut":
-        # It ends where its last line began.
+        # Cut before its last line.
         whole = entry(store, key_of("r0")).read_bytes()
         harm(entry(store, key_of("r0")), whole[: whole.rindex(b"\n")])
     else:

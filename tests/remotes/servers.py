@@ -21,11 +21,11 @@ from dextera_build.store.store import Store
 
 REPO = Path(__file__).parents[2]
 MOTO = Path(os.environ.get("DXB_SERVERS", REPO / ".venv" / "servers")) / "bin" / "moto_server"
-"""Servers have an environment of their own, which `make servers` fills."""
+"""Servers have their own environment, which `make servers` installs."""
 
 
 def free_port() -> int:
-    """A port for a server that begins later: none of those that the system gives to others meanwhile."""
+    """A port for a server that starts later, outside the range that the system assigns."""
     first = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
     while True:
         with socket.socket() as probe, suppress(OSError):
@@ -35,7 +35,7 @@ def free_port() -> int:
 
 @contextmanager
 def deaf_port() -> Iterator[int]:
-    """A port that is taken and refuses every connection."""
+    """A port that is in use and refuses every connection."""
     with socket.socket() as held:
         held.bind(("127.0.0.1", 0))
         yield int(held.getsockname()[1])
@@ -52,7 +52,7 @@ def own(folder: Path, **flags: object) -> Iterator[str]:
 
 @contextmanager
 def nginx(folder: Path, more: str = "") -> Iterator[str]:
-    """Nginx with `cache/nginx.conf`; `more` stands in its location."""
+    """Nginx with `cache/nginx.conf`; `more` is added to its location."""
     program = shutil.which("nginx") or shutil.which("nginx", path="/usr/sbin")
     if program is None:
         pytest.skip("nginx is not installed")
@@ -61,7 +61,7 @@ def nginx(folder: Path, more: str = "") -> Iterator[str]:
     text = text.replace("dav_methods PUT;", f"dav_methods PUT; {more}")
     (folder / "data" / ".tmp" / "put").mkdir(parents=True)
     config = folder / "nginx.conf"
-    # Workers of a master that root started run as the user of the file, who cannot look into a test's folder.
+    # Under root, nginx workers run as the user in the file, who has no access to a test's folder.
     config.write_text(text.replace("user www-data;", "user root;") if os.geteuid() == 0 else text)
     words = [program, "-p", str(folder), "-c", str(config), "-e", str(folder / "error.log"), "-g", "daemon off;"]
     with _running(words, f"http://127.0.0.1:{port}", folder):

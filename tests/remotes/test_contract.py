@@ -1,4 +1,4 @@
-"""What every remote does alike: a folder, our own servers, nginx, an object store."""
+"""The common behaviour of all remotes: a folder, our own servers, nginx, an object store."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Passwords and tokens of an HTTP remote: where they go, and where they never do."""
+"""Passwords and tokens of an HTTP remote: where they are sent, and where they never are."""
 
 from __future__ import annotations
 

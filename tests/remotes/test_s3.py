@@ -1,4 +1,4 @@
-"""An object store without a server: its settings, and what is said where it cannot be reached."""
+"""An object store without a server: its settings, and the errors if it cannot be reached."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ KEY = "0" * 64
 
 @pytest.fixture
 def nowhere(monkeypatch: pytest.MonkeyPatch) -> str:
-    """An address of this machine where nothing listens."""
+    """A local address without a server."""
     for name in ("HTTP_PROXY", "http_proxy", "ALL_PROXY", "all_proxy"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("AWS_ACCESS_KEY_ID", "anyone")
@@ -54,7 +54,7 @@ def test_credentials_do_not_go_to_another_machine_in_the_clear(monkeypatch, nowh
     with pytest.raises(UsageError) as caught:
         open_remote(bucket("http://minio.lab:9000", **more))
     assert caught.value.code == "DXB-U137"
-    # An address of the environment is not seen here, so it is held to TLS, whatever else is set.
+    # An address from the environment is not visible here, so it must use TLS, whatever else is set.
     for name, value in (("AWS_ENDPOINT_URL", nowhere), ("AWS_ALLOW_HTTP", "true")):
         monkeypatch.setenv(name, value)
     remote = open_remote(Spec("lab", "s3://twins/dxb", "rw", options={"region": "us-east-1", **more}))

@@ -1,4 +1,4 @@
-"""`dxb cache serve` under clients that mean no good, or do not know better."""
+"""`dxb cache serve` with malicious and faulty clients."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OTHER = hashlib.sha256(b"other").hexdigest()
 
 
 class Client:
-    """A client that sends what it is told."""
+    """A client that sends any request."""
 
     def __init__(self, url: str) -> None:
         self.place = urlsplit(url).netloc

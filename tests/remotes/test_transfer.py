@@ -1,4 +1,4 @@
-"""Uploads: blobs first, the entry last, nothing that is damaged; downloads: only what is missing."""
+"""Uploads: blobs first, the entry last, nothing damaged; downloads: only missing blobs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.engine.tiny import call, graph, out, run
 
 
 class Noted(Directory):
-    """Notes what is asked of it, in order."""
+    """Records its requests in order."""
 
     def __init__(self, root: Path) -> None:
         super().__init__(root)

@@ -45,7 +45,7 @@ def forged(
     files: Callable[[list[Any]], list[Any]] = lambda files: files,
     result: Callable[[bytes], bytes] = lambda made: made,
 ) -> bytes:
-    """An entry that somebody changed, with right digests."""
+    """A modified entry with correct digests."""
     head, made = message.split(b"\n", 1)
     raw, made = json.loads(head), result(made)
     raw |= {"files": files(raw["files"]), "result": digest.of_bytes(made)}
@@ -53,12 +53,12 @@ def forged(
 
 
 def age(path: Path, used: float) -> None:
-    """Set when a file was of use last."""
+    """Set the last use of a file."""
     os.utime(path, (used, used))
 
 
 def age_all(store: Store, used: float) -> None:
-    """As if nothing in the store were of use since."""
+    """Set the last use of every file in the store."""
     for folder in (store.blobs.root, store.actions.root, store.local):
         for path in folder.rglob("*"):
             if path.is_file():
@@ -92,7 +92,7 @@ def rows(said: Collection) -> dict[str, int]:
 
 
 def assert_whole(store: Store) -> None:
-    """Every result has all that it names, and nothing is damaged."""
+    """Check that every result has all of its blobs, and nothing is damaged."""
     for key in keys(store):
         found = store.actions.get(key)
         assert found is not None

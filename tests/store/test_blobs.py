@@ -1,4 +1,4 @@
-"""Blobs: what goes in comes out, or nothing does."""
+"""Blobs: a read returns the stored bytes, or fails."""
 
 from __future__ import annotations
 

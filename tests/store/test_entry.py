@@ -1,4 +1,4 @@
-"""Entries that come from elsewhere: what dxb wrote passes, and nothing else."""
+"""Untrusted entries: only those written by dxb are accepted."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def accepted(message: bytes) -> Entry | None:
 
 
 def changed(message: bytes, **fields: Any) -> bytes:
-    """The entry with another result, rightly named."""
+    """The entry with another result, under its correct digest."""
 
     def other(made: bytes) -> bytes:
         raw = json.loads(made) | fields
@@ -72,7 +72,7 @@ def test_a_changed_byte_is_no_harm(built: bytes, data: st.DataObject) -> None:
     assert whole is not None
     for candidate in (bytes(harmed), cut):
         found = accepted(candidate)
-        # A changed name of a blob in the closure has the right form; its bytes will not come.
+        # A changed digest of a blob in the closure is well-formed, but names bytes that do not exist.
         assert found is None or found.result == whole.result
 
 

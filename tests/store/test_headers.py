@@ -1,4 +1,4 @@
-"""Headers read without types agree with what the artifact types write and read."""
+"""Headers read without types agree with those that the artifact types write and read."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Inner(Artifact):
 
 
 class Outer(Artifact):
-    """Everything that a header can hold."""
+    """Every kind of value that a header can hold."""
 
     first: Inner
     items: dict[str, Inner]

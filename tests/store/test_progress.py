@@ -1,4 +1,4 @@
-"""Folders in which calls keep their progress."""
+"""Folders in which calls save their progress."""
 
 from __future__ import annotations
 

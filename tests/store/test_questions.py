@@ -1,4 +1,4 @@
-"""Questions to a project's folder: what they find, that they stay inside, and that changed answers are watched."""
+"""Questions about a project's folder: their answers, their limits, and the watching of changed answers."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_links_out_of_the_project_are_refused(look: Look, root: Path, tmp_path: 
 
 
 def test_each_change_of_an_answer_moves_something_that_is_watched(root: Path) -> None:
-    """The no-op build and `dxb watch` rest on this: equal signatures, equal answers."""
+    """No-op builds and `dxb watch` rely on this: equal signatures mean equal answers."""
     store = Store(root / "cache")
     questions = [
         ("file", "arm.xml"),

@@ -1,4 +1,4 @@
-"""Entries of the action cache: which of them count, and what no damage makes of them."""
+"""Entries of the action cache: which ones are hits, and that damage never turns one into a wrong result."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def result(store: Store) -> ActionResult:
 
 
 def headers_of(store: Store, result: ActionResult) -> set[str]:
-    """What must be there for a result to be known."""
+    """The blobs that must be present for a result to be known."""
     below = store.actions.references.below(result.output)
     return {result.output, result.key_document, *(key for key, is_header in below.items() if is_header)}
 
@@ -148,7 +148,7 @@ def test_an_entry_is_lines_of_canonical_json(store: Store, result: ActionResult)
 
 
 def test_an_entry_under_another_key_is_a_miss(store: Store, result: ActionResult) -> None:
-    """Promise: two entries that were swapped never answer for one another."""
+    """Promise: swapped entries are never returned for each other's keys."""
     other = store.blobs.put(b"[]")
     store.actions.put(KEY, result)
     store.actions.put(other, replace(result, key_document=other, line="another"))
@@ -195,7 +195,7 @@ def test_a_collection_takes_folders_that_stand_where_results_and_blobs_should(
 
 @pytest.mark.parametrize("data", [b"", b"\n", b"{}\n{}\n{}", b"\x12\x05ab", b"[" * 100_000, b"\xff" * 20])
 def test_what_is_not_an_entry_is_a_miss_and_goes_with_the_next_collection(store: Store, data: bytes) -> None:
-    """Promise: entries of other versions, and what anyone else put there, harm nobody."""
+    """Promise: entries of other versions and foreign files are harmless."""
     with pytest.raises(ValueError, match=r"^"):
         entries.read(data)
     path = store.root / "ac" / KEY[:2] / KEY[2:]

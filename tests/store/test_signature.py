@@ -1,4 +1,4 @@
-"""What a build noted after it was read: if it may have changed in between, the build leaves no snapshot."""
+"""Paths noted after they were read: if one may have changed in between, the build leaves no snapshot."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def old(tmp_path: Path) -> Path:
 
 
 def watch_began(folder: Path) -> Watch:
-    """A watch that began a minute after everything in a folder was written."""
+    """A watch that started a minute after everything in a folder was written."""
     watch = Watch()
     watch.started_ns = max(os.stat(path).st_ctime_ns for path in (folder, *folder.rglob("*"))) + 60 * 10**9
     return watch
 
 
 def note(watch: Watch, folder: Path) -> bool:
-    """Whether two folders and a file, all of which were there at first, are noted as settled."""
+    """Whether two folders and a file, which all existed at first, are settled once noted."""
     for name in ("there", "there/inner", "there/file"):
         path = str(folder / name)
         if os.path.isdir(path):

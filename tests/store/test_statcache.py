@@ -1,4 +1,4 @@
-"""Leaves: equal content gives equal digests, nothing is read twice, and nothing stale is believed."""
+"""Leaves: equal content gives equal digests, nothing is read twice, and no stale digest is used."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def age(*paths: Path) -> None:
-    """Let files look as if they had been at rest for long; ctime cannot be set, so wait out its margin."""
+    """Make files look old; ctime cannot be set, so wait until its margin has passed."""
     for path in paths:
         os.utime(path, ns=(1_600_000_000_123_456_789, 1_600_000_000_123_456_789))
     time.sleep(0.03)
@@ -96,12 +96,12 @@ def test_an_edit_is_seen_though_time_and_size_are_kept(store: Store, folder: Pat
 
 
 def test_a_file_written_just_now_is_read_again(store: Store, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A second write within one tick of the clock leaves no trace; so what is fresh is not believed."""
+    """A second write within one clock tick leaves no trace, so fresh signatures are not trusted."""
     path = folder / "rgb.png"
     reads = count_reads(monkeypatch)
     path.write_bytes(b"first!")
     frozen = signature.of(os.stat(path))
-    monkeypatch.setattr(signature, "of", lambda state: frozen)  # as if all writes fell into one tick
+    monkeypatch.setattr(signature, "of", lambda state: frozen)  # as if all writes happened within one tick
     first = store.leaves.digest_leaf(path)
     path.write_bytes(b"second")
     assert store.leaves.digest_leaf(path) != first

@@ -1,4 +1,4 @@
-"""The file of what a machine remembers: damage, several writers, and places where it cannot be written."""
+"""The file of local state: damage, several writers, and places where it cannot be written."""
 
 from __future__ import annotations
 

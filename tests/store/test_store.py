@@ -60,7 +60,7 @@ def test_size_counts_blobs_and_results(store: Store) -> None:
 def test_a_lock_excludes_other_processes_until_they_die(store: Store) -> None:
     child = hold(store, KEY)
     assert not store.locks.take(KEY)
-    assert store.locks.take(OTHER)  # each key by itself
+    assert store.locks.take(OTHER)  # keys are locked separately
     child.kill()
     child.communicate()
     assert store.locks.take(KEY)
@@ -108,7 +108,7 @@ def test_a_placed_blob_is_a_writable_copy(store: Store, tmp_path: Path) -> None:
     store.blobs.place(key, target)
     target.write_bytes(b"edited")
     assert store.blobs.get(key) == b"mesh"
-    store.blobs.place(key, target)  # replaces what stood there
+    store.blobs.place(key, target)  # replaces the existing file
     assert target.read_bytes() == b"mesh"
 
 

@@ -1,4 +1,4 @@
-"""Traces of a call: a result is found iff a recorded run would read the same today."""
+"""Traces of a call: a result is found if and only if a recorded run would read the same now."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ World = dict[str, str]
 
 
 def find(store: Store, answer: traces.Answer) -> tuple[traces.Steps | None, Found | None]:
-    """The trace that fits, and its result, as a build looks them up."""
+    """The matching trace and its result, looked up as a build does."""
     steps = traces.fitting(store, _STATIC, answer)
     held = store.actions.find(digest.of_bytes(traces.spelled(_STATIC, steps))) if steps is not None else None
     return (steps, held) if held is not None else (None, None)
@@ -38,7 +38,7 @@ def _content(name: str, value: int) -> str:
 
 
 def _run(program: int, world: World) -> Steps:
-    """A call that chooses by all that it was told what it asks next, or that it knows enough."""
+    """A call whose next question, or end, depends on all answers so far."""
     told: list[tuple[str, str, str]] = []
     while len(told) < len(_FILES):
         dice = int(digest.of_value([program, told])[:8], 16)
@@ -142,7 +142,7 @@ def test_long_traces_take_no_more_room_than_one_may(tmp_path: Path, monkeypatch:
 
 
 def test_a_trace_that_two_builders_wrote_over_is_a_miss(tmp_path: Path) -> None:
-    """Promise: who races may run once more, and is told nothing wrong."""
+    """Promise: a race may cost one more run, but never gives a wrong answer."""
     store = Store(tmp_path)
     world, other = ({"a": _content("a", number)} for number in (0, 1))
     _publish(store, (("file", "a", world["a"]),))
@@ -196,7 +196,7 @@ def test_steps_that_no_call_can_have_made_are_a_miss(tmp_path: Path) -> None:
         header = store.blobs.put(digest.canonical({"artifact": "Reads", "fields": {"traces": [steps]}}))
         store.actions.put(document, ActionResult(header, "", (), {}, 0.0, None, document))
         assert find(store, answer)[1] is None
-        # What runs then is found again.
+        # The run that follows is found again.
         _publish(store, (("there", "a", traces.YES),))
         assert find(store, answer)[1] is not None
     assert set(asked) <= {"a"}
