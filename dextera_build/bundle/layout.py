@@ -43,7 +43,7 @@ def reading(name: str, file: IO[bytes]) -> Iterator[tarfile.TarFile]:
     """Open an archive for the block.
 
     Raises:
-        BundleRefused: It is not an archive, or is damaged; the block may raise errors of `tarfile`, too.
+        BundleRefused: It is not an archive, or is damaged, even if `tarfile` detects that within the block.
     """
     packed = None
     try:
