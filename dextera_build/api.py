@@ -36,7 +36,7 @@ class Result:
     ok: bool
     """Whether every target is up to date."""
     run: str
-    """Id of the run, for `dxb log` and `dxb report`; "" if the store is read-only."""
+    """Id of the run, for `dxb log` and `dxb report`; "" if the store cannot be written."""
     nodes: Mapping[str, NodeFinished]
     """Address -> record of the node: `status`, `output`, `line`, `seconds`, `key`, ..."""
     targets: tuple[str, ...]

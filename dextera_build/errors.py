@@ -1,6 +1,6 @@
 """Errors shown to users: a message, the place, the facts, and a next step.
 
-A `DxbError` is printed without a traceback. Anything else that escapes is a fault in dxb (exit code 70).
+A `DxbError` is printed without a traceback. Any other exception is a bug in dxb (exit code 70).
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ class Options(BaseModel):
 class Backend:
     """Description of a backend, in literals so that it can be read without importing the file.
 
-    A backend of rule `mesh` called `primitives` is the file `mesh_primitives.py` beside `mesh.py` with a module-level
+    A backend of rule `mesh` called `primitives` is the file `mesh_primitives.py` next to `mesh.py` with a module-level
     `BACKEND = Backend(...)`. The rule documents which functions it must define.
     """
 
@@ -83,7 +83,7 @@ class Reads(Protocol):
         ...
 
     def glob(self, pattern: str) -> list[str]:
-        """Files that match."""
+        """Files of the project that match `pattern`."""
         ...
 
     def exists(self, path: str) -> bool:
@@ -341,7 +341,7 @@ class Rule(Generic[P, R]):
         return typing.get_type_hints(self.function, include_extras=True)["return"]
 
 
-def rule(  # noqa: PLR0913 - all that a rule may declare
+def rule(  # noqa: PLR0913 - one argument per declaration
     *,
     version: int,
     packages: tuple[str, ...] = (),

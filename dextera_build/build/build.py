@@ -39,7 +39,7 @@ class Order:
     whole: bool = False
     argv: Sequence[str] = ()
     bring_from: Exchange | None = None
-    """Nothing runs: all results that the store lacks are downloaded from these remotes."""
+    """Nothing runs: missing results, with all their bytes, come only from these remotes."""
 
     @property
     def forced(self) -> frozenset[str]:
@@ -54,7 +54,7 @@ class Built:
     result: RunResult
     """The outcome of every node."""
     run: str
-    """Id of the run; "" if the store is read-only."""
+    """Id of the run; "" if the store cannot be written."""
     lost: int
     """Number of events missing from the run's log because the disk was full."""
     placed: Placed = field(default_factory=Placed)

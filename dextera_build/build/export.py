@@ -167,7 +167,7 @@ class Out:
             os.rename(aside, self._placed.kept[node])
 
     def _is_changed(self, folder: str, node: str, old: _Copy) -> bool:
-        """Whether a folder holds files that dxb did not write; a changed timestamp alone does not count."""
+        """Whether a folder holds content that dxb did not write; a changed timestamp alone does not count."""
         names = {*_files(folder)}
         if not names <= old.files.keys():
             return True

@@ -152,7 +152,7 @@ IMPORTER = Importer()
 def install() -> Importer:
     """Install `IMPORTER` for first-party modules."""
     if IMPORTER not in sys.meta_path:
-        # Stay behind finders before Python's own, such as that of pytest, which rewrites modules.
+        # Insert directly before Python's own finder: earlier finders, such as that of pytest, keep their place.
         place = sys.meta_path.index(PathFinder) if PathFinder in sys.meta_path else 0
         sys.meta_path.insert(place, IMPORTER)
     return IMPORTER

@@ -1,4 +1,4 @@
-"""Finds rules and backends by their path, imports them, and determines which of their code enters a key.
+"""Finds rules and backends by their path, imports them, and collects the code that enters their keys.
 
 A rule `factorize.mesh` is the file `rules/factorize/mesh.py`, or `mesh.py` in a folder of that stage, in the first root
 that has it: the project, installed distributions (entry-point group `dxb.rules`), dxb itself. Every root is mounted as

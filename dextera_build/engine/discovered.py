@@ -46,7 +46,7 @@ class Reading:
         return held
 
     def is_missing(self, node: Node) -> bool:
-        """Whether the store has no entry for a node; a quick check before it runs."""
+        """Whether the store has no entry for a node; a quick check, always False with discovered inputs."""
         return not node.rule.discovers and self._store.actions.entry(node.key or "") is None
 
     def whole(self, node: Node) -> ActionResult | None:

@@ -103,7 +103,7 @@ def _planned(node: Node, scheduler: Scheduler, history: History | None) -> Plann
 
 
 def _unopened(path: Path, call: Call, history: History | None) -> Planned:
-    """Copies that are not known yet."""
+    """The entry for copies that are not known yet."""
     known = history.all() if history else {}
     past = [entry.seconds for address, entry in known.items() if parse_address(address).call == path]
     return Planned(".".join(path), "unknown", None, sum(past) if past else None, call.rule)

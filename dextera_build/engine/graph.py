@@ -16,7 +16,7 @@ from dextera_build.workers.retries import Retries
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """A file or folder of the project; becomes a `File` or `Folder` artifact by its content."""
+    """A file or folder of the project, digested by content into a `File` or `Folder` artifact."""
 
     path: Path
     where: Place
@@ -37,7 +37,7 @@ class Output:
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """The item that the enclosing group `group` was opened for."""
+    """The current item of the enclosing group `group`."""
 
     group: tuple[str, ...]
     fields: tuple[str, ...] = ()
@@ -216,7 +216,7 @@ class Graph:
         stack = [target.call for target in reversed(targets)]
         while stack:
             path = stack.pop()
-            name = path if len(path) > 1 else path[0]  # most are at the root, where a tuple each costs memory
+            name = path if len(path) > 1 else path[0]  # most calls are at the root; saves a tuple each
             if name not in seen:
                 seen.add(name)
                 stack += self.needs(path)

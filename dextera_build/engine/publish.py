@@ -25,7 +25,7 @@ def publish(store: Store, node: Node, report: Ended, reading: Reading) -> Action
     """Publish the node's result, unless a file that it reads changed meanwhile; then drop its saved progress.
 
     If the key already has a result with another output, the divergence is recorded and the first result stays, unless
-    it is bare and its bytes cannot be found.
+    its bytes are missing.
 
     Returns:
         The result of the key after publishing.

@@ -23,8 +23,8 @@ def rewind(unit: Unit, digest: str, store: Store, states: States) -> list[Unit] 
     """Blob `digest` is gone: reset `unit`, and all units between it and nodes with lost results, to waiting.
 
     Returns:
-        The units to reconnect, or None if no source of `unit` can be rebuilt. A node can always be rebuilt: its own
-        output may have collided with a damaged blob of the same digest.
+        The units to reconnect, or None if no source of `unit` can be rebuilt. A node itself can always run again: its
+        output may have met a damaged blob of the same digest.
     """
     unit.lost = unit.lost or Counter()
     unit.lost[digest] += 1

@@ -1,4 +1,4 @@
-"""The scheduler: suspending, with constructive traces.
+"""A suspending scheduler with constructive traces.
 
 A node waits until the digests of all its inputs are known. Then it has a key: a result under that key is taken from the
 store, otherwise the node runs. Its readers depend on the output's digest, so a node that ran again and produced the
@@ -104,7 +104,7 @@ class Scheduler:
 
     @property
     def stopping(self) -> bool:
-        """Whether new nodes are no longer started."""
+        """Whether no new node may start."""
         return bool(self.failed) and not self.policy.keep_going
 
     def run(self, targets: Sequence[Address]) -> None:

@@ -20,7 +20,7 @@
       WAITS -> BLOCKED     a source failed, or is blocked itself
       FETCHING -> FAILED   no remote has it, and it may not run
       READY, FETCHING -> WAITS     it must run, and bytes of an input are absent
-      RUNNING -> QUEUED    it failed, and its rule declares more tries
+      RUNNING -> QUEUED    it failed, and its rule allows a retry
       any but RUNNING -> CANCELLED     the run ended before its turn
       READY -> STALE       a build would have to run it (dry run only)
       DONE -> WAITS        its bytes were lost; it is rebuilt

@@ -23,7 +23,7 @@ Labels = tuple[str, ...]
 
 @dataclass(kw_only=True, eq=False, repr=False, slots=True)
 class Unit:
-    """A value that becomes known during a run."""
+    """A part of the graph whose value becomes known during a run."""
 
     address: str
     """Its name in events."""
@@ -87,7 +87,7 @@ class Node(Unit):
     document: bytes = b""
     """The key document, during the lookup and after the run."""
     owned: str = ""
-    """The key under which it became the owner of the build."""
+    """Key that this node was chosen to build."""
     followers: list[Node] = field(default_factory=list)
     """Nodes with the same key that wait for this one."""
     ticket: int = -1

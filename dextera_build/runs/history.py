@@ -77,7 +77,7 @@ class History:
         return peak / 2**30 if peak else None
 
     def save(self) -> None:
-        """Save recorded entries next to those of other builds; a read-only store stays as it is."""
+        """Save recorded entries next to those of other builds; a store that cannot be written stays as it is."""
         if self._noted:
             known = self._load()
             self._state.put(self._kind, {address: _row(known[address]) for address in self._noted})

@@ -35,7 +35,7 @@ class EventLog:
         store: The store in which the run takes the next free id.
 
     Attributes:
-        run: Id of the run, `0143`; "" if the store is read-only, and nothing is logged.
+        run: Id of the run, `0143`; "" if the store cannot be written, and nothing is logged.
         lost: Number of events dropped because the disk was full.
     """
 

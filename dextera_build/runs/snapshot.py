@@ -41,7 +41,7 @@ class Recipe:
         self.name, self.nodes = name, nodes
         self.last, self.variant = last, variant
         self.entries = list(entries)
-        """Paths of the store's entries of the targets."""
+        """Paths of the targets' entries in the store."""
 
 
 def answer(words: "Sequence[str]", store: str | None = None) -> bool:
@@ -89,10 +89,10 @@ def save(
     *,
     told: bool,
 ) -> bool:
-    """Save the snapshot of a successful command; False if a file is still changing or the store is read-only.
+    """Save the snapshot of a successful command; False if a file is still changing or the store cannot be written.
 
     Args:
-        state: The store's.
+        state: The state of the store.
         words: The command line.
         watch: Signatures of all files that were read, taken before reading, and of exported files.
         recipes: The recipes of the command line.

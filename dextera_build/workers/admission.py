@@ -175,7 +175,7 @@ class Admission(Generic[T]):
 def estimate(declared: Needs, peak_gb: float | None) -> Needs:
     """The needs used for admission: the last measured peak memory plus a margin, or the declared needs if unknown.
 
-    The memory is rounded up to a step of about a fifth, so that tasks of one rule share few queues.
+    The memory is rounded up to a step of about a fifth, so that tasks of one rule fall into few queues.
     """
     if peak_gb is None:
         return declared

@@ -93,7 +93,7 @@ def measure(cpus: int, said: Mapping[str, float] | None = None, *, gpus: bool = 
     """The resources of this machine, overridden by the configuration.
 
     Args:
-        cpus: Cores to share out.
+        cpus: Number of cores to use.
         said: Amounts from the configuration and the command line; see `parse`.
         gpus: Look for devices. This starts a program, so builds without GPU rules skip it.
     """

@@ -133,7 +133,7 @@ class LocalExecutor:
         for line in lines:
             if "ready" in line:
                 process.is_ready = True
-            elif process.task is None:  # left-over threads of an ended task may still send lines
+            elif process.task is None:  # leftover threads of an ended task may still send lines
                 continue
             elif "said" in line:
                 kind, data = line["said"]
@@ -239,7 +239,7 @@ class Process:
         try:
             # WNOWAIT keeps its process id reserved until `end` has killed its group.
             return os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
-        except ChildProcessError:  # the program around the build does not want to know of its children
+        except ChildProcessError:  # the embedding program ignores SIGCHLD
             return True
 
     def give(self, task: Task) -> None:
@@ -276,7 +276,7 @@ class Process:
         try:
             _, status, used = os.wait4(self.pid, 0)
             self._child.returncode, self.peak = os.waitstatus_to_exitcode(status), used.ru_maxrss * 1024
-        except ChildProcessError:  # the program around the build does not want to know of its children
+        except ChildProcessError:  # the embedding program ignores SIGCHLD
             self._child.returncode = 0
         self._socket.close()
 

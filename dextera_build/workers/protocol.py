@@ -41,7 +41,7 @@ class Task:
     sources: Mapping[str, str] = field(default_factory=dict)
     """`RuleFacts.sources`."""
     packages: Mapping[str, str] = field(default_factory=dict)
-    """Distribution -> version, as the key holds them."""
+    """Distribution -> version, as in the key."""
 
     def message(self) -> dict[str, object]:
         """The fields that are passed to the runner."""

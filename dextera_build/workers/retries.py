@@ -11,7 +11,7 @@ _DIED = "DXB-B301"
 _OF_CLUSTERS = ("DXB-E354", "DXB-E355")
 """A cluster lost the worker of a call; the remote shared by its machines does not work."""
 _MOST_LOST = 2
-"""Retries for these two errors, regardless of the rule."""
+"""Maximum number of retries for these two errors, regardless of the rule."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Retries:
     """Retry settings of a rule."""
 
     most: int = 0
-    """Number of retries after the first try."""
+    """Maximum number of retries."""
     on: tuple[str, ...] = ()
     """Exceptions to retry, as named by `name_of`, besides a dead worker and a `MachineError`."""
     wait_s: float = 1.0
