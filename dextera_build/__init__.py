@@ -2,7 +2,7 @@
 
 from dextera_build.version import __version__
 
-# Every command waits for this file, so it does not import `typing`; type checkers take any such name for true.
+# Every command loads this file, so it avoids importing `typing`; type checkers treat this name as true.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from dextera_build.api import Project as Project
@@ -12,7 +12,7 @@ __all__ = ["Project", "Result", "__version__"]
 
 
 def __getattr__(name: str) -> object:
-    # On first use, so that neither `import dextera_build` nor the command line waits for it.
+    # Imported on first use to keep `import dextera_build` and the command line fast.
     if name in ("Project", "Result"):
         from importlib import import_module
 

@@ -1,6 +1,6 @@
-"""dxb from Python: the verbs without a command line. Nothing prints; what goes wrong is a `DxbError`.
+"""The Python API of dxb: the verbs of the command line. Nothing is printed; failures raise a `DxbError`.
 
-`from dextera_build import Project` is the way in; docs/python_api.md has a worked example.
+Start with `from dextera_build import Project`; docs/python_api.md has a worked example.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a build."""
+    """The outcome of a build."""
 
     ok: bool
     """Whether every target is up to date."""
     run: str
-    """Id of the run, for `dxb log` and `dxb report`; "" where the store cannot be written."""
+    """Id of the run, for `dxb log` and `dxb report`; "" if the store cannot be written."""
     nodes: Mapping[str, NodeFinished]
-    """Address -> what became of it: `status`, `output`, `line`, `seconds`, `key`, ..."""
+    """Address -> record of the node: `status`, `output`, `line`, `seconds`, `key`, ..."""
     targets: tuple[str, ...]
-    """Addresses of the nodes that were asked for, every copy by itself."""
+    """Addresses of the requested nodes, one for each copy."""
     paths: Mapping[str, Path]
     """Address of a target -> its main file below `<cache>/out/`."""
     errors: Mapping[str, DxbError]
-    """Address of what failed -> why."""
+    """Address of a failed node, group or target -> its error."""
     _session: Session = field(repr=False)
 
     def __repr__(self) -> str:
@@ -53,10 +53,10 @@ class Result:
         return f"Result({became}, run {self.run or 'not kept'}, {counts})"
 
     def artifact(self, node: str) -> Artifact:
-        """What a node returned: `scene`, `body[mug].mesh`.
+        """The artifact of a node: `scene`, `body[mug].mesh`.
 
         Raises:
-            UsageError: The build had no such node, or it returned nothing.
+            UsageError: The build had no such node, or the node has no output.
         """
         record = self.nodes.get(node)
         if record is None or record.output is None:
@@ -83,16 +83,16 @@ class Why:
     answer: str
     """One sentence."""
     causes: tuple[Cause, ...]
-    """What changed, each followed, at a greater `depth`, by what stands behind it."""
+    """The changes, each followed by its own causes at a greater `depth`."""
 
 
 class RequestArguments(TypedDict, total=False):
-    """What a request adds to a recipe; every verb takes these by keyword."""
+    """Additions of a request to a recipe; every verb takes these as keyword arguments."""
 
     inputs: Mapping[str, str | os.PathLike[str]]
     """Input of the recipe -> path (from the current folder) or target of another recipe."""
     settings: Mapping[str, object]
-    """`body[mug].mesh.wall_m` -> value, over the recipe's own."""
+    """`body[mug].mesh.wall_m` -> value; overrides the recipe."""
     backends: Mapping[str, str]
     """Rule -> backend."""
     profile: str
@@ -100,15 +100,15 @@ class RequestArguments(TypedDict, total=False):
 
 
 class Project(settings_of.Project):
-    """A project folder, with what can be done in it."""
+    """A project folder and its verbs."""
 
     @classmethod
     def find(cls, path: Path | str | None = None, **settings: object) -> Self:
-        """The project that `path` (the current folder) lies in; the folder itself where there is none.
+        """The project that contains `path` (default: the current folder), or the folder itself if there is none.
 
         Args:
             path: A folder.
-            settings: `cache`, `profile`, `jobs`, over all configuration files.
+            settings: `cache`, `profile`, `jobs`; these override all configuration files.
         """
         found = settings_of.find(Path(path) if path is not None else None)
         return cls(found.root, settings, declared=found.declared)
@@ -126,24 +126,24 @@ class Project(settings_of.Project):
         listen: Listener | None = None,
         **request: Unpack[RequestArguments],
     ) -> Result:
-        """Bring targets of a recipe up to date; only what is stale runs.
+        """Bring targets of a recipe up to date; only stale nodes run.
 
         Args:
             recipe: `twin/laptop_scene`, or with a target: `twin/laptop_scene:scene`.
             targets: Names of targets or addresses of nodes; without any, the default targets.
-            jobs: Cores to share out; most nodes take one.
-            force: Addresses of nodes that run although they are cached.
-            keep_going: After a failure go on with what does not depend on it.
-            whole: Also the bytes of nodes that nobody has to read.
+            jobs: Number of cores to use; most nodes take one.
+            force: Addresses of nodes to run even if cached.
+            keep_going: After a failure, continue with nodes that do not depend on it.
+            whole: Also fetch or rebuild the bytes of nodes that no other node reads.
             lock: Pin the targets in dxb.lock.
-            locked: Refuse what is not as pinned.
+            locked: Refuse targets that differ from their pins.
             listen: Takes every event as it happens, in the calling thread.
             request: `inputs`, `settings`, `backends`, `profile`: see `RequestArguments`.
 
         Raises:
             UsageError: A name does not exist.
-            RecipeError: A recipe or an input is wrong.
-            StaleError: With `locked`, a target is not what it was pinned as.
+            RecipeError: A recipe or an input is invalid.
+            StaleError: With `locked`, a target differs from its pin.
             MachineError: A chosen backend is not installed.
         """
         here = self._with(profile=request.get("profile"), jobs=jobs)
@@ -156,7 +156,7 @@ class Project(settings_of.Project):
         return Result(result.ok, built.run, result.nodes, result.targets, paths, result.errors, session)
 
     def plan(self, recipe: str, *targets: str, **request: Unpack[RequestArguments]) -> list[Planned]:
-        """What `build` would do with each node, without doing it; the arguments are those of `build`."""
+        """What `build` would do with each node, without running anything; takes the arguments of `build`."""
         from dextera_build.engine.dry import plan as dry
 
         session, names = self._with(profile=request.get("profile"))._open(recipe, targets, request)
@@ -165,7 +165,7 @@ class Project(settings_of.Project):
         return dry(graph, wanted, session.store, history=session.past_builds)
 
     def why(self, node: str, **request: Unpack[RequestArguments]) -> Why:
-        """Why `twin/laptop_scene:body[mug].mesh` is stale, or when it was built; the arguments are those of `build`."""
+        """Why `twin/laptop_scene:body[mug].mesh` is stale, or when it was built; takes the arguments of `build`."""
         from dextera_build.explain.why import explain
 
         named = parse_target(node)
@@ -174,13 +174,13 @@ class Project(settings_of.Project):
         return Why(node, sentence, tuple(causes))
 
     def get(self, node: str, **request: Unpack[RequestArguments]) -> Artifact:
-        """What `twin/laptop_scene:scene` returned when it was built last; nothing runs.
+        """The artifact from the last build of `twin/laptop_scene:scene`; nothing runs.
 
-        Without further arguments that is the request that was built last; the arguments are those of `build`.
+        Without further arguments, this is the request built last; takes the arguments of `build`.
 
         Raises:
-            UsageError: It was never built here.
-            RuleError: It was, but the store no longer holds it.
+            UsageError: The node was never built here.
+            RuleError: The node was built, but the store no longer holds its output.
         """
         named = parse_target(node)
         here = self._with(profile=request.get("profile"))
@@ -208,7 +208,7 @@ def _added(request: RequestArguments) -> Added:
 
 def _spelled(name: str, value: object) -> str:
     try:
-        # JSON is YAML, in which settings are read.
+        # Settings are parsed as YAML, and JSON is valid YAML.
         return json.dumps(value, allow_nan=False)
     except (TypeError, ValueError) as error:
         raise UsageError(f"the value of `{name}` is not plain data: {error}", code="DXB-U163") from None

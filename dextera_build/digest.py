@@ -12,7 +12,7 @@ _CHUNK = 1 << 20
 
 
 quoted: Callable[[str], str] = json.encoder.encode_basestring
-"""A text as JSON has it."""
+"""Encodes a string as a JSON literal."""
 _spell_canonical = json.JSONEncoder(separators=(",", ":"), sort_keys=True, ensure_ascii=False, allow_nan=False).encode
 
 
@@ -31,13 +31,13 @@ def of_file(path: Path) -> str:
 
 
 def canonical(value: object) -> bytes:
-    """The one JSON spelling of plain data: sorted keys, no spaces, UTF-8.
+    """Canonical JSON of plain data: sorted keys, no spaces, UTF-8.
 
     1, 1.0 and "1" have different bytes; NaN and infinities are refused.
 
     Raises:
-        ValueError: `value` holds NaN or an infinity, or is nested deeper than can be written.
-        TypeError: `value` holds something that is not plain data.
+        ValueError: `value` contains NaN or an infinity, or is nested too deeply.
+        TypeError: `value` contains something other than plain data.
     """
     try:
         return _spell_canonical(value).encode()
@@ -46,10 +46,10 @@ def canonical(value: object) -> bytes:
 
 
 def plain(text: bytes | str) -> Any:
-    """The plain data that a JSON text spells, which anybody may have written.
+    """Parse untrusted JSON text to plain data.
 
     Raises:
-        ValueError: It is no JSON, or is nested deeper than can be read.
+        ValueError: The text is not JSON, or is nested too deeply.
     """
     try:
         return json.loads(text)

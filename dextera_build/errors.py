@@ -1,6 +1,6 @@
-"""Every error that a person can meet: what happened, where, the facts, and a next step.
+"""Errors shown to users: a message, the place, the facts, and a next step.
 
-A `DxbError` is printed without a traceback. Anything else that escapes is a fault in dxb (exit code 70).
+A `DxbError` is printed without a traceback. Any other exception is a bug in dxb (exit code 70).
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class DxbError(Exception):
     Args:
         message: One sentence without a full stop; literals in backticks.
         code: Stable name, `DXB-R104`.
-        where: The place in a file that must change, if there is one.
-        facts: Name -> value, printed one a line (sizes, units, what exists instead).
+        where: The place in a file that must change, if any.
+        facts: Name -> value, printed one per line (sizes, units, existing names).
         hint: An action that can be pasted.
     """
 
@@ -48,7 +48,7 @@ class DxbError(Exception):
         facts: Mapping[str, object] | None = None,
         hint: str | None = None,
     ) -> None:
-        # What failed is often an address, and that may hold a password.
+        # Messages often contain addresses, which may hold passwords.
         self.message = redact(message)
         super().__init__(self.message)
         self.code = code or f"DXB-{self.family}000"
@@ -57,17 +57,17 @@ class DxbError(Exception):
         self.hint = redact(hint) if hint else hint
 
     def __str__(self) -> str:
-        """The message, then the place, the facts and the hint on lines of their own, as a notebook shows them."""
+        """The message, then place, facts and hint on separate lines, as shown in a notebook."""
         rows = [("at", str(self.where))] if self.where else []
         rows += [*self.facts.items(), *([("hint", self.hint)] if self.hint else [])]
         return "\n".join([self.message, *(f"  {name}: {value}" for name, value in rows)])
 
     def __reduce__(self) -> tuple[object, ...]:
-        """What becomes of it where an object crosses a process border."""
+        """Pickle as plain data."""
         return from_json, (self.to_json(),)
 
     def to_json(self) -> dict[str, object]:
-        """Plain data that crosses a process border; `from_json` turns it back."""
+        """Plain data to pass between processes; `from_json` restores the error."""
         where = [self.where.file, self.where.line, self.where.column] if self.where else None
         return {
             "family": self.family,
@@ -94,14 +94,14 @@ class RecipeError(DxbError):
 
 
 class RuleError(DxbError):
-    """A rule could not do its work on these inputs: bad data, a failed check (exit 1)."""
+    """A rule failed on its inputs: bad data, a failed check (exit 1)."""
 
     exit_code = 1
     family = "B"
 
 
 class ArtifactError(RuleError):
-    """A value does not fit the type that it claims: shape, dtype, unit, frame, finiteness (exit 1)."""
+    """A value does not match its declared type: shape, dtype, unit, frame, finiteness (exit 1)."""
 
     family = "A"
 
@@ -114,21 +114,21 @@ class StoreError(DxbError):
 
 
 class StaleError(DxbError):
-    """`--check` found stale targets, or `--locked` others than the locked ones (exit 3)."""
+    """`--check` found stale targets, or `--locked` found targets that differ from their pins (exit 3)."""
 
     exit_code = 3
     family = "C"
 
 
 class MachineError(DxbError):
-    """The machine lacks a package, a device or a right (exit 4)."""
+    """The machine lacks a package, a device or a permission (exit 4)."""
 
     exit_code = 4
     family = "E"
 
 
 def from_json(data: Mapping[str, object]) -> DxbError:
-    """The error that `DxbError.to_json` described."""
+    """Restore an error from `DxbError.to_json`."""
     kinds = {
         kind.family: kind
         for kind in (UsageError, RecipeError, RuleError, ArtifactError, StoreError, StaleError, MachineError)
@@ -148,13 +148,13 @@ def from_json(data: Mapping[str, object]) -> DxbError:
 
 
 def install_extra(extra: str) -> str:
-    """The hint that installs an extra; dxb comes as a clone or a wheel, from no package index."""
+    """The hint to install an extra; dxb is distributed as a clone or a wheel, not on a package index."""
     return f"`pip install -e '.[{extra}]'` in the clone of dxb, or `pip install 'WHEEL[{extra}]'`"
 
 
 def did_you_mean(name: str, known: Iterable[str], form: str = "`{}`") -> str | None:
-    """The hint for a name that does not exist, or None where nothing is near."""
-    import difflib  # an error has time, every other command has not
+    """The hint for an unknown name, or None if no known name is similar."""
+    import difflib  # slow to import, and only errors need it
 
     near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
     return f"did you mean {form.format(near[0])}?" if near else None

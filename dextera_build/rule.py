@@ -1,7 +1,7 @@
-"""The names that authors of rules use: `rule`, `Options`, `Context`, `Backend`.
+"""The interface for authors of rules: `rule`, `Options`, `Context`, `Backend`.
 
-A rule is a function from artifacts to one artifact, alone in a file that bears its name. The decorator registers
-nothing: it returns a `Rule`, and the loader finds it by its path.
+A rule is a function from artifacts to one artifact, alone in a file of the same name. The decorator registers nothing:
+it returns a `Rule`, and the loader finds it by its path.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ R = TypeVar("R", bound=Artifact)
 
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
-"""A part of a whole, a probability, a colour's channel."""
+"""A number from 0 to 1: a fraction, a probability, a colour channel."""
 
 
 class Options(BaseModel):
-    """Options of a rule: typed, frozen, every field in the key. Nested groups derive from it too.
+    """Options of a rule: typed, frozen, every field in the key. Nested groups also derive from this class.
 
-    Bounds and choices are those of pydantic: `wall_m: PositiveFloat = 0.003`, `crf: int = Field(18, ge=0, le=51)`,
-    `Literal["png", "jpeg"]`. A value outside is refused when the recipe is planned; bounds are in no key.
+    Declare bounds and choices with pydantic: `wall_m: PositiveFloat = 0.003`, `crf: int = Field(18, ge=0, le=51)`,
+    `Literal["png", "jpeg"]`. Planning refuses invalid values; bounds are not part of the key.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -44,31 +44,31 @@ class Options(BaseModel):
 
 @dataclass(frozen=True)
 class Backend:
-    """A backend file's description of itself, in literals, so that it is read without importing the file.
+    """Description of a backend, in literals so that it can be read without importing the file.
 
-    A backend of rule `mesh` called `primitives` is the file `mesh_primitives.py` beside `mesh.py` with a module-level
-    `BACKEND = Backend(...)`. Which functions it has to offer is stated by the rule.
+    A backend of rule `mesh` called `primitives` is the file `mesh_primitives.py` next to `mesh.py` with a module-level
+    `BACKEND = Backend(...)`. The rule documents which functions it must define.
     """
 
     summary: str
     """One line for `dxb ls backends`."""
     profiles: tuple[str, ...] = ()
-    """Profiles that choose it: `stub`, `cpu`, `gpu`, `cloud`."""
+    """Profiles that select it: `stub`, `cpu`, `gpu`, `cloud`."""
     packages: tuple[str, ...] = ()
-    """Distributions it runs; their versions enter the key."""
+    """Distributions that it uses; their versions enter the key."""
     extra: str = ""
     """Extra of dextera-build that installs them."""
     gpu_gb: float = 0.0
-    """GPU memory that it needs [GiB]."""
+    """Required GPU memory [GiB]."""
     weights: tuple[str, ...] = ()
-    """`name@sha256` of model weights; they enter the key."""
+    """`name@sha256` of model weights; these enter the key."""
     licence: str = "Apache-2.0"
     """Licence of code and weights."""
 
 
 @dataclass
 class Outcome:
-    """A rule's line, previews and metrics, beside its result."""
+    """Line, previews and metrics of a rule, in addition to its result."""
 
     line: str = ""
     previews: list[tuple[str, bytes]] = field(default_factory=list)
@@ -83,24 +83,24 @@ class Reads(Protocol):
         ...
 
     def glob(self, pattern: str) -> list[str]:
-        """Files that match."""
+        """Files of the project that match `pattern`."""
         ...
 
     def exists(self, path: str) -> bool:
-        """Whether there is something at `path`."""
+        """Whether a file or folder exists at `path`."""
         ...
 
 
 class Context:
-    """Services for a rule besides computing.
+    """Services for a running rule.
 
     Args:
         backend: The chosen backend's module, or None for a rule without backends.
-        scratch: A folder of this call alone, removed afterwards; or a function that makes it on first use.
-        emit: Takes (kind, data) as it happens: `progress`, `log`.
-        keep: See the property `keep`; None is a folder below `scratch`.
-        calls: Carries out `call`; None if no recorder exists.
-        reads: Reads files of the project, and gives `File`s by digest; None for a rule that does not declare it.
+        scratch: A private folder of this call, removed afterwards; or a function that creates it on first use.
+        emit: Takes (kind, data) messages as they occur: `progress`, `log`.
+        keep: See the property `keep`; None for a folder below `scratch`.
+        calls: Executes `call`; None if no recorder exists.
+        reads: Reads files of the project; None for a rule that does not declare `discovers`.
     """
 
     def __init__(
@@ -123,15 +123,15 @@ class Context:
 
     @cached_property
     def scratch(self) -> Path:
-        """A folder of this call alone, removed afterwards."""
+        """A private folder of this call, removed afterwards."""
         return self._scratch if isinstance(self._scratch, Path) else self._scratch()
 
     @property
     def keep(self) -> Path:
-        """A folder of this very call that outlives a kill, a failure and Ctrl-C, so that the next build can go on.
+        """A folder for saved progress that survives a kill, a failure and Ctrl-C, so that the next build can resume.
 
-        Empty at first; removed when the call's result is in the store, and never part of it: a call that went on must
-        return the bytes that it would have returned in one go. A kill may come at any moment, so write a file aside and
+        Empty at first; removed once the call's result is in the store, and never part of it: a resumed call must return
+        the same bytes as an uninterrupted one. The call may be killed at any moment, so write a temporary file and
         rename it.
         """
         kept = self._keep() if callable(self._keep) else self._keep
@@ -140,31 +140,31 @@ class Context:
         return folder
 
     def read(self, path: str) -> bytes:
-        """The content of a file of the project, named from the project's folder.
+        """The content of a project file; `path` is relative to the project folder.
 
-        What a call reads this way need not be an input: it is noted, in order, and the result counts as long as all of
-        it is as it was. The rule declares `discovers=True`.
+        Files read this way need not be inputs: they are recorded in order, and the result stays valid until one of them
+        changes. The rule must declare `discovers=True`.
 
         Raises:
-            RuleError: There is no such file, or it is not in the project. The call then has no result, also where the
-                rule goes on; `exists` asks first.
+            RuleError: There is no such file, or it is not in the project. The call then fails even if the rule catches
+                the error; check with `exists` first.
         """
         return self.file(path).data
 
     def file(self, path: str) -> File:
-        """Like `read`, for a file that need not fit into memory."""
+        """Like `read`, for a file that may not fit into memory."""
         return self._reading(path).file(path)
 
     def glob(self, pattern: str) -> list[str]:
-        """Files of the project whose path matches, sorted; a file that comes or goes makes the result stale.
+        """Project files whose path matches, sorted; adding or removing a match makes the result stale.
 
         `*`, `?` and `[...]` match characters of one name, `**` between slashes matches any number of folders. Names
-        that begin with a dot match only a pattern that does.
+        that begin with a dot match only patterns that begin with one.
         """
         return self._reading(pattern).glob(pattern)
 
     def exists(self, path: str) -> bool:
-        """Whether the project has a file or folder there; the result is stale when that changes."""
+        """Whether the project has a file or folder at `path`; the result becomes stale when this changes."""
         return self._reading(path).exists(path)
 
     def _reading(self, name: str) -> Reads:
@@ -188,26 +188,26 @@ class Context:
         wait_s: float = 1.0,
         secrets: tuple[str, ...] = (),
     ) -> bytes:
-        """The answer of a service that is not part of the build: a model in a cloud, a generator behind an API.
+        """The answer of an external service: a model in a cloud, a generator behind an API.
 
-        The answer is recorded under the digest of `service` and `request`. Where one is recorded nothing is sent, so a
-        build can be repeated without a network and for nothing.
+        The answer is recorded under the digest of `service` and `request`. If a recorded answer exists, nothing is
+        sent, so a build can be repeated without network access or cost.
 
         Args:
             service: Name of the service, never its address.
-            request: All that the answer depends on, as plain data; bytes count by their digest. No key, host or time.
-            send: Called with the seconds it may take where no answer is recorded; adds host and key, and returns the
-                body or a `Response` with the status. What it raises of `OSError` or httpx's transport errors is tried
-                again, and so are 429 and 5xx.
+            request: Everything that the answer depends on, as plain data; bytes enter by digest. No key, host or time.
+            send: Called with a timeout [s] if no answer is recorded; adds host and key, and returns the body or a
+                `Response` with the status. `OSError`, httpx's transport errors, and the statuses 429 and 5xx are
+                retried.
             valid: Raises `ValueError` or a `RuleError` for a body that is not an answer; it is not recorded.
-            timeout_s: What `send` is given [s].
-            tries: How often it is asked at most.
-            wait_s: Rest before the second try [s], doubled before each further one; `Retry-After` takes precedence.
-            secrets: What must stand neither in the request nor in the answer, beside the values of variables such as
-                `SERVICE_API_KEY`.
+            timeout_s: Timeout passed to `send` [s].
+            tries: Maximum number of tries.
+            wait_s: Delay before the second try [s], doubled before each further one; `Retry-After` takes precedence.
+            secrets: Texts that must not occur in the request or the answer, in addition to the values of variables
+                such as `SERVICE_API_KEY`.
 
         Raises:
-            DxbError: No answer is recorded and none may be asked for; or the service gives none.
+            DxbError: No answer is recorded and requests are not allowed, or the service gives no answer.
         """
         if self._calls is None:
             raise RuleError("nothing records calls here", code="DXB-B348", facts={"service": service})
@@ -223,7 +223,7 @@ class Context:
         )
 
     def check(self, holds: bool, message: str, *, hint: str | None = None, **facts: object) -> None:
-        """A post-condition: nothing is published where it does not hold.
+        """Check a post-condition; the result is not published if it fails.
 
         Raises:
             RuleError: `holds` is false.
@@ -232,7 +232,7 @@ class Context:
             raise RuleError(message, code="DXB-B201", hint=hint, facts=facts)
 
     def fail(self, message: str, *, hint: str | None = None, **facts: object) -> typing.NoReturn:
-        """Stop because these inputs cannot be worked with.
+        """Fail because the rule cannot handle these inputs.
 
         Raises:
             RuleError: Always.
@@ -240,39 +240,39 @@ class Context:
         raise RuleError(message, code="DXB-B202", hint=hint, facts=facts)
 
     def say(self, line: str) -> None:
-        """The one line about the result that the build log shows: `1 hinge, 0-131 deg`."""
+        """Set the line about the result in the build log: `1 hinge, 0-131 deg`."""
         self.outcome.line = line
 
     def preview(self, pixels: np.ndarray, caption: str = "") -> None:
-        """A picture for the report: (H, W, 3) uint8 sRGB."""
+        """Add a picture to the report: (H, W, 3) uint8 sRGB."""
         from dextera_build.artifacts.image import png
 
         self.outcome.previews.append((caption, png(pixels)))
 
     def metric(self, name: str, value: float, unit: str = "") -> None:
-        """A number for the report and `dxb show`."""
+        """Add a number to the report and `dxb show`."""
         self.outcome.metrics[name] = (float(value), unit)
 
     def progress(self, done: int, total: int, what: str = "") -> None:
-        """How far the work is, for the live console."""
+        """Report progress to the live console."""
         self._emit("progress", {"done": done, "total": total, "what": what})
 
     def log(self, text: str) -> None:
-        """A line for `dxb log`."""
+        """Add a line to `dxb log`."""
         self._emit("log", {"text": text})
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far the numbers of a result may be apart when a rule runs again on the same inputs; all else is exact.
+    """Allowed differences of numbers if a rule runs again on the same inputs; everything else must be equal.
 
     `Tolerance({"vertices": 1e-6, "parts.mesh.vertices": 1e-6}, metrics={"volume": 1e-9})`
     """
 
     fields: Mapping[str, float] = field(default_factory=dict)
-    """Field of the result, without labels and indices -> largest absolute difference, in the unit of the field."""
+    """Field of the result, without labels and indices -> maximum absolute difference, in the unit of the field."""
     metrics: Mapping[str, float] = field(default_factory=dict)
-    """Name given to `ctx.metric` -> largest absolute difference, in the unit of the metric. Others are not compared."""
+    """Name of a metric -> maximum absolute difference, in the unit of the metric. Other metrics are not compared."""
 
 
 @dataclass(frozen=True)
@@ -287,7 +287,7 @@ class Slot:
 
 @dataclass(frozen=True)
 class Rule(Generic[P, R]):
-    """A rule function with its declarations; called like the function itself."""
+    """A rule function with its declarations, callable like the function itself."""
 
     function: Callable[P, R]
     version: int
@@ -331,17 +331,17 @@ class Rule(Generic[P, R]):
 
     @cached_property
     def options(self) -> type[Options]:
-        """The options class; an empty one where the rule has none."""
+        """The options class; `Options` itself if the rule has none."""
         kind = typing.get_type_hints(self.function).get("options", Options)
         return typing.cast(type[Options], _without_none(kind))
 
     @cached_property
     def returns(self) -> Any:
-        """The artifact type that comes out."""
+        """The artifact type of the result."""
         return typing.get_type_hints(self.function, include_extras=True)["return"]
 
 
-def rule(  # noqa: PLR0913 - all that a rule may declare
+def rule(  # noqa: PLR0913 - one argument per declaration
     *,
     version: int,
     packages: tuple[str, ...] = (),
@@ -355,28 +355,27 @@ def rule(  # noqa: PLR0913 - all that a rule may declare
     tolerance: Tolerance | None = None,
     discovers: bool = False,
 ) -> Callable[[Callable[P, R]], Rule[P, R]]:
-    """Declare the function below as the rule that its file is named after.
+    """Declare the decorated function as the rule of its file; both must have the same name.
 
     The function takes `ctx: Context`, then artifacts (its inputs; `X | None = None` makes one optional), then, by
     keyword, `options: <Options class>`.
 
     Args:
-        version: Raise it when the meaning changes although the code digest does not show it.
+        version: Increment it when the meaning changes without a change of the code digest.
         packages: Third-party distributions that the result depends on; their versions enter the key. Those of the
             chosen backend are added.
-        cpus: Cores that one call keeps busy; so many of `--jobs` are not given to others meanwhile.
+        cpus: Cores that one call keeps busy, reserved from `--jobs` while it runs.
         memory_gb: Peak memory of one call [GiB]; once a node has run here, its measured peak counts instead.
-        gpus: GPUs that one call has to itself. A backend declares GPU memory in its `BACKEND`.
-        resources: Named things of which there are only so many, `{"licence:solver": 1}`; a project says how many in
+        gpus: Exclusive GPUs of one call. A backend declares GPU memory in its `BACKEND`.
+        resources: Named resources of limited number, `{"licence:solver": 1}`; a project sets their number in
             `[resources]`.
-        retries: How often a call is tried again whose worker died, whose machine lacked something (`MachineError`), or
-            that raised one of `retry_on`. A refused input and a failed check are never tried again.
-        retry_on: Exceptions, or their names (`"httpx.TransportError"`) where the import would be heavy.
-        retry_wait_s: Rest before the second try [s]; twice as long before each further one, a minute at most.
-        tolerance: How far results may be apart for `dxb check`; None is exact. A build never takes one for another: the
-            first result of a key stays.
-        discovers: Whether a call finds out for itself which files of the project it reads: `ctx.read`, `ctx.glob`,
-            `ctx.exists`.
+        retries: Maximum retries of a call whose worker died, whose machine lacked something (`MachineError`), or that
+            raised one of `retry_on`. Refused inputs and failed checks are never retried.
+        retry_on: Exceptions, or their names (`"httpx.TransportError"`) if the import is slow.
+        retry_wait_s: Delay before the second try [s]; doubled before each further one, at most a minute.
+        tolerance: Differences between results that `dxb check` accepts; None for none. Builds do not use it: the first
+            result of a key stays.
+        discovers: Whether calls discover the project files they read, with `ctx.read`, `ctx.glob`, `ctx.exists`.
     """
     for name in resources or {}:
         if ":" not in name:

@@ -1,4 +1,4 @@
-"""What verbs do with a project: plan a recipe, find its targets, find what past runs made of its nodes."""
+"""A recipe of a project as used by verbs: plans it, and finds its targets and the results of past runs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dextera_build.project.project import Project
 from dextera_build.redact import redact
 from dextera_build.runs.snapshot import LAST
 
-# A build of which nothing changed loads none of these.
+# A no-op build loads none of these.
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
     from dextera_build.engine.graph import Address, Graph
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 
 NO_BYTES = "its bytes are not in the store"
-"""What is said of a bare result."""
+"""Text about a bare result."""
 warnings: dict[str, None] = {}
-"""What sessions of this process found that a person has to know; the command line prints it."""
+"""Warnings from sessions of this process, printed by the command line."""
 
 
 def reading(project: Project) -> Store:
-    """The store of a project for a verb that only reads; a missing folder is not made, and noted in `warnings`."""
+    """The store of a project for a read-only verb; a missing folder is not created, but noted in `warnings`."""
     from dextera_build.store.store import Store
 
     store = Store(project.cache, make=False)
@@ -42,12 +42,12 @@ def reading(project: Project) -> Store:
 
 
 _LONGEST = 40
-"""Characters of the readable part of a variant's name."""
+"""Maximum length [characters] of the readable part of a variant's name."""
 
 
 @dataclass(frozen=True)
 class Added:
-    """What a request adds to a recipe, as it was written."""
+    """Additions of a request to a recipe, as written."""
 
     inputs: Mapping[str, str] = field(default_factory=dict)
     """Input of the recipe -> path, or target of another recipe."""
@@ -61,15 +61,15 @@ class Added:
 
 
 class Session:
-    """One recipe of a project, as a verb sees it.
+    """One recipe of a project, as used by a verb.
 
     Args:
-        project: Where to work.
+        project: The project.
         recipe: The recipe's address.
-        added: What the request adds to it.
-        makes: Something is to be built, so that the store is made where it is not there.
-        last: Where the request adds nothing and no flag names a profile, the past is that of the request that was built
-            last; a profile that the environment names must be its profile.
+        added: Additions of the request.
+        makes: Whether the verb builds, so that a missing store is created.
+        last: If the request adds nothing and no flag sets a profile, use the history of the request built last; a
+            profile set in the environment must match it.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Session:
 
     @cached_property
     def variant(self) -> str:
-        """What tells the files and the past of a request from those of the recipe's own: `@gpu-1a2b3c4d`, or ""."""
+        """Suffix that separates a request's files and history from the recipe's default: `@gpu-1a2b3c4d`, or ""."""
         project, added = self.project, self.added
         profile = project.profile if project.profile != project.own_profile else ""
         if self._last and not added and project.config["profile"].origin != "command line":
@@ -99,7 +99,7 @@ class Session:
         if not (profile or added):
             return ""
         inputs = {name: path if ":" in path else os.path.abspath(path) for name, path in added.inputs.items()}
-        # Of two values for one option the later one counts, so these stay in their order.
+        # The last value of an option wins, so the sort by option name must be stable.
         settings = sorted(added.settings, key=lambda text: text.partition("=")[0])
         said = [profile, sorted(inputs.items()), settings, sorted(added.backends.items())]
         words = [profile, *added.settings, *map("=".join, added.backends.items())]
@@ -109,13 +109,13 @@ class Session:
         return f"@{readable}-{digests.of_value(said)[:8]}"
 
     def note_last(self) -> None:
-        """Remember that this request is the one of its recipe that was built last."""
+        """Record this request as the one of its recipe built last."""
         if self._built_last() != self.variant:
             self.store.state.put(LAST, {self.last_name: self.variant.encode()})
 
     @cached_property
     def last_name(self) -> str:
-        """The name under which the store remembers which request of the recipe was built last."""
+        """Name of the store's record of the recipe's request built last."""
         return digests.of_value([str(self.project.root), self.recipe])[:16]
 
     def _built_last(self) -> str:
@@ -123,10 +123,10 @@ class Session:
         return found.decode(errors="replace") if found else ""
 
     def plan(self) -> Plan:
-        """The recipe, resolved, with what the request adds.
+        """Resolve the recipe with the additions of the request.
 
         Raises:
-            UsageError: No recipe is called so.
+            UsageError: There is no such recipe.
         """
         from dextera_build.recipe import settings
         from dextera_build.recipe.plan import Request, plan
@@ -143,19 +143,19 @@ class Session:
 
     @cached_property
     def past_builds(self) -> History:
-        """What this machine remembers of the recipe."""
+        """The history of this request on this machine."""
         from dextera_build.runs.history import History
 
         return History(self.store, self.recipe, str(self.project.root), self.variant)
 
     @cached_property
     def history(self) -> dict[str, Entry]:
-        """Node address -> what the last run that finished it left behind."""
+        """Node address -> entry of the last run that finished the node."""
         return self.past_builds.all()
 
     @cached_property
     def last_nodes(self) -> list[str]:
-        """Nodes that the recipe's last run brought up to date; what only older runs knew is not among them."""
+        """Nodes that the request's last run brought up to date, without nodes known only from older runs."""
         from dextera_build.runs import log
 
         run = log.latest(self.store, self.recipe, self.variant)
@@ -167,10 +167,10 @@ class Session:
         ]
 
     def past(self, node: str) -> Entry:
-        """What is known of a node that was built.
+        """The history entry of a node.
 
         Raises:
-            UsageError: It never was.
+            UsageError: The node was never built.
         """
         if node not in self.history:
             known = sorted(self.history)
@@ -183,11 +183,11 @@ class Session:
         return self.history[node]
 
     def output(self, node: str) -> str:
-        """Digest of what a node returned last.
+        """Digest of a node's last output.
 
         Raises:
-            UsageError: It was never built.
-            RuleError: It was, but the store no longer holds it.
+            UsageError: The node was never built.
+            RuleError: The node was built, but the store no longer holds its output.
         """
         found = self.store.actions.find(self.past(node).key)
         if found is None or not found.is_whole:
@@ -198,7 +198,7 @@ class Session:
         return found.result.output
 
     def artifact(self, node: str) -> Artifact:
-        """What a node returned last, decoded."""
+        """A node's last output, decoded."""
         document = self.document(node)
         from dextera_build.store import headers
 
@@ -208,7 +208,7 @@ class Session:
         return decoded
 
     def document(self, node: str) -> dict[str, Any]:
-        """The key document that a node was built under last."""
+        """Key document of a node's last build."""
         import json
 
         loaded: dict[str, Any] = json.loads(self.store.blobs.get(self.past(node).key_document))
@@ -216,7 +216,7 @@ class Session:
 
 
 def no_recipe(project: Project, name: str) -> UsageError:
-    """The error about a recipe that does not exist."""
+    """The error for a recipe that does not exist."""
     known = [address for address, _ in project.recipes()]
     return UsageError(
         f"no recipe is called `{name}`",
@@ -227,10 +227,10 @@ def no_recipe(project: Project, name: str) -> UsageError:
 
 
 def addresses(graph: Graph, target: str) -> list[Address]:
-    """What a target name, a node address or nothing (`default`) stands for in a graph.
+    """Addresses in a graph for a target name, a node address or "" (`default`).
 
     Raises:
-        UsageError: It stands for nothing.
+        UsageError: The graph has no such target or node.
     """
     from dextera_build.engine.graph import Address, parse_address
 

@@ -1,6 +1,6 @@
-"""Statistics of success: intervals that the paper's tables lack, and how well one world predicts another.
+"""Statistics of success rates: confidence intervals, and how well one world predicts another.
 
-Rates are parts of one, 0 to 1. Nothing here draws random numbers.
+Rates are fractions from 0 to 1. All functions are deterministic.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 
 def wilson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Score interval of a success rate (Wilson 1927), within 0 and 1; (0, 1) without trials."""
+    """Score interval of a success rate (Wilson 1927), within [0, 1]; (0, 1) without trials."""
     if trials == 0:
         return 0.0, 1.0
     z = _quantile(confidence)
@@ -36,7 +36,7 @@ class Rate:
 
     @property
     def value(self) -> float:
-        """The part that succeeded; 0 without trials."""
+        """Fraction of successes; 0 without trials."""
         return self.successes / self.trials if self.trials else 0.0
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
@@ -49,10 +49,10 @@ class Rate:
 
 
 def mean(rates: Sequence[Rate], confidence: float = 0.95) -> tuple[float, float, float] | None:
-    """Mean with equal weights and its interval from those of its parts; None without rates.
+    """Unweighted mean and its interval, derived from the intervals of the rates; None without rates.
 
-    The distances of the parts' Wilson limits are added as variances (MOVER, Zou and Donner 2008), so that trials stay
-    within their task: 13 tasks of 20 trials are not 260 trials of one.
+    Squared distances to the Wilson limits are added like variances (MOVER, Zou and Donner 2008), so trials are not
+    pooled across tasks: 13 tasks of 20 trials are not 260 trials of one task.
     """
     if not rates:
         return None
@@ -65,7 +65,7 @@ def mean(rates: Sequence[Rate], confidence: float = 0.95) -> tuple[float, float,
 
 
 def pearson(one: Sequence[float], other: Sequence[float]) -> float | None:
-    """Correlation coefficient; None below three points or where one side does not vary."""
+    """Correlation coefficient; None for fewer than three points or a constant series."""
     a, b = np.asarray(one, np.float64), np.asarray(other, np.float64)
     if a.shape != b.shape:
         raise ValueError(f"{len(a)} numbers stand against {len(b)}")
@@ -76,9 +76,9 @@ def pearson(one: Sequence[float], other: Sequence[float]) -> float | None:
 
 
 def pearson_interval(r: float, points: int, confidence: float = 0.95) -> tuple[float, float] | None:
-    """Interval of a correlation coefficient by Fisher's transformation; None below four points or where |r| is 1.
+    """Interval of a correlation coefficient by Fisher's transformation; None for fewer than four points or |r| = 1.
 
-    It takes the points for independent and jointly normal; cells that share a task or a policy are neither.
+    Assumes independent, jointly normal points; cells that share a task or a policy are neither.
     """
     if points < 4 or abs(r) >= 1.0 - 1e-12:
         return None
@@ -90,11 +90,11 @@ def mmrv(simulated: Sequence[float], measured: Sequence[float]) -> float | None:
     """Mean maximum rank violation (Li et al. 2024, SIMPLER): mean_i max_j |R_i - R_j| 1[(S_i < S_j) != (R_i < R_j)].
 
     Args:
-        simulated: S, rates in the world that predicts.
-        measured: R, rates in the world that is predicted, in the same order.
+        simulated: S, rates in the predicting world.
+        measured: R, rates in the predicted world, in the same order.
 
     Returns:
-        0 where both worlds rank alike; None below two points.
+        0 if both worlds rank alike; None for fewer than two points.
     """
     s, r = np.asarray(simulated, np.float64), np.asarray(measured, np.float64)
     if s.shape != r.shape:
@@ -107,7 +107,7 @@ def mmrv(simulated: Sequence[float], measured: Sequence[float]) -> float | None:
 
 @dataclass(frozen=True)
 class Paired:
-    """Two series of verdicts on the same starts."""
+    """Counts of two series of verdicts on the same starts."""
 
     both: int
     """Both succeeded."""
@@ -120,14 +120,14 @@ class Paired:
 
     @property
     def p(self) -> float:
-        """Two-sided p of McNemar's exact test: how likely a split this uneven is where neither is better."""
+        """Two-sided p of McNemar's exact test: probability of a split at least this uneven if neither is better."""
         count, fewer = self.first + self.second, min(self.first, self.second)
         tail = sum(math.comb(count, k) for k in range(fewer + 1))
         return float(min(1.0, 2 * tail / 2**count))
 
 
 def paired(first: Sequence[bool], second: Sequence[bool]) -> Paired:
-    """Counts of two series of verdicts, start by start."""
+    """Compare two series of verdicts start by start."""
     if len(first) != len(second):
         raise ValueError(f"{len(first)} verdicts stand against {len(second)}")
     pairs = [(bool(a), bool(b)) for a, b in zip(first, second, strict=True)]

@@ -1,4 +1,4 @@
-"""For authors of rules: run one rule as the engine would, without a store on disk or a recipe."""
+"""For authors of rules: runs one rule as the engine would, without a store on disk or a recipe."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from dextera_build.store.store import Store
 
 
 class RuleRunner:
-    """Runs rules on artifacts, through the same encoding that the store uses.
+    """Runs rules on artifacts, with the encoding used by the store.
 
     Args:
         scratch: A folder for the rule's temporary files (`tmp_path` in pytest).
-        project: A project whose own rules count too.
-        keep: The folder for `ctx.keep`, removed when a call succeeded, as in a build; None is one below `scratch`.
-        calls: Answers `ctx.call`: a `Recorder` on a store, or a function that returns a service's answer.
-        files: The folder in which `ctx.read`, `ctx.glob` and `ctx.exists` look; None is that of `project`.
+        project: A project whose rules are also available.
+        keep: The folder for `ctx.keep`, removed after a successful call as in a build; None for one below `scratch`.
+        calls: Answers `ctx.call`: a `Recorder` with a store, or a function that returns a service's answer.
+        files: The folder that `ctx.read`, `ctx.glob` and `ctx.exists` search; None for that of `project`.
     """
 
     def __init__(
@@ -41,10 +41,10 @@ class RuleRunner:
         self._library = Library(project)
         self._blobs: dict[str, bytes] = {}
         self.outcome = Outcome()
-        """The last rule's line, previews and metrics."""
+        """Line, previews and metrics of the last call."""
         self._files = Path(files or project or scratch)
         self.reads: list[list[str]] = []
-        """The last rule's own reads: (`file`, `there` or `names`, question, answer), in order."""
+        """Discovered inputs of the last call: (`file`, `there` or `names`, question, answer), in order."""
 
     def find(self, path: str) -> RuleFile:
         """The rule called `path`."""
@@ -59,10 +59,10 @@ class RuleRunner:
         options: Mapping[str, Any] | None = None,
         **inputs: Artifact,
     ) -> Any:
-        """Call a rule and return its artifact as a later rule would get it.
+        """Call a rule and return its artifact as a later rule would receive it.
 
         Raises:
-            DxbError: The rule is unknown, refuses its inputs, or a check of its own fails.
+            DxbError: The rule is unknown, refuses its inputs, or fails one of its checks.
         """
         found = self.find(path)
         chosen = choose_backend(found, backend, profile)

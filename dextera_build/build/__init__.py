@@ -1,1 +1,1 @@
-"""A build from the request to the files in `out/`: what `dxb build`, `dxb watch` and `Project.build` call."""
+"""Builds from the request to the files in `out/`, as called by `dxb build`, `dxb watch` and `Project.build`."""

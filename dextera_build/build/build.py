@@ -1,4 +1,4 @@
-"""One build, from a request to the files in `out/`: what `dxb build`, `dxb watch`, `dxb pull` and Python call."""
+"""One build, from a request to the files in `out/`; called by `dxb build`, `dxb watch`, `dxb pull` and Python."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Order:
-    """What one build is asked for, and how it goes about it; see `engine.policy.Policy`."""
+    """The targets and flags of one build; see `engine.policy.Policy`."""
 
     targets: Sequence[str] = ("",)
     """Names of targets or addresses of nodes; "" means the default targets."""
     keep_going: bool = False
     force: Sequence[str] = ()
-    """Addresses of nodes that run although they are cached."""
+    """Addresses of nodes that run even if cached."""
     whole: bool = False
     argv: Sequence[str] = ()
     bring_from: Exchange | None = None
-    """Nothing runs: what the store lacks comes from these remotes, all of it, or is lacking."""
+    """Nothing runs: missing results, with all their bytes, come only from these remotes."""
 
     @property
     def forced(self) -> frozenset[str]:
@@ -49,18 +49,18 @@ class Order:
 
 @dataclass(frozen=True)
 class Built:
-    """What became of an order."""
+    """The outcome of an order."""
 
     result: RunResult
-    """What became of every node."""
+    """The outcome of every node."""
     run: str
-    """Id of the run; "" where the store cannot be written."""
+    """Id of the run; "" if the store cannot be written."""
     lost: int
-    """How many events had no room in the log of the run."""
+    """Number of events missing from the run's log because the disk was full."""
     placed: Placed = field(default_factory=Placed)
-    """The targets in `out/`."""
+    """The targets exported to `out/`."""
     notice: str = ""
-    """What changed in `dxb.lock`."""
+    """Changes of `dxb.lock`, in one line."""
 
     @property
     def ok(self) -> bool:
@@ -69,25 +69,25 @@ class Built:
 
 
 def build(session: Session, order: Order, locking: Locking, listen: Listener, watch: Watch | None = None) -> Built:
-    """Plan a recipe, run what is stale, place the targets, and remember all of it.
+    """Plan a recipe, run stale nodes, export the targets, and record the run.
 
     Args:
-        session: The recipe, with what the request adds to it.
-        order: What is wanted.
-        locking: Keeps `dxb.lock` up to date, or refuses what differs from it; written here.
+        session: The recipe with the additions of the request.
+        order: The targets and flags.
+        locking: Updates `dxb.lock`, or refuses builds that differ from it; written here.
         listen: Takes every event.
-        watch: Notes what is read, also where an error ends the build, and what was placed.
+        watch: Collects the files that are read, even if the build fails, and the exported files.
 
     Raises:
         UsageError: A name does not exist.
-        RecipeError: A recipe or an input is wrong.
-        StaleError: A target is not what `dxb.lock` says.
+        RecipeError: A recipe or an input is invalid.
+        StaleError: A target differs from `dxb.lock`.
         MachineError: A chosen backend is not installed.
         StoreError: The disk is full, or a folder cannot be written.
     """
     store = session.store
     store.leaves.watch = watch
-    # Until its results are placed nobody may collect them.
+    # Protects the results from garbage collection until they are exported.
     with executor(session, idle=order.bring_from is not None) as ready, store.running.announced():
         if watch is not None:
             note_packages(watch)
@@ -122,7 +122,7 @@ class _Build:
     executor: Executor
 
     def run(self) -> Built:
-        """Run what is stale, with the remotes of the settings and an event log."""
+        """Run stale nodes, with the configured remotes and an event log."""
         from dextera_build.engine.policy import Policy
         from dextera_build.engine.run import build
         from dextera_build.runs.events import fan_out
@@ -134,7 +134,7 @@ class _Build:
             policy = Policy(
                 keep_going=order.keep_going,
                 force=order.forced,
-                # What is only brought runs nowhere.
+                # When only downloading, no node may run.
                 only=frozenset() if brings or project.remotes.local == "r" else None,
                 recall=project.asks_again and not brings,
                 whole=order.whole or brings,
@@ -159,7 +159,7 @@ class _Build:
         return Built(result, log.run, log.lost)
 
     def place(self, out: Out, built: Built) -> Built:
-        """Place the targets; where bytes of one were damaged on disk, build once more."""
+        """Export the targets; if a blob is damaged on disk, build once more."""
         from dextera_build.store.blobs import MissingBlob
 
         result = built.result
@@ -168,9 +168,9 @@ class _Build:
         except StoreError as error:
             if error.code != MissingBlob.CODE:
                 if any(failed.code == error.code for failed in result.errors.values()):
-                    return built  # a node failed of the same, and that was said
+                    return built  # a node failed with the same error, already reported
                 raise
-            # All damaged blobs are set aside, so building again makes them anew.
+            # Quarantine all damaged blobs, so that the next build recreates them.
             for node in result.targets:
                 entry = self.session.store.actions.entry(result.nodes[node].key or "")
                 for file in entry.files if entry else ():
@@ -180,14 +180,14 @@ class _Build:
         return replace(built, placed=placed)
 
     def _out_of_date(self, out: Out, result: RunResult) -> list[str]:
-        """Nodes whose copies in `out/` are not what the recipe makes now: gone, or of an earlier capture."""
+        """Nodes whose copies in `out/` are outdated: removed from the recipe, or built from an earlier capture."""
         others = {node: output for node, output in out.nodes().items() if node not in result.targets}
         if not others:
             return []
         from dextera_build.engine.dry import plan as dry
         from dextera_build.engine.graph import Address, parse_address
 
-        # The answer does not rest on what is looked at here.
+        # Files read here do not affect the answer.
         store, graph = self.session.store, self.plan.graph
         store.leaves.watch = None
         there = {call for call, _ in graph.calls()}
@@ -195,12 +195,12 @@ class _Build:
         try:
             now = {node.address: node for node in dry(graph, [Address(call) for call in calls], store)}
         except DxbError:
-            return []  # the next build of these nodes says it
+            return []  # the next build of these nodes reports it
         return [node for node, output in others.items() if node not in now or not _makes(now[node], output)]
 
 
 def _note(session: Session, watch: Watch, plan: Plan) -> None:
-    """Note what planning read: recipes, code, configuration, and folders in which a new one would lie."""
+    """Add the files read by planning: recipes, code, configuration, and folders in which new ones may appear."""
     from dextera_build.code.modules import was_read
 
     recipes = {str(path) for path in plan.recipes}
@@ -213,7 +213,7 @@ def _note(session: Session, watch: Watch, plan: Plan) -> None:
 
 
 def note_packages(watch: Watch) -> None:
-    """Note what can be imported, and which packages are installed; before anything is looked for."""
+    """Add importable modules and installed packages, before any import."""
     for entry in sys.path:
         watch.modules(entry or os.getcwd())
 

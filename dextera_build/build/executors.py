@@ -1,4 +1,4 @@
-"""Which executor a build uses, and what its workers are told."""
+"""The executor of a build, and the environment of its workers."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ RUNNER = "dextera_build.build.worker_entry:run_task"
 _SCRATCH = "dxb-build-"
 
 Ready: TypeAlias = "Callable[[Sequence[RuleFacts]], Executor]"
-"""Gives what runs the nodes of one build, once it is known which rules may run."""
+"""Returns the executor of one build, given the rules that may run."""
 
 
 @contextmanager
 def executor(session: Session, *, idle: bool = False) -> Iterator[Ready]:
-    """What runs the nodes of one build, as the settings say; a first worker loads while the recipe is planned.
+    """The configured executor of one build; a first worker loads while the recipe is being planned.
 
     Args:
-        session: The recipe that is built.
-        idle: Nothing will run, so that no worker is started, and no cluster and no device is looked for.
+        session: The recipe to build.
+        idle: Nothing will run: start no worker, and look for no cluster or device.
     """
     project = session.project
     kind, _, address = project.executor.partition(":")
@@ -47,7 +47,7 @@ def executor(session: Session, *, idle: bool = False) -> Iterator[Ready]:
             environment["TMPDIR"] = stack.enter_context(scratch())
         workers = stack.enter_context(LocalExecutor(RUNNER, capacity, environment))
         if not idle:
-            workers.warm()  # a build whose snapshot is not fresh mostly runs something
+            workers.warm()  # a build without a valid snapshot usually runs something
 
         def ready(rules: Sequence[RuleFacts]) -> Executor:
             share()
@@ -60,12 +60,12 @@ def executor(session: Session, *, idle: bool = False) -> Iterator[Ready]:
 
 @contextmanager
 def scratch() -> Iterator[str]:
-    """A temporary folder that is removed when the block ends; those of builds that were killed are removed now.
+    """A temporary folder for the duration of the block; also removes the folders of killed builds.
 
-    Whoever uses a folder holds a lock on it, which the system releases when the process dies.
+    A process locks the folder that it uses; the system releases the lock when the process dies.
 
     Raises:
-        OSError: It cannot be made.
+        OSError: The folder cannot be created.
     """
     import fcntl
     import glob
@@ -87,7 +87,7 @@ def scratch() -> Iterator[str]:
 
 
 def _claimed() -> tuple[str, int]:
-    """A new folder, and the descriptor that holds its lock."""
+    """A new folder and the descriptor that holds its lock."""
     import fcntl
     import tempfile
 
@@ -102,7 +102,7 @@ def _claimed() -> tuple[str, int]:
 
 
 def _environment(project: Project) -> dict[str, str]:
-    # One thread per worker: sums do not depend on the machine's cores, and workers do not fight for them.
+    # One thread per worker: sums do not depend on the number of cores, and workers do not compete for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     # No rule uses pydantic plug-ins, and the search for them reads the metadata of every installed package.
     environment["PYDANTIC_DISABLE_PLUGINS"] = os.environ.get("PYDANTIC_DISABLE_PLUGINS", "__all__")
@@ -146,7 +146,7 @@ def _ray(session: Session, address: str, rules: Sequence[RuleFacts]) -> Iterator
         for file in _code(project):
             target = Path(code, file.relative_to(project.root))
             target.parent.mkdir(parents=True, exist_ok=True)
-            # Of code the bytes that were digested, for it may have been edited since.
+            # Copy code as it was digested, because the file may have been edited since.
             target.write_bytes(read(file) if file.suffix == ".py" else file.read_bytes())
         cluster = RayCluster(address, Path(code))
         with RayExecutor(cluster, session.store, setup, said=said, discovering=discovering) as workers:
@@ -154,7 +154,7 @@ def _ray(session: Session, address: str, rules: Sequence[RuleFacts]) -> Iterator
 
 
 def _code(project: Project) -> set[Path]:
-    """What workers need of the project: its settings, all below `rules/`, and its own modules that rules import."""
+    """Project files that workers need: settings, everything below `rules/`, and project modules that rules import."""
     from dextera_build.code.modules import PACKAGE
 
     root, code = project.root, project.library.code

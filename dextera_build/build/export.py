@@ -1,4 +1,4 @@
-"""Puts the targets of a build where people open them: `<cache>/out/<recipe>/<node>/`."""
+"""Exports the targets of a build to `<cache>/out/<recipe>/<node>/`."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ if TYPE_CHECKING:
     from dextera_build.engine.run import RunResult
 
 TABLE = ".placed"
-"""File beside the folders of the nodes: what dxb wrote there."""
+"""File next to the node folders that lists the files dxb wrote there."""
 _FORM = 1
 _OLD_S = 3600.0
-"""Unfinished folders of this age [s] go also where locks do not work."""
+"""Age [s] at which unfinished folders are removed even if locks do not work."""
 
 
 @dataclass
 class Placed:
-    """What a build placed or found in place."""
+    """The files that a build exported or found up to date."""
 
     paths: dict[str, str] = field(default_factory=dict)
-    """Address of a target -> whole path of its main file."""
+    """Address of a target -> absolute path of its main file."""
     present: dict[str, Signature] = field(default_factory=dict)
-    """Whole path -> signature of every file of the targets, as it was written."""
+    """Absolute path of each file of the targets -> its signature when written."""
     kept: dict[str, str] = field(default_factory=dict)
-    """Address of a target whose files somebody changed -> folder in which these are now."""
+    """Address of a target whose files were edited -> folder that now holds the edited files."""
     removed: list[str] = field(default_factory=list)
-    """Addresses of nodes whose copies were out of date."""
+    """Addresses of nodes whose outdated copies were removed."""
 
 
 @dataclass(frozen=True)
@@ -53,15 +53,15 @@ class _Copy:
     files: Mapping[str, Signature] = field(default_factory=dict)
 
     def is_intact(self, folder: str) -> bool:
-        """Whether every file is as it was written; files that somebody added do not count."""
+        """Whether every file is unchanged since it was written; added files do not count."""
         return all(signature.look(f"{folder}/{name}") == known for name, known in self.files.items())
 
 
 class Out:
-    """The folder of one recipe and request.
+    """The output folder of one recipe and request.
 
     Args:
-        session: The recipe, whose store has the outputs.
+        session: The recipe; its store holds the outputs.
     """
 
     def __init__(self, session: Session) -> None:
@@ -72,19 +72,19 @@ class Out:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Keep other builds out, from the look at what is there until it is remembered what was written."""
+        """Lock the folder against other builds, from reading the table until it is saved."""
         with self._session.store.locks.hold(digests.of_bytes(f"out {self.base}".encode())):
             yield
 
     def place(self, result: RunResult, gone: Iterable[str] = ()) -> Placed:
         """Write every target that was built; call it while the folder is `held`.
 
-        Every folder is written under another name first, so nobody sees half of one, and the signatures are those of
-        files that no other process knew of.
+        Every folder is written under a temporary name and then renamed, so no reader sees a partial one, and the
+        signatures are taken before any other process can change the files.
 
         Args:
-            result: What was built.
-            gone: Of `nodes`, those whose copies are out of date; they are removed.
+            result: The result of the build.
+            gone: Addresses from `nodes` whose copies are outdated; they are removed.
 
         Raises:
             StoreError: The disk is full, or the folder cannot be written.
@@ -109,7 +109,7 @@ class Out:
         return self._placed
 
     def nodes(self) -> dict[str, str]:
-        """Address -> output of everything that lies in the folder."""
+        """Address -> output of every node in the folder."""
         return {node: copy.output for node, copy in self._table().items()}
 
     def _stands(self, copy: _Copy | None, output: str, node: str) -> bool:
@@ -125,7 +125,7 @@ class Out:
         try:
             made = {node: self._write(node, _Copy(stale[node], result.nodes[node].rule)) for node in stale}
             failpoints.reach("export.written")
-            # The table says that files are whole, so it comes when they are on the disk.
+            # The table claims complete files, so it is written after they are on disk.
             if self._session.project.durable:
                 files.settle(str(self._session.store.root))
             old = {node: table.pop(node) for node in (*stale, *gone) if node in table}
@@ -148,14 +148,14 @@ class Out:
         return replace(copy, main=main, files=written)
 
     def _restore(self, folder: str, node: str, copy: _Copy) -> str:
-        """Write the files of an output into a folder; the name of the main one."""
+        """Write the files of an output into a folder; returns the name of the main file."""
         with headers.reading(f"`{node}`"):
             kind, where = self._session.project.library.find(copy.rule).rule.returns, Path(folder)
             written = kind.restore(copy.output, self._session.store.reader, where, stem_of(node))
             return written[0].relative_to(where).as_posix() if written else "."
 
     def _swap(self, node: str, old: _Copy | None) -> None:
-        """Move the new folder of a node into its place; what somebody changed in the old one is kept."""
+        """Move the new folder of a node into place; an edited old folder is kept under another name."""
         folder, new, aside = self._folder(node), f"{self._scratch}/{_name(node)}", f"{self._scratch}/~{_name(node)}"
         with suppress(FileNotFoundError):
             os.rename(folder, aside)
@@ -167,14 +167,14 @@ class Out:
             os.rename(aside, self._placed.kept[node])
 
     def _is_changed(self, folder: str, node: str, old: _Copy) -> bool:
-        """Whether a folder holds what dxb did not write; another time stamp of the same bytes is no change."""
+        """Whether a folder holds content that dxb did not write; a changed timestamp alone does not count."""
         names = {*_files(folder)}
         if not names <= old.files.keys():
             return True
         touched = [name for name in names if signature.look(f"{folder}/{name}") != old.files[name]]
         if not touched:
             return False
-        import filecmp  # seldom needed
+        import filecmp  # rarely needed
 
         scratch = f"{self._scratch}/={_name(node)}"
         with suppress(DxbError, OSError):
@@ -187,7 +187,7 @@ class Out:
         return f"{self.base}/{_name(node)}"
 
     def _sweep(self) -> None:
-        """Remove what killed builds left unfinished: while the folder is held nobody else writes here."""
+        """Remove unfinished folders of killed builds; no other build writes here while the folder is held."""
         import time
 
         sure = self._session.store.locks.reliable()
@@ -198,7 +198,7 @@ class Out:
                         shutil.rmtree(entry.path) if entry.is_dir() else os.unlink(entry.path)
 
     def _table(self) -> dict[str, _Copy]:
-        """The files that dxb wrote; empty if unknown, so that every target is written again."""
+        """The files that dxb wrote; empty if unknown, so every target is written again."""
         with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
             said = json.loads(files.read(f"{self.base}/{TABLE}"))
             if said["form"] == _FORM and said["check"] == digests.of_value(said["nodes"]):
@@ -215,7 +215,7 @@ class Out:
 
 
 def stem_of(node: str) -> str:
-    """What the files of a node are called: `mesh` for `body[mug].mesh`, `scene` for `twin/scene`."""
+    """The file stem of a node: `mesh` for `body[mug].mesh`, `scene` for `twin/scene`."""
     return re.split("[./:]", node)[-1]
 
 
@@ -231,7 +231,7 @@ def _files(folder: str) -> Iterator[str]:
 
 
 def _free(folder: str) -> str:
-    """A name beside a folder that nothing has."""
+    """An unused name next to a folder."""
     names = (f"{folder}~{number}" if number > 1 else f"{folder}~" for number in count(1))
     return next(name for name in names if not os.path.exists(name))
 

@@ -1,4 +1,4 @@
-"""Which remotes a command uses, and what they hold."""
+"""The remotes that a command uses, and their contents."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _ASKERS = 16
 
 
 def exchange(session: Session, mode: str, named: str | None = None) -> Exchange:
-    """The remotes to use for one thing alone.
+    """The remotes to use for reading only or for writing only.
 
     Args:
-        session: Where the store is.
+        session: The session with the store.
         mode: `r` or `w`.
-        named: A remote's name or address; None for those that the settings let be used so.
+        named: A remote's name or address; None for those that the settings allow for `mode`.
 
     Raises:
         UsageError: There is no such remote.
@@ -45,12 +45,12 @@ def exchange(session: Session, mode: str, named: str | None = None) -> Exchange:
         )
     session.project.allowed([replace(spec, mode=mode) for spec in used])
     for spec in used:
-        open_remote(spec).close()  # what is wrong with the address or the packages is said before anything is done
+        open_remote(spec).close()  # report a wrong address or missing packages before doing anything
     return Exchange(session.store, [guarded(replace(spec, mode=mode)) for spec in used])
 
 
 def usable(session: Session) -> Exchange | None:
-    """The remotes that the settings let a build use, or None where there are none."""
+    """The remotes that the settings allow a build to use, or None if there are none."""
     used = session.project.used_remotes
     if not used or session.project.remotes.local == "r":
         return None
@@ -61,7 +61,7 @@ def usable(session: Session) -> Exchange | None:
 
 
 def held(session: Session, nodes: Sequence[Planned]) -> set[str]:
-    """Addresses of the stale nodes whose results a remote has; only entries are asked for, no blobs."""
+    """Addresses of the stale nodes whose results a remote has; reads only entries, no blobs."""
     used = [spec for spec in session.project.used_remotes if "r" in spec.mode]
     if not used or session.project.remotes.local == "r":
         return set()

@@ -1,4 +1,4 @@
-"""`dxb.lock` around a build: refuse what differs from it, or keep it up to date."""
+"""`dxb.lock` during a build: refuses targets that differ from it, or keeps it up to date."""
 
 from __future__ import annotations
 
@@ -21,20 +21,19 @@ if TYPE_CHECKING:
 
 
 class Locking:
-    """What one command does with the lock file.
+    """The lock file during one command.
 
-    `--lock` pins what is built, `--locked` refuses what differs. Without either, the pins of a project that has a lock
-    file are kept up to date, and none is added. What `--input`, `--set` or `--backend` made is one build's own: it is
-    not pinned.
+    `--lock` pins the built targets, `--locked` refuses targets that differ. Without either, the pins of an existing
+    lock file are updated, and none is added. Builds with `--input`, `--set` or `--backend` are never pinned.
 
     Args:
-        project: Whose lock file.
-        lock: Pin what is built.
-        locked: Refuse what differs.
-        added: What the request adds to the recipes.
+        project: The project with the lock file.
+        lock: Pin the built targets.
+        locked: Refuse targets that differ.
+        added: The request's additions to the recipes.
 
     Raises:
-        UsageError: The arguments do not go together.
+        UsageError: The arguments cannot be combined.
         RecipeError: The lock file is not valid.
     """
 
@@ -54,10 +53,10 @@ class Locking:
         self._exists = pins is not None
         self._old = pins or {}
         self._new: dict[Name, Pin | None] = {}
-        """What this command found out; None drops a pin."""
+        """New pins of this command; None drops a pin."""
 
     def refuse(self, session: Session, plan: Plan, wanted: Sequence[Address]) -> None:
-        """With `--locked`, refuse what is known to differ: before anything runs, and again when all is known.
+        """With `--locked`, refuse targets known to differ: before anything runs, and again when all keys are known.
 
         Raises:
             StaleError: A target is not pinned, or has another key or output.
@@ -88,7 +87,7 @@ class Locking:
         if pin is None:
             return "" if _is_open(state) else "not pinned"
         if state.key is None and state.key_document:
-            # It reads by itself. The store may know what the pinned one read; else the build tells.
+            # Discovered inputs: the store may know which files the pinned node read; otherwise the build decides.
             found = causes.since(state.address, pin.key)
             known = not any(cause.kind == "lost" for cause in found)
             return "\n".join([f"key {pin.key[:12]} -> ?", *map(_line, found)]) if found and known else ""
@@ -100,7 +99,7 @@ class Locking:
         return ""
 
     def note(self, session: Session, plan: Plan, wanted: Sequence[Address], result: RunResult) -> None:
-        """Take the pins of what was built; what `wanted` once named and no longer does loses its pin."""
+        """Collect the pins of the built targets; drop the pins of targets that no longer exist."""
         if not self._plain or self.locked or not (self.lock or self._exists):
             return
         from dextera_build.project.lockfile import Pin
@@ -118,7 +117,7 @@ class Locking:
             self._new |= {name: None} if gone else {}
 
     def write(self) -> str:
-        """Bring the file up to date if anything changed; return a line about what did, or ""."""
+        """Update the file if anything changed; returns a line that describes the changes, or ""."""
         if self.locked or not (self.lock or self._new):
             return ""
         from dextera_build import digest
@@ -127,7 +126,7 @@ class Locking:
 
         guard = digest.of_bytes(str(self.path).encode())
         with Store(self._project.cache).locks.hold(guard):
-            # Another build may have written meanwhile; its pins stay.
+            # Another build may have written in the meantime; its pins stay.
             now = self._read() or {}
             pins = {name: pin for name, pin in (now | self._new).items() if pin is not None}
             recipes = {address for address, _ in self._project.recipes()}
@@ -138,7 +137,7 @@ class Locking:
         return f"{self.path.name}: {_told(now, kept, gone)}" if written else ""
 
     def _read(self) -> dict[Name, Pin] | None:
-        if not self.path.exists():  # A build that does nothing need not wait for more.
+        if not self.path.exists():  # avoids the import in projects without a lock file
             return None
         from dextera_build.project import lockfile
 
@@ -159,7 +158,7 @@ def _line(cause: Cause) -> str:
 
 
 def _is_open(state: Planned) -> bool:
-    """Whether it stands for copies that are not known yet."""
+    """Whether the entry represents copies that are not known yet."""
     from dextera_build.engine.graph import parse_address
 
     address = parse_address(state.address)

@@ -1,4 +1,4 @@
-"""Carries out one call inside a worker: load the rule, decode its inputs, call it, check and store what it returns."""
+"""Executes one call inside a worker: loads the rule, decodes its inputs, calls it, checks and stores the result."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
 
     Args:
         task: `rule`, `backend`, `options`, `inputs` (slot -> digest), `store`, `project`; `key` names the folder in
-            which the call keeps its progress, without it the call has a fresh one; `sources` and `packages` say which
-            code its key stands for.
-        emit: Takes progress and log lines as they come.
+            which the call saves its progress (without it, a fresh one is used); `sources` and `packages` describe the
+            code that was digested into the key.
+        emit: Takes progress and log lines as they occur.
 
     Returns:
         `output` (digest), `line`, `previews` ([caption, digest]), `metrics` (name -> [value, unit]).
 
     Raises:
-        DxbError: The rule refused its inputs, a check failed, a disk is full, or code was edited since it was digested.
+        DxbError: The rule refused its inputs, a check failed, a disk is full, or code changed after it was digested.
     """
     try:
         return _run(task, emit)
@@ -63,11 +63,11 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         if name in task["inputs"]:
             with headers.reading(f"the input `{name}`"):
                 inputs[name] = slot.annotation.decode(task["inputs"][name], store.reader)
-    # JSON mode takes a list for a tuple, and the engine speaks JSON.
+    # JSON mode accepts a list for a tuple, and the engine passes options as JSON.
     options = rule.options.model_validate_json(json.dumps(task["options"]))
     calls, reads = _Calls(task, store, emit), ProjectReads(Path(task["project"]), store) if rule.discovers else None
     with _full_disk_told(store), ExitStack() as folders, _full_disk_told(store):
-        # Most calls need no folder, and making one takes longer than a small call.
+        # Most calls need no folder, and creating one takes longer than a small call.
         ctx = Context(
             backend,
             scratch=lambda: Path(folders.enter_context(tempfile.TemporaryDirectory(prefix="dxb-"))),
@@ -80,13 +80,13 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         if reads is not None:
             folders.enter_context(_failure_told(reads, emit))
         result = rule(ctx, **inputs, **keyword)
-        # Before the scratch folder goes: what is returned may lie there.
+        # Before the scratch folder is removed, because the result may refer to files in it.
         reply = _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
         return reply | ({"reads": reads.finish()} if reads is not None else {})
 
 
 def _refuse_other_versions(packages: Mapping[str, str]) -> None:
-    """Raise where a package has another version than in the key: on a cluster, or after it was just installed."""
+    """Raise if a package version differs from the key: on a cluster, or after an installation during the build."""
     for name, version in packages.items():
         if _installed(name) != version:
             raise MachineError(
@@ -101,7 +101,7 @@ _installed = lru_cache(maxsize=None)(version_of)
 
 
 def _keep(task: Mapping[str, Any], store: Store, reads: ProjectReads | None) -> Callable[[], Path] | None:
-    """The folder in which a call keeps its progress; one that reads by itself has another when it read other things."""
+    """The folder for a call's saved progress; with discovered inputs, it also depends on the files read so far."""
     key: str = task.get("key", "")
     if not key:
         return None
@@ -110,7 +110,7 @@ def _keep(task: Mapping[str, Any], store: Store, reads: ProjectReads | None) -> 
 
 @contextmanager
 def _failure_told(reads: ProjectReads, emit: Emit) -> Iterator[None]:
-    """Say what a call read that fails, for its mend may lie there."""
+    """Report the discovered inputs of a failed call, because a fix may change one of them."""
     try:
         yield
     except BaseException:
@@ -119,11 +119,11 @@ def _failure_told(reads: ProjectReads, emit: Emit) -> Iterator[None]:
 
 
 class ProjectReads(Recording):
-    """What one call reads by itself.
+    """The discovered inputs of one call.
 
     Args:
         root: The project's folder.
-        store: Takes what is read.
+        store: Stores the files that are read.
 
     Raises:
         MachineError: The folder is not on this machine.
@@ -142,15 +142,15 @@ class ProjectReads(Recording):
 
     def file(self, path: str) -> File:
         """See `Context.file`."""
-        from dextera_build.artifacts.base import File  # few rules read by themselves
+        from dextera_build.artifacts.base import File  # few rules discover inputs
 
         return File.decode(self.digest_of(path), self._store.reader)
 
     def finish(self) -> list[list[str]]:
-        """Store what was listed; returns all questions and answers.
+        """Store the directory listings; returns all questions and answers.
 
         Raises:
-            DxbError: Something could not be read, whatever the rule made of that.
+            DxbError: A read failed, even if the rule caught the error.
         """
         if self.error is not None:
             raise self.error
@@ -160,7 +160,7 @@ class ProjectReads(Recording):
 
 
 class _Calls:
-    """What answers the calls of one node; few nodes make one, so what it takes is loaded with the first."""
+    """Answers the service calls of one node; the recorder is loaded on the first call, because few nodes make any."""
 
     def __init__(self, task: Mapping[str, Any], store: Store, emit: Emit) -> None:
         self._task, self._store, self._emit = task, store, emit
@@ -168,7 +168,7 @@ class _Calls:
         self.made: list[dict[str, Any]] = []
 
     def __call__(self, *words: Any, **manner: Any) -> bytes:
-        """The answer of a service; `DXB_CALLS` says where from, and profile `stub` never calls."""
+        """The answer of a service, in the mode set by `DXB_CALLS`; profile `stub` never calls."""
         if self._recorder is None:
             from dextera_build.calls.recorder import Recorder
 
@@ -180,7 +180,7 @@ class _Calls:
 
 
 def _fetcher(task: Mapping[str, Any], store: Store) -> Callable[[str], ActionResult | None]:
-    """Looks for a recorded answer on the remotes of the project."""
+    """A function that looks for a recorded answer on the remotes of the project."""
 
     def fetch(key: str) -> ActionResult | None:
         exchange = _exchange(store, task["project"], os.environ.get("DXB_REMOTES", ""))
@@ -191,7 +191,7 @@ def _fetcher(task: Mapping[str, Any], store: Store) -> Callable[[str], ActionRes
 
 @lru_cache(maxsize=1)
 def _exchange(store: Store, project: str, listed: str) -> Exchange | None:
-    """The remotes of this worker, opened once; `listed` is what the environment says of them."""
+    """The remotes of this worker, opened once; `listed` is the value of `DXB_REMOTES`."""
     from dextera_build.project.project import Project
     from dextera_build.remotes.exchange import Exchange
     from dextera_build.remotes.spec import guarded
@@ -201,7 +201,7 @@ def _exchange(store: Store, project: str, listed: str) -> Exchange | None:
     if not used:
         return None
     exchange = Exchange(store, [guarded(spec) for spec in used])
-    atexit.register(exchange.close)  # a worker that ends at once has its connections closed by the system
+    atexit.register(exchange.close)  # if the worker is killed, the system closes the connections
     return exchange
 
 
@@ -224,7 +224,7 @@ def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[st
 
 @contextmanager
 def _full_disk_told(store: Store) -> Iterator[None]:
-    """Turn what a library says of a full disk into the error of dxb, while the files that filled it are still there."""
+    """Convert a library's full-disk error to a `DxbError`, while the files that filled the disk still exist."""
     try:
         yield
     except DxbError:

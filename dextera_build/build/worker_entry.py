@@ -1,4 +1,4 @@
-"""What a worker loads: the runner, behind the importer, so that code which enters keys is compiled from its source."""
+"""Entry point of workers: the runner, loaded after the importer so that digested code is compiled from source."""
 
 from dextera_build.code.importer import install
 

@@ -1,1 +1,1 @@
-"""The code of rules: where it lies, what of it enters a key, and how a worker runs it."""
+"""The code of rules: how it is found, digested into keys, and run by workers."""

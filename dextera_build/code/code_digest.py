@@ -1,4 +1,4 @@
-"""What a rule's code is, for its key: the syntax trees of its file and of all first-party files it imports."""
+"""Digests a rule's code for its key: the syntax trees of its file and of all first-party files it imports."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pathlib import Path
 from dextera_build.code import syntax
 from dextera_build.code.modules import DXB, PACKAGE, Module, Modules, digest_of, read
 
-# What a rule writes against, and what can reach no artifact: the key's schema version stands for them.
+# Modules that rules are written against but that cannot affect artifacts; the key's schema version covers them.
 _FRAMEWORK = frozenset(PACKAGE / name for name in ("__init__.py", "rule.py", "errors.py", "digest.py"))
 RULES = "rules"
-"""What stands for the root of a rule in the names of sources."""
+"""Placeholder for the root of a rule in names of sources."""
 _SOURCE = ".py"
 _PACKAGE = "__init__.py"
 
@@ -22,19 +22,19 @@ class Code:
     """The first-party code of a rule and its backend."""
 
     definitions: Mapping[str, Mapping[str, str]]
-    """Source -> top-level definition, or `<module>` -> digest; what a key holds."""
+    """Source -> top-level definition, or `<module>` -> digest; part of the key."""
     sources: Mapping[str, str]
-    """Source -> digest of its bytes, which a worker compares; "" for one that was looked for and is not there."""
+    """Source -> digest of its bytes, checked by workers; "" for one that was looked for but does not exist."""
     foreign: Mapping[str, Path]
-    """Top-level module that is not first-party -> a file that imports it; what dxb itself imports is not named."""
+    """Top-level module that is not first-party -> a file that imports it; imports by dxb itself are left out."""
 
 
 class CodeIndex:
     """Digests of first-party source files, each read and parsed once.
 
     Args:
-        roots: Mounted package -> folder of rule stages; more may come.
-        own: Gives top-level packages that are first-party although they are installed.
+        roots: Mounted package -> folder of rule stages; may grow later.
+        own: Returns the top-level packages that are first-party even though they are installed.
     """
 
     def __init__(self, roots: Mapping[str, Path], own: Callable[[], Container[str]]) -> None:
@@ -46,7 +46,7 @@ class CodeIndex:
         self._foreign: dict[Path, set[str]] = {}
 
     def of(self, *files: Path) -> Code:
-        """The code of `files` and of everything that they import, transitively."""
+        """The code of `files` and of all first-party modules they import, transitively."""
         definitions, sources, foreign = dict[str, dict[str, str]](), dict[str, str](), dict[str, Path]()
         for name, module in list(self._closure(files)):
             if module is None or module.file is None:
@@ -60,7 +60,7 @@ class CodeIndex:
         return Code(*(dict(sorted(found.items())) for found in (definitions, sources, foreign)))  # type: ignore[arg-type]
 
     def looked_at(self) -> set[str]:
-        """Files that were read, folders that were searched, and files that are not there and would come first."""
+        """Files that were read, folders that were searched, and missing files that would take precedence."""
         return {*map(str, self._parsed), *self._modules.looked_at}
 
     def files(self) -> list[Path]:
@@ -68,7 +68,7 @@ class CodeIndex:
         return list(self._parsed)
 
     def find(self, name: str, definition: str) -> tuple[Path, int] | None:
-        """Where a definition of a named source stands now, or None where it is gone."""
+        """The file and line of a definition in a named source, or None if the source is gone."""
         head, _, rest = name.partition("/")
         folders = {RULES: list(self._roots.values()), DXB: [PACKAGE]}.get(head, [])
         known = [self._named[name]] if name in self._named else []
@@ -78,7 +78,7 @@ class CodeIndex:
         return None
 
     def _closure(self, files: Iterable[Path]) -> Iterator[tuple[str, Module | None]]:
-        """Modules by name, of `files` and everything that they import; None for one that is not there."""
+        """Modules of `files` and of everything they import, by name; None for a module that does not exist."""
         todo = [self._module_name(file) for file in files]
         seen = set(todo)
         while todo:
@@ -101,7 +101,7 @@ class CodeIndex:
 
     def _imported(self, module: Module) -> tuple[str, ...]:
         if module.name not in self._imports:
-            # The packages above it run first.
+            # Parent packages run first.
             names = dict.fromkeys(_prefixes(module.name))
             for level, base, inner in self._source(module.file).imports if module.file else ():
                 for name in self._asked(module, level, base, inner):
@@ -110,12 +110,12 @@ class CodeIndex:
         return self._imports[module.name]
 
     def _asked(self, module: Module, level: int, base: str, names: tuple[str, ...]) -> Iterator[str]:
-        """The modules that an import statement of `module` looks for."""
+        """Names of the modules that an import statement in `module` looks for."""
         if level:
             above = module.package.split(".")
             base = ".".join([*above[: max(0, len(above) - level + 1)], *([base] if base else [])])
         if not base:
-            return  # it leads out of the root, where Python refuses it
+            return  # it leads out of the root, which Python refuses
         top = base.partition(".")[0]
         if self._modules.is_foreign(top):
             if module.file:
@@ -128,7 +128,7 @@ class CodeIndex:
             yield from (f"{base}.{name}" for name in (*names, *listed) if name != "*")
 
     def _name(self, module: Module) -> str:
-        """The name of a source file that is the same on every machine: `rules/factorize/mesh.py`."""
+        """Name of a source file, equal on every machine: `rules/factorize/mesh.py`."""
         assert module.file is not None
         inside = f"/{_PACKAGE}" if module.search is not None else module.file.suffix
         name = f"{self._spelled(module.name)}{inside}"
@@ -148,6 +148,6 @@ class CodeIndex:
 
 
 def _prefixes(name: str) -> Iterator[str]:
-    """`a`, `a.b` and `a.b.c` for `a.b.c`: an import runs them in this order."""
+    """`a`, `a.b` and `a.b.c` for `a.b.c`, in import order."""
     parts = name.split(".")
     return (".".join(parts[: count + 1]) for count in range(len(parts)))

@@ -1,7 +1,7 @@
-"""Imports first-party modules from the source that was digested; byte code of them is neither read nor written.
+"""Imports first-party modules from the digested source; their byte code is neither read nor written.
 
-In the process that plans, a module is compiled from the bytes that `modules.read` keeps for the digest. A worker is
-told with each task which sources the key stands for, and runs these; where it cannot have them, it refuses.
+In the planning process, a module is compiled from the bytes that `modules.read` keeps for the digest. A worker gets
+the source digests of the key with each task and runs exactly these sources; it refuses if it cannot get them.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from dextera_build.code.syntax import too_deep
 from dextera_build.errors import DxbError, MachineError, Place, RecipeError, RuleError
 
 _DIGESTED = tuple(f"{DXB}.{name}" for name in ("artifacts", "geometry", "learning", "policy", "sim"))
-"""What of dxb itself enters the keys of rules."""
+"""Packages of dxb that are digested into the keys of rules."""
 _PACKAGE = "/__init__.py"
 
 
 class Importer:
-    """A finder of Python's import system; there is one in a process."""
+    """A finder for Python's import system, one per process."""
 
     is_of_dxb = True
 
@@ -64,14 +64,14 @@ class Importer:
         return spec
 
     def want(self, sources: Mapping[str, str], root: str) -> None:
-        """Take note of what the code of a task was digested from.
+        """Set the sources from which the code of a task was digested.
 
         Args:
             sources: See `code_digest.Code`.
             root: The package under which its rule is mounted.
 
         Raises:
-            RuleError: A module of it was loaded from another source.
+            RuleError: One of its modules was already loaded from another source.
         """
         self._edited = None
         for source, said in sources.items():
@@ -81,19 +81,19 @@ class Importer:
                 raise self._refuse(sys.modules[name].__file__ or name)
 
     def verify(self) -> None:
-        """Say again what was refused, whatever the rule made of that.
+        """Raise the error of a refused import again, even if the rule caught it.
 
         Raises:
-            RuleError: A module is another than the one that was digested.
+            RuleError: A module differs from the digested one.
         """
         if self._edited is not None:
             raise self._edited
 
     def source(self, name: str, file: str) -> bytes:
-        """The source of a module as it was digested, whoever has edited the file since.
+        """The source of a module as digested, even if the file was edited since.
 
         Raises:
-            RuleError: It was edited, and what was digested is not known here.
+            RuleError: It was edited, and the digested source is not available here.
         """
         data, wanted = read(file), self._wanted.get(name)
         if wanted is not None and wanted != digest_of(data):
@@ -105,8 +105,8 @@ class Importer:
         return data
 
     def forget_changed(self) -> None:
-        """Have modules imported anew of which a source file was changed since, and new ones found."""
-        invalidate_caches()  # Python notes which folders of the search path are there, and what they hold
+        """Forget all loaded modules if a source file changed, and let the import system find new ones."""
+        invalidate_caches()  # Python caches the contents of folders on the search path
         if forget_changed():
             for name in self._loaded:
                 sys.modules.pop(name, None)
@@ -134,13 +134,13 @@ class _Loader(SourceFileLoader):
         self._importer = importer
 
     def get_code(self, fullname: str) -> CodeType:
-        """The module's code; without the detour by byte code that the class above takes."""
+        """The module's code, compiled without the byte-code cache of the base class."""
         code: CodeType = self.source_to_code(self._importer.source(fullname, self.path), self.path)
         return code
 
 
 def _module(source: str, root: str) -> str:
-    """The module that a source is imported as."""
+    """Import name of a source."""
     stem = source.removesuffix(_PACKAGE) if source.endswith(_PACKAGE) else source.rpartition(".")[0]
     top, *rest = stem.split("/")
     return ".".join([root if top == RULES else top, *rest])
@@ -150,9 +150,9 @@ IMPORTER = Importer()
 
 
 def install() -> Importer:
-    """Have first-party modules imported by `IMPORTER` from now on."""
+    """Install `IMPORTER` for first-party modules."""
     if IMPORTER not in sys.meta_path:
-        # Others that come before Python's own finder stay there: pytest rewrites what it imports.
+        # Insert directly before Python's own finder: earlier finders, such as that of pytest, keep their place.
         place = sys.meta_path.index(PathFinder) if PathFinder in sys.meta_path else 0
         sys.meta_path.insert(place, IMPORTER)
     return IMPORTER
@@ -160,7 +160,7 @@ def install() -> Importer:
 
 @contextmanager
 def watched(path: str, file: Path) -> Iterator[None]:
-    """Import a module in the block: it cannot end the process.
+    """Keep a module imported in the block from ending the process.
 
     Raises:
         RecipeError: It tried to end the process.
@@ -168,7 +168,7 @@ def watched(path: str, file: Path) -> Iterator[None]:
     leave, here = os._exit, os.getpid()
 
     def ended(status: int) -> NoReturn:
-        if os.getpid() != here:  # a fork that ends is its own affair
+        if os.getpid() != here:  # a forked child may exit
             leave(status)
         raise SystemExit(status)
 
@@ -188,7 +188,7 @@ def watched(path: str, file: Path) -> Iterator[None]:
 
 
 def refused(path: str, file: Path, error: Exception) -> DxbError:
-    """What to say of an import that failed."""
+    """The error for a failed import."""
     if isinstance(error, DxbError):
         return error
     if isinstance(error, SyntaxError):
@@ -211,7 +211,7 @@ def refused(path: str, file: Path, error: Exception) -> DxbError:
 
 
 def _last(error: Exception, file: Path) -> Place:
-    """The last line of first-party code that an exception came through."""
+    """The innermost line of first-party code in the traceback of an exception."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if is_first_party(frame.filename) and not frame.filename.startswith(str(PACKAGE))]
     return Place(own[-1].filename, own[-1].lineno or 0) if own else Place(str(file))

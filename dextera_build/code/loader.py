@@ -1,8 +1,8 @@
-"""Finds rules and backends by their place in the tree, imports them, and says what of them enters a key.
+"""Finds rules and backends by their path, imports them, and collects the code that enters their keys.
 
-A rule `factorize.mesh` is the file `rules/factorize/mesh.py`, or `mesh.py` in a folder of that stage, of the first root
-that has it: the project, installed distributions (entry-point group `dxb.rules`), dxb's own. Every root is mounted as a
-package under a name of its own, so nothing called `rules` is ever installed or imported.
+A rule `factorize.mesh` is the file `rules/factorize/mesh.py`, or `mesh.py` in a folder of that stage, in the first root
+that has it: the project, installed distributions (entry-point group `dxb.rules`), dxb itself. Every root is mounted as
+a package with a unique name, so no package called `rules` is ever installed or imported.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 def bundled(kind: str) -> Path:
-    """The `rules` or `recipes` that come with dxb: inside the wheel, or beside the package in a checkout."""
+    """Folder of the `rules` or `recipes` bundled with dxb: inside the wheel, or next to the package in a checkout."""
     inside = PACKAGE / "_bundled" / kind
     return inside if inside.is_dir() else PACKAGE.parent / kind
 
@@ -44,7 +44,7 @@ def bundled(kind: str) -> Path:
 class Root:
     """One folder of stages, mounted as a package once per process.
 
-    The package is named after the folder, so that libraries of several projects can stand in one process.
+    The package is named after the folder, so libraries of several projects can coexist in one process.
 
     Args:
         path: The folder.
@@ -60,20 +60,20 @@ class Root:
             sys.modules[self.name] = importlib.util.module_from_spec(spec)
 
     def module(self, file: Path) -> str:
-        """The name under which a file below `path` is imported."""
+        """Import name of a file below `path`."""
         return ".".join((self.name, *file.relative_to(self.path).with_suffix("").parts))
 
     def rules(self, stage: str, name: str) -> list[Path]:
-        """The files of a stage and of its folders that hold a rule of this name; `*` stands for any."""
+        """Files in a stage and its folders that define a rule of this name; `*` matches any stage or name."""
         if not all(part == "*" or part.isidentifier() for part in (stage, name)):
-            return []  # a path, or a pattern of somebody else's
+            return []  # a path or another pattern
         found = [*self.path.glob(f"{stage}/{name}.py"), *self.path.glob(f"{stage}/*/{name}.py")]
         return [file for file in sorted(found) if _line(file)]
 
 
 @dataclass(frozen=True)
 class RuleFile:
-    """A rule as found on disk; nothing of it is imported until `rule` is asked for."""
+    """A rule as found on disk; imported on first access to `rule`."""
 
     path: str
     """`factorize.mesh`."""
@@ -85,7 +85,7 @@ class RuleFile:
         """The imported rule.
 
         Raises:
-            RecipeError: The file cannot be imported, or holds no rule of its own name.
+            RecipeError: The file cannot be imported, or defines no rule of its own name.
         """
         from dextera_build.rule import Rule
 
@@ -113,7 +113,7 @@ class RuleFile:
 
     @cached_property
     def candidates(self) -> list[Path]:
-        """Files that are backends of it, if they say so."""
+        """Files that are backends of the rule if they define `BACKEND`."""
         return sorted(self.file.parent.glob(f"{self.file.stem}_*.py"))
 
 
@@ -133,7 +133,7 @@ class BackendFile:
         return _import(self.owner.root, f"{stage}.{self.file.stem}", self.file)
 
     def missing(self) -> list[str]:
-        """Distributions that it needs and that are not installed."""
+        """Required distributions that are not installed."""
         return [name for name in self.facts.packages if version_of(name) is None]
 
 
@@ -152,12 +152,12 @@ class Library:
         """The project's own root, if it has one."""
         self._found: dict[str, RuleFile] = {}
         self.warnings: dict[str, str] = {}
-        """What to say of modules that rules import and do not declare, by module."""
+        """Warnings about modules that rules import without declaring them, by module."""
         IMPORTER.forget_changed()
 
     @cached_property
     def roots(self) -> list[Root]:
-        """Where rules are looked for, in order."""
+        """Roots searched for rules, in order."""
         folders = [
             Path(str(importlib.util.find_spec(point.value).submodule_search_locations[0]))  # type: ignore[union-attr,index]
             for point in self._points
@@ -168,8 +168,8 @@ class Library:
 
     @cached_property
     def _points(self) -> Sequence[EntryPoint]:
-        """What installed distributions say of rules that they bring."""
-        import importlib.metadata  # slow to import, and not every command asks for rules
+        """Entry points of installed distributions that provide rules."""
+        import importlib.metadata  # slow to import, and not every command needs rules
 
         return list(importlib.metadata.entry_points(group="dxb.rules"))
 
@@ -180,7 +180,7 @@ class Library:
             RecipeError: No root has it.
         """
         if path not in self._found:
-            # What the project has itself is found without a look at what is installed.
+            # The project's own rules are found without searching installed distributions.
             found = _among(self._first, path) or _among(self.roots, path)
             if found is None:
                 raise self._unknown(path, where)
@@ -198,12 +198,12 @@ class Library:
                     yield self.find(path)
 
     def warn_of_undeclared(self, found: RuleFile, code: Code, packages: Sequence[str]) -> None:
-        """Add to `warnings` the modules that a rule's code imports whose version no key holds.
+        """Add to `warnings` the modules imported by a rule's code whose version is in no key.
 
         Args:
             found: The rule.
-            code: Its code, with that of its backend.
-            packages: Distributions that both declare.
+            code: The code of the rule and its backend.
+            packages: Distributions declared by the rule or its backend.
         """
         if found.root.path == bundled(RULES).resolve():
             return
@@ -218,7 +218,7 @@ class Library:
             )
 
     def looked_at(self) -> set[str]:
-        """Files and folders that decided which code the rules found so far run; some of them are not there."""
+        """Files and folders, including missing ones, that determine the code of the rules found so far."""
         found = self.code.looked_at()
         if self._project is not None:
             found.add(str(self._project / RULES))
@@ -228,7 +228,7 @@ class Library:
             roots = self._first if rule.root in self._first else self.roots
             for root in roots[: roots.index(rule.root) + 1]:
                 folder = root.path / stage
-                # A new file in one of these can be the rule, or a backend of it.
+                # A new file in one of these may be the rule or one of its backends.
                 inner = (place for place in folder.glob("*") if place.name != "__pycache__" and place.is_dir())
                 found.update(map(str, (root.path, folder, folder / f"{name}.py", *inner)))
         return found
@@ -268,10 +268,10 @@ def _among(roots: Sequence[Root], path: str) -> RuleFile | None:
 
 
 def choose_backend(found: RuleFile, wanted: str | None, profile: str, where: Place | None = None) -> BackendFile | None:
-    """The backend that carries out a rule: the wanted one, or the profile's; None for a rule without backends.
+    """The backend of a rule: the one named `wanted`, or the profile's; None for a rule without backends.
 
     Raises:
-        RecipeError: No backend is called so, or none belongs to the profile.
+        RecipeError: No backend has this name, or none belongs to the profile.
         MachineError: It needs packages that are not installed.
     """
     if wanted is not None and wanted not in found.backends:
@@ -343,7 +343,7 @@ def _import(root: Root, path: str, file: Path) -> ModuleType:
 
 
 def _line(file: Path) -> int:
-    """The line of the function with `@rule` that bears a file's name; 0 where it has none."""
+    """Line of the `@rule` function named after the file; 0 if there is none."""
     text = read(file).decode(errors="replace")
     found = re.search(rf"^@rule\(.*?^def {file.stem}\b", text, re.MULTILINE | re.DOTALL)
     return text.count("\n", 0, found.end()) + 1 if found else 0

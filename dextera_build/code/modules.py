@@ -1,7 +1,7 @@
-"""Where imports of first-party modules lead, decided as Python decides it, and what their files hold.
+"""Resolves imports of first-party modules by Python's rules, and reads their files.
 
-First-party is what lies neither in the standard library nor where distributions are installed: `rules/`, packages of a
-project wherever the module search path finds them, and dxb itself.
+First-party modules are those outside the standard library and the folders of installed distributions: `rules/`,
+packages of a project anywhere on the module search path, and dxb itself.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ _LIBRARY = os.path.dirname(os.path.realpath(os.__file__))
 _INSTALLED = {"site-packages", "dist-packages"}
 _BESIDE = {"PIL", "annotated_types", "numpy", "pydantic", "pydantic_core", "typing_extensions", "yaml"}
 KNOWN = sys.stdlib_module_names | _BESIDE
-"""Top-level modules of Python, and of every installation of dxb."""
+"""Top-level modules of Python and of packages that every installation of dxb has."""
 _READ: dict[str, bytes] = {}
 _SHARED = "DEXTERA_SOURCES"
 
 
 def read(file: str | os.PathLike[str]) -> bytes:
-    """What a source file held when this process looked first; what is digested and what is run are the same bytes.
+    """The bytes of a source file, cached on first read so that the digested and the executed bytes are the same.
 
     Raises:
         MachineError: It cannot be read.
@@ -57,7 +57,7 @@ def was_read(name: str) -> bool:
 
 
 def forget_changed() -> bool:
-    """Forget what was read of files that hold something else now; whether there were any."""
+    """Drop cached sources whose files changed; returns whether there were any."""
     changed = [name for name, data in _READ.items() if _now(name) != data]
     for name in changed:
         del _READ[name]
@@ -72,10 +72,10 @@ def _now(name: str) -> bytes | None:
 
 @contextmanager
 def shared() -> Iterator[tuple[dict[str, str], Callable[[], None]]]:
-    """Share what this process reads with workers on this machine, as long as the block lasts.
+    """Share the sources read by this process with workers on this machine, for the duration of the block.
 
     Yields:
-        Variables by which they find it, and what shares all that was read so far; call it once.
+        Environment variables for the workers, and a function to call once that shares all sources read so far.
     """
     with os.fdopen(os.memfd_create("sources"), "w") as opened:
 
@@ -87,9 +87,9 @@ def shared() -> Iterator[tuple[dict[str, str], Callable[[], None]]]:
 
 
 def earlier(wanted: str) -> bytes | None:
-    """The source with this digest as the build read it that this process works for; None where that is not known."""
+    """The source with this digest as read by this worker's build; None if unknown."""
     place = os.environ.get(_SHARED, "")
-    if not os.path.isfile(place):  # the build is gone, and its descriptor may be a pipe's
+    if not os.path.isfile(place):  # the build has ended, and the descriptor may now be a pipe
         return None
     with suppress(OSError, ValueError), open(place) as opened:
         data: bytes = json.load(opened).get(wanted, "").encode("latin-1")
@@ -105,7 +105,7 @@ def digest_of(data: bytes) -> str:
 
 @cache
 def is_first_party(file: str) -> bool:
-    """Whether a module's file is neither of the standard library nor of an installed distribution."""
+    """Whether a module's file belongs neither to the standard library nor to an installed distribution."""
     if not os.path.isabs(file):
         return False  # built in, or frozen
     return not file.startswith(f"{_LIBRARY}{os.sep}") and _INSTALLED.isdisjoint(file.split(os.sep))
@@ -113,27 +113,27 @@ def is_first_party(file: str) -> bool:
 
 @dataclass(frozen=True)
 class Module:
-    """What an import finds."""
+    """The module that an import finds."""
 
     name: str
-    """As it is imported."""
+    """Import name."""
     file: Path | None
     """None for a package without a file."""
     search: tuple[str, ...] | None
-    """Where its submodules are looked for; None where it is no package."""
+    """Folders searched for submodules; None if it is not a package."""
 
     @property
     def package(self) -> str:
-        """What relative imports in it start from."""
+        """Package that relative imports in it start from."""
         return self.name if self.search is not None else self.name.rpartition(".")[0]
 
 
 class Modules:
-    """Looks modules up, each once, and notes where it looked.
+    """Looks up modules, each once, and records the searched places.
 
     Args:
-        roots: Mounted package -> its folder; more may come.
-        own: Gives top-level packages that are first-party although they are installed.
+        roots: Mounted package -> its folder; may grow later.
+        own: Returns the top-level packages that are first-party even though they are installed.
     """
 
     def __init__(self, roots: Mapping[str, Path], own: Callable[[], Container[str]]) -> None:
@@ -142,17 +142,17 @@ class Modules:
         self._own = own
         self._foreign: set[str] = set()
         self.looked_at: set[str] = set()
-        """Folders that were searched, and files that would have been found first."""
+        """Folders that were searched, and missing files that would take precedence."""
 
     def find(self, name: str) -> Module | None:
-        """What `import name` finds; None where that is nothing, or nothing first-party."""
+        """The module that `import name` finds; None if there is none or it is not first-party."""
         if name not in self._found:
             parent, _, tail = name.rpartition(".")
             self._found[name] = self._inner(name, tail, parent) if parent else self._top(name)
         return self._found[name]
 
     def is_foreign(self, top: str) -> bool:
-        """Whether a top-level module is there, and not first-party."""
+        """Whether a top-level module exists but is not first-party."""
         self.find(top)
         return top in self._foreign
 
@@ -191,7 +191,7 @@ def _module(name: str, spec: ModuleSpec) -> Module:
 
 
 def find_top(name: str) -> ModuleSpec | None:
-    """What Python finds for a top-level module, by all finders but our own."""
+    """The spec of a top-level module from all finders except dxb's own."""
     for finder in sys.meta_path:
         if getattr(finder, "is_of_dxb", False) or not hasattr(finder, "find_spec"):
             continue
@@ -202,7 +202,7 @@ def find_top(name: str) -> ModuleSpec | None:
 
 
 def _find_below(name: str, search: Sequence[str]) -> ModuleSpec | None:
-    """As `PathFinder.find_spec`, which wants the package above to be imported."""
+    """Like `PathFinder.find_spec`, but without importing the parent package."""
     folders: list[str] = []
     for entry in search:
         finder = pkgutil.get_importer(entry)

@@ -1,4 +1,4 @@
-"""What Python source says, without comments, docstrings and positions: the same on every version of Python.
+"""Digests of Python source without comments, docstrings and positions, equal on every version of Python.
 
 Digests are kept per top-level definition, so that `dxb why` can name the function that changed.
 """
@@ -16,17 +16,17 @@ from dextera_build import digest
 from dextera_build.errors import Place, RecipeError
 
 _PARSING = threading.Lock()
-# Fields that versions add are empty for what older ones can read, and empty fields are left out.
+# Fields added by newer Python versions are empty for older syntax, and empty fields are left out.
 _UNSAID = {"ctx", "kind", "type_comment", "type_ignores"}
 
-# What `@rule(...)` and `Backend(...)` say of how a call runs; it changes no result, so it stays out of the key.
+# Arguments of `@rule(...)` and `Backend(...)` about how a call runs; they do not affect results or the key.
 _NEEDS = {"cpus", "memory_gb", "gpus", "resources", "retries", "retry_on", "retry_wait_s"}
 _BACKEND_NEEDS = {"gpu_gb", "summary"}
 
 
 @dataclass(frozen=True)
 class Source:
-    """What a source file says."""
+    """The digested contents of a source file."""
 
     definitions: dict[str, str]
     """Top-level definition, or `<module>` -> digest."""
@@ -34,20 +34,20 @@ class Source:
     imports: tuple[tuple[int, str, tuple[str, ...]], ...]
     """(level, module, imported names) of every import statement that may run."""
     exports: tuple[str, ...] = ()
-    """`__all__`, where it is a literal."""
+    """`__all__`, if it is a literal."""
 
 
 def tree(data: bytes, file: str) -> ast.Module:
     """The syntax tree of a source file.
 
-    One thread at a time: Python 3.11 fails where two build trees at once.
+    Locked, because Python 3.11 fails if two threads build trees at once.
 
     Raises:
         RecipeError: It is not Python, or nested more deeply than Python can read.
     """
     try:
         with _PARSING, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of escapes that are out of date; whoever imports the module is told
+            warnings.simplefilter("ignore")  # of invalid escapes; importing the module shows the warning
             return ast.parse(data, file)
     except (RecursionError, MemoryError):
         raise too_deep(file) from None
@@ -58,7 +58,7 @@ def tree(data: bytes, file: str) -> ast.Module:
 
 
 def too_deep(file: str) -> RecipeError:
-    """What to say of a file that Python itself cannot read."""
+    """The error for a file nested too deeply for Python's parser."""
     return RecipeError(
         "an expression or a statement is nested too deeply for Python to read",
         code="DXB-R210",
@@ -68,7 +68,7 @@ def too_deep(file: str) -> RecipeError:
 
 
 def source(data: bytes, file: str) -> Source:
-    """What a source file says.
+    """Parse a source file and digest its definitions.
 
     Raises:
         RecipeError: It is not Python, or nested more deeply than Python can read.
@@ -88,7 +88,7 @@ def source(data: bytes, file: str) -> Source:
 
 
 def dump(node: ast.AST) -> str:
-    """Digest of a syntax tree, without docstrings; no recursion, for a tree can be deep."""
+    """Digest of a syntax tree without docstrings; iterative, because trees may be deep."""
     said: list[str] = []
     todo: list[object] = [node]
     while todo:
@@ -115,7 +115,7 @@ def dump(node: ast.AST) -> str:
 
 
 def _field(node: ast.AST, name: str) -> object:
-    """A field of a node as every version of Python says it; None where it says nothing."""
+    """A field of a node, normalized across Python versions; None if empty."""
     if name in _UNSAID:
         return None
     value = getattr(node, name, None)
@@ -125,12 +125,12 @@ def _field(node: ast.AST, name: str) -> object:
         if isinstance(node, ast.JoinedStr):
             return _pieces(node)
         return [inner for inner in value if not _is_text(inner)]
-    # A name must not be taken for a mark of ours.
+    # The length prefix keeps names distinct from structural marks.
     return f"{len(value)}:{value}" if isinstance(value, str) else value
 
 
 def _pieces(node: ast.JoinedStr) -> list[object]:
-    """The parts of an f-string; versions split its text at different places."""
+    """The parts of an f-string with adjacent text merged, because Python versions split it differently."""
     found: list[object] = []
     text = ""
     for piece in node.values:
@@ -146,7 +146,7 @@ def _constant(value: object) -> str:
     kind = type(value).__name__
     if isinstance(value, str):
         return f"{kind}{len(value)}:{value}"
-    # `repr` of a large integer is refused.
+    # Python refuses `repr` of a very large integer.
     return f"{kind}:{hex(value)}" if isinstance(value, int) and not isinstance(value, bool) else f"{kind}:{value!r}"
 
 
@@ -164,7 +164,7 @@ def _imports(module: ast.Module) -> Iterator[tuple[int, str, tuple[str, ...]]]:
 
 
 def _blocks(node: ast.AST) -> tuple[str, ...]:
-    """The fields of a statement that hold statements which may run: what only a type checker sees does not."""
+    """Fields with the nested statements that may run, leaving out `TYPE_CHECKING` blocks."""
     if isinstance(node, ast.If):
         negated = isinstance(node.test, ast.UnaryOp) and isinstance(node.test.op, ast.Not)
         test = node.test.operand if isinstance(node.test, ast.UnaryOp) and negated else node.test

@@ -1,1 +1,1 @@
-"""The build engine: keys, states, scheduling. Knows bytes, never types; prints nothing, speaks in events."""
+"""The build engine: keys, states, scheduling. It handles bytes, not types, and reports only through events."""

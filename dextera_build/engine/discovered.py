@@ -1,4 +1,4 @@
-"""Nodes with discovered inputs: which result today's answers lead to, here and on remotes."""
+"""Nodes with discovered inputs: finds the result whose trace matches the current files, here and on remotes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Question: TypeAlias = tuple[str, str, str]
 
 
 class Reading:
-    """The discovered inputs of one run; each question is asked once.
+    """The discovered inputs of one run; each question is answered once.
 
     Args:
         store: Holds results.
@@ -37,7 +37,7 @@ class Reading:
         self._told: dict[Question, str] = {}
 
     def find(self, node: Node) -> Found | None:
-        """Look a node up in the store; with discovered inputs its key depends on what it would read."""
+        """Look a node up in the store; with discovered inputs, its key depends on the files it would read."""
         if not node.rule.discovers:
             return self._store.actions.find(node.key or "")
         held = self._store.actions.find(node.key or "") if self.follow(node) else None
@@ -46,7 +46,7 @@ class Reading:
         return held
 
     def is_missing(self, node: Node) -> bool:
-        """Whether the store has nothing of a node; the quick answer for most that are about to run."""
+        """Whether the store has no entry for a node; a quick check, always False with discovered inputs."""
         return not node.rule.discovers and self._store.actions.entry(node.key or "") is None
 
     def whole(self, node: Node) -> ActionResult | None:
@@ -55,7 +55,7 @@ class Reading:
         return found.result if found is not None and found.is_whole else None
 
     def document(self, node: Node) -> bytes:
-        """The key document of a node, with its trace if that is known."""
+        """The key document of a node, with its trace if known."""
         if node.rule.discovers:
             return traces.spelled(self._static(node), node.reads)
         return self._writer.document(node.call, node.inputs)
@@ -65,7 +65,7 @@ class Reading:
         self._take(node, None, traces.spelled(self._static(node), None))
 
     def follow(self, node: Node) -> bool:
-        """Give a node the key of the trace that fits, whether the store has its result or not; False: none fits."""
+        """Give a node the key of the trace that matches, even if the store lacks its result; False if none matches."""
         static = self._static(node)
         steps = traces.fitting(self._store, static, self._answers(node))
         if steps is not None:
@@ -73,10 +73,10 @@ class Reading:
         return steps is not None
 
     def ran(self, node: Node, reply: Mapping[str, Any]) -> None:
-        """Give a node that ran the key with its trace.
+        """Give a node the key with its trace, after it ran.
 
         Raises:
-            RuleError: Something that it read is another thing by now, or was before it ran.
+            RuleError: A file that it read changed while it ran, or had already been read with other content.
         """
         steps: Steps = tuple((str(kind), str(name), str(answer)) for kind, name, answer in reply.get("reads") or ())
         for step in steps:
@@ -112,7 +112,7 @@ class Reading:
             self._look(node).answer_or_unknown(str(kind), str(name))
 
     def forget(self, node: Node) -> None:
-        """Forget the answers that a node got."""
+        """Forget the answers a node was given."""
         for kind, name, _ in node.reads or ():
             self._told.pop((node.rule.discovers, kind, name), None)
 

@@ -1,4 +1,4 @@
-"""Between the queue and the executor: locks, tasks, and what becomes of them."""
+"""Between the queue and the executor: locks, tasks and their outcomes."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.protocol import Ended, Executor, Report, Said, Task
 
 _PATIENCE_S = 0.02
-"""How often a key is looked at that another process builds [s]."""
+"""Polling interval for keys that another process builds [s]."""
 _REST_S = 0.1
-"""How often nodes are looked at that rest before another try [s]."""
+"""Polling interval for nodes that wait for a retry [s]."""
 
 
 @dataclass
 class Dispatch:
-    """Starts queued nodes and takes what comes back."""
+    """Starts queued nodes and handles their reports."""
 
     store: Store
     executor: Executor | None
@@ -42,9 +42,9 @@ class Dispatch:
     reading: Reading
     listen: Listener
     pause: Callable[[], None]
-    """Called before time passes."""
+    """Called before every wait."""
     history: History | None
-    """How long nodes ran the last time, and how much memory they took."""
+    """Duration and peak memory of each node's previous run."""
     forced: Callable[[Node], bool]
 
     def __post_init__(self) -> None:
@@ -55,7 +55,7 @@ class Dispatch:
         self._store_name = str(self.store.root)
 
     def start(self) -> Iterator[End]:
-        """Start queued nodes as long as there is room for one of them; gives those that end without running."""
+        """Start queued nodes while any of them fits; yields those that end without running."""
         if self.executor is None:
             return
         yield from self._line_up()
@@ -73,7 +73,7 @@ class Dispatch:
                 yield End(node, "cached", hit)
 
     def _line_up(self) -> Iterator[End]:
-        """Let queued nodes stand in line for what they need; those that rest before another try do so later."""
+        """Pass queued nodes to admission; nodes that wait for a retry follow once their delay is over."""
         queue, now = self.states.queue, time.monotonic()
         if self._resting:
             queue.extend(node for node in self._resting if node.rests_until <= now)
@@ -91,11 +91,11 @@ class Dispatch:
 
     @property
     def is_busy(self) -> bool:
-        """Whether something runs, here or elsewhere, or rests before another try."""
+        """Whether a node runs, here or elsewhere, is being fetched, or waits for a retry."""
         return bool(self._running or self._resting or self.states.locked or self.states.fetching)
 
     def wait(self, idle: bool) -> Iterator[End]:
-        """Take what the executor reports, waiting for it where `idle`; gives the nodes that ended."""
+        """Handle the executor's reports, waiting for one if `idle`; yields the nodes that ended."""
         self.pause()
         busy = self.states.locked or self.states.fetching
         patience = 0.0 if not idle else _PATIENCE_S if busy else _REST_S if self._resting else None
@@ -110,7 +110,7 @@ class Dispatch:
             time.sleep(patience)
 
     def retry_locked(self) -> Iterator[End]:
-        """Look again at what other processes were building; gives what they have built."""
+        """Check the keys that other processes were building; yields the nodes whose results are there."""
         for node in list(self.states.locked):
             assert node.key is not None
             hit = self.reading.whole(node)
@@ -121,12 +121,12 @@ class Dispatch:
                 self.states.set(node, State.QUEUED)
 
     def release_all(self) -> None:
-        """Let other processes build what runs here; for a run that is cut short."""
+        """Release the locks of all running nodes when a run is cut short."""
         for node in self._running.values():
             self.store.locks.release(node.key or "")
 
     def _claim(self, node: Node) -> ActionResult | None:
-        """Take the lock of the node's key, or wait for who has it; returns what another process made meanwhile."""
+        """Lock the node's key, or mark the node as locked; returns a result another process made in the meantime."""
         while True:
             key = node.key
             assert key is not None
@@ -143,7 +143,7 @@ class Dispatch:
             self.store.locks.release(key)
             if hit is not None:
                 return hit
-            # Another process ran it with other files: what ours lead to has a lock of its own.
+            # Another process ran it with other files; the key of our files has a lock of its own.
 
     def _task(self, node: Node, devices: tuple[str, ...]) -> Task:
         rule = node.rule
@@ -164,7 +164,7 @@ class Dispatch:
         )
 
     def _take(self, report: Report) -> End | None:
-        """What became of the node of a report, None where it goes on."""
+        """How the node of a report ended, or None if it is still running."""
         node = self._running.get(report.ticket)
         if node is None:
             return None
@@ -174,7 +174,7 @@ class Dispatch:
         del self._running[report.ticket]
         self._admission.end(node)
         node.ticket = -1
-        key = node.key or ""  # what the node read gives it another
+        key = node.key or ""  # the discovered inputs change it
         try:
             return self._end(node, report)
         finally:
@@ -195,8 +195,8 @@ class Dispatch:
         return End(node, "ran", result)
 
     def _rest(self, node: Node, report: Ended, error: DxbError) -> None:
-        """Have the node tried again after a while."""
-        # Spread by the node's key, so that nodes which failed together do not come back together.
+        """Schedule a retry of the node."""
+        # Jitter from the node's key keeps nodes that failed together from being retried together.
         wait_s = backoff(node.tries, node.rule.retries.wait_s, node.key or "")
         node.rests_until = time.monotonic() + wait_s
         log = log_of(self.store, report)

@@ -21,31 +21,31 @@ class Planned:
     """What a build would do with one node."""
 
     address: str
-    """`body[mug].mesh`; `body.mesh` stands for copies that are not known yet."""
+    """`body[mug].mesh`; `body.mesh` for copies that are not known yet."""
     status: Literal["cached", "stale", "unknown"]
-    """`stale`: it would run. `unknown`: it reads something that is stale, whose output may come out equal."""
+    """`stale`: it would run. `unknown`: an input is stale, but its output may turn out unchanged."""
     key: str | None
-    """None where it is not known; that of a stale node which reads by itself is right if it reads what it read last."""
+    """None if unknown; with discovered inputs, a stale node's key is predicted from the files its last run read."""
     seconds_last: float | None
-    """How long it ran the last time [s], where that is known."""
+    """Duration of its last run [s], if known."""
     rule: RuleFacts = field(repr=False, compare=False)
-    """Of its call."""
+    """The rule of its call."""
     output: str | None = None
     """Digest of the output of a cached node."""
     bare: bool = False
-    """Its result is known, its bytes are absent: cached as long as nobody needs them, stale where somebody does."""
+    """Its result is known but its bytes are absent: cached unless a node or target needs them, stale otherwise."""
     spell: Callable[[], bytes] = field(default=bytes, repr=False, compare=False)
 
     @property
     def key_document(self) -> bytes:
-        """The key document of a cached or stale node, spelled anew each time."""
+        """The key document of a cached or stale node, rebuilt on each access."""
         return self.spell()
 
 
 def survey(
     graph: Graph, targets: Sequence[Address], store: Store, *, whole: bool = False
 ) -> tuple[Scheduler, list[Path]]:
-    """Look at every node that `targets` need; gives what was found, and the calls that they may need.
+    """Look up every node that `targets` need; returns the scheduler and the calls that they may need.
 
     Raises:
         UsageError: A target names a copy that its group does not have.
@@ -64,7 +64,7 @@ def survey(
 def plan(
     graph: Graph, targets: Sequence[Address | tuple[str, ...]], store: Store, *, history: History | None = None
 ) -> list[Planned]:
-    """What a build of `targets` would do with each node that they need, in the order of the recipe; see `survey`."""
+    """What a build of `targets` would do with each node they need, in recipe order; see `survey`."""
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
     scheduler, calls = survey(graph, wanted, store)
     nodes: dict[Path, list[Node]] = {}
@@ -103,7 +103,7 @@ def _planned(node: Node, scheduler: Scheduler, history: History | None) -> Plann
 
 
 def _unopened(path: Path, call: Call, history: History | None) -> Planned:
-    """Copies that are not known yet."""
+    """The entry for copies that are not known yet."""
     known = history.all() if history else {}
     past = [entry.seconds for address, entry in known.items() if parse_address(address).call == path]
     return Planned(".".join(path), "unknown", None, sum(past) if past else None, call.rule)

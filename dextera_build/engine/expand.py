@@ -1,4 +1,4 @@
-"""From the plan to units: only what the targets need, each once, connected to what it reads."""
+"""Turns the plan into units: only those the targets need, each once, connected to their sources."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Wiring:
 
     Args:
         graph: The plan.
-        store: Takes files and folders, and has the headers of outputs.
+        store: Stores files and folders, and holds the headers of outputs.
     """
 
     def __init__(self, graph: Graph, store: Store) -> None:
@@ -48,13 +48,13 @@ class Wiring:
         """Units that are not connected yet."""
         self._gatherings: dict[tuple[Path, Labels, tuple[str, ...]], Gathering] = {}
         self.leaves: dict[str, str] = {}
-        """Files and folders that were looked at -> digest; as texts they take a quarter of the memory."""
+        """Digests of files and folders by path; strings take a quarter of the memory of `Path` objects."""
         self.wishes: list[Gathering] = []
         """The targets."""
         self._store = store
 
     def ask(self, targets: Iterable[Address]) -> None:
-        """Ask for all copies of calls that targets name."""
+        """Request all copies of the calls that targets name."""
         for target in targets:
             unit = Gathering(address=str(target), path=target.call, labels=target.labels or (), collect=False)
             self.wishes.append(unit)
@@ -62,7 +62,7 @@ class Wiring:
 
     @property
     def asked(self) -> Iterator[str]:
-        """The nodes that targets name, as far as groups are open."""
+        """Addresses of the nodes that targets name, in the groups opened so far."""
         return (node.address for wish in self.wishes for node in wish.nodes.values())
 
     def node(self, path: Path, labels: Labels) -> Node:
@@ -87,7 +87,7 @@ class Wiring:
         return unit
 
     def leaf(self, leaf: Leaf) -> str:
-        """Digest of a file or folder; one look a run.
+        """Digest of a file or folder, computed once per run.
 
         Raises:
             RecipeError: It is missing or cannot be read.
@@ -102,7 +102,7 @@ class Wiring:
         return self.leaves[path]
 
     def look(self, targets: Sequence[Address]) -> list[Path]:
-        """Look at every file and folder that targets may need; returns the addresses of all calls that they may need.
+        """Digest every file and folder that targets may need; returns the addresses of all calls they may need.
 
         Raises:
             UsageError: A target names a copy that its group does not have.
@@ -116,12 +116,12 @@ class Wiring:
         return paths
 
     def forget_leaves(self, node: Node) -> None:
-        """Look anew at the files and folders of `node` when it is connected again."""
+        """Digest the files and folders of `node` again when it is reconnected."""
         for leaf in node.call.leaves():
             self.leaves.pop(str(leaf.path), None)
 
     def note_leaves(self, node: Node, call: Call) -> None:
-        """Note which files and folders `node`, a copy of `call`, reads, and what they hold now.
+        """Record the files and folders that `node`, a copy of `call`, reads, with their current digests.
 
         Raises:
             RecipeError: One of them cannot be read.
@@ -129,14 +129,14 @@ class Wiring:
         node.leaves = [(leaf, self.leaf(leaf)) for leaf in call.leaves()]
 
     def connect(self, unit: Unit) -> None:
-        """Find what `unit` reads and wait for what is not known; what is met for the first time is connected next.
+        """Find the sources of `unit` and wait for the unknown ones; new units are connected next.
 
         Raises:
             DxbError: A leaf cannot be read, or a label does not exist.
         """
         known = len(self.fresh)
         self._connect(unit)
-        for _ in range(len(self.fresh) - known):  # so the first that can run are met soon
+        for _ in range(len(self.fresh) - known):  # depth first, so that the first runnable nodes turn up early
             self.fresh.appendleft(self.fresh.pop())
 
     def _connect(self, unit: Unit) -> None:
@@ -152,14 +152,14 @@ class Wiring:
             self._spread(unit, [()])
 
     def sources(self, source: Input, reader: Unit) -> Iterator[Unit]:
-        """The units that an input of `reader` comes from; none for a file or folder."""
+        """The source units of an input of `reader`; none for a file or folder."""
         for part in parts_of(source):
             unit = self.source(part, reader)
             if unit is not None:
                 yield unit
 
     def source(self, part: Leaf | Output | Item | Gather, reader: Unit) -> Unit | None:
-        """The unit that one part of an input of `reader` comes from, None for a file or folder."""
+        """The source unit of one part of an input of `reader`, or None for a file or folder."""
         if isinstance(part, Output):
             level = len(part.call) - 1
             assert not level or part.call[:-1] == reader.path[:-1][:level], f"{reader} reads into a group: {part.call}"
@@ -171,10 +171,10 @@ class Wiring:
         return self._gathering(part, reader.path[:-1], reader.labels)
 
     def value(self, source: Input, reader: Unit) -> str:
-        """The digest of an input of `reader`, whose sources are known; a collection that the recipe lists is stored.
+        """Digest of an input of `reader` whose sources are known; stores a collection that the recipe lists.
 
         Raises:
-            DxbError: A field does not exist, a file cannot be read, or the store cannot take the collection.
+            DxbError: A field does not exist, a file cannot be read, or the collection cannot be stored.
         """
         blobs = self._store.blobs
         if isinstance(source, Pack):
@@ -189,15 +189,15 @@ class Wiring:
         elif isinstance(unit, Opening):
             start = unit.items[reader.labels[len(unit.labels)]]
         assert start is not None, f"{reader.address} is not ready"
-        # A gathering has followed the fields already.
+        # A gathering has already followed the fields.
         fields = () if isinstance(source, Gather) else source.fields
         return headers.project(blobs.get, start, fields) if fields else start
 
     def items(self, unit: Opening) -> dict[str, str]:
-        """Label -> digest of each item of the collection of a group, which is known.
+        """Label -> digest of each item in the known collection of a group.
 
         Raises:
-            DxbError: It is no collection, or a label cannot be one.
+            DxbError: It is not a collection, or a label is not allowed.
         """
         if isinstance(unit.group.over, Fixed):
             found = dict.fromkeys(unit.group.over.labels, "")
@@ -213,10 +213,10 @@ class Wiring:
         return found
 
     def collection(self, unit: Gathering) -> str:
-        """Digest of the collection of the outputs of all copies, which are known; it is stored.
+        """Store the collection of the known outputs of all copies; returns its digest.
 
         Raises:
-            DxbError: Two copies have one label, a field does not exist, or the store cannot take the collection.
+            DxbError: Two copies share a label, a field does not exist, or the collection cannot be stored.
         """
         parts: dict[str, str] = {}
         for labels, node in sorted(unit.nodes.items()):
@@ -228,7 +228,7 @@ class Wiring:
         return self._store.blobs.put(headers.collection_header(parts))
 
     def expand(self, unit: Gathering, opened: Opening) -> None:
-        """Go on from a group that `unit` waited for and that is open now.
+        """Continue `unit` from a group that it waited for and that is now open.
 
         Raises:
             UsageError: A target names a copy that the group does not have.
@@ -270,7 +270,7 @@ class Wiring:
 
 
 def _chosen(unit: Gathering, opened: Opening) -> list[str]:
-    """Labels of `opened` that `unit` wants."""
+    """Labels of `opened` that `unit` needs."""
     level = len(opened.labels)
     if level >= len(unit.labels):
         return list(opened.items)

@@ -16,7 +16,7 @@ from dextera_build.workers.retries import Retries
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """A file or folder of the project; becomes a `File` or `Folder` artifact by its content."""
+    """A file or folder of the project, digested by content into a `File` or `Folder` artifact."""
 
     path: Path
     where: Place
@@ -24,7 +24,7 @@ class Leaf:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """What another call returns. `scope` counts the groups between the graph's root and that call.
+    """The output of another call.
 
     `Output(("camera",), ())` is the root call `camera`; inside a copy of group `body`, `Output(("body", "mesh"), ())`
     is the same copy's `mesh`; from outside the group the same address is a `Gather`.
@@ -37,7 +37,7 @@ class Output:
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """The item that the enclosing group `group` was opened for."""
+    """The current item of the enclosing group `group`."""
 
     group: tuple[str, ...]
     fields: tuple[str, ...] = ()
@@ -45,7 +45,7 @@ class Item:
 
 @dataclass(frozen=True, slots=True)
 class Gather:
-    """A `Collection` of what every copy of a call returns, by the copies' labels."""
+    """A `Collection` of the outputs of every copy of a call, by the copies' labels."""
 
     call: tuple[str, ...]
     fields: tuple[str, ...] = ()
@@ -60,7 +60,7 @@ class Pack:
 
 @dataclass(frozen=True)
 class Fixed:
-    """Labels that the recipe itself lists; what a group without a collection is opened for."""
+    """Labels that the recipe itself lists, for a group without a collection."""
 
     labels: tuple[str, ...]
 
@@ -71,7 +71,7 @@ Input: TypeAlias = Leaf | Output | Item | Gather | Pack
 
 
 def parts_of(source: Input) -> tuple[Leaf | Output | Item | Gather, ...]:
-    """The input itself, or those that a pack is made of."""
+    """The input itself, or the parts of a pack."""
     return tuple(source.parts.values()) if isinstance(source, Pack) else (source,)
 
 
@@ -80,7 +80,7 @@ _NONE = Retries()
 
 @dataclass(frozen=True)
 class RuleFacts:
-    """All that the key holds of a rule and its backend; made by the loader."""
+    """The part of a key that describes a rule and its backend; made by the loader."""
 
     path: str
     """`factorize.mesh`."""
@@ -100,19 +100,19 @@ class RuleFacts:
     named: tuple[tuple[str, float], ...] = ()
     retries: Retries = _NONE
     discovers: str = ""
-    """The folder in which calls of it read by themselves, the project's; "" where they do not."""
+    """The project folder if the rule discovers inputs there; "" otherwise."""
     sources: Mapping[str, str] = field(default_factory=dict)
-    """What a worker compares before it runs the code; `code` is what the key holds of it."""
+    """Source digests that a worker checks before it runs the code; the key holds `code` instead."""
 
     @cached_property
     def needs(self) -> Needs:
-        """What a call takes of a machine; no part of the key, and neither are retries."""
+        """Resources that a call needs; not part of the key, and neither are retries."""
         return Needs(self.cpus, self.memory_gb, self.gpus, self.gpu_gb, self.named)
 
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """One call of a rule; inside a group it stands for one node per copy."""
+    """One call of a rule; inside a group, it becomes one node per copy."""
 
     name: str
     rule: RuleFacts
@@ -125,12 +125,12 @@ class Call:
     salt: str = ""
 
     def leaves(self) -> Iterator[Leaf]:
-        """Every file and folder that it reads."""
+        """Every file and folder that the call reads."""
         for source in self.inputs.values():
             yield from (part for part in parts_of(source) if isinstance(part, Leaf))
 
     def files(self) -> dict[str, Path]:
-        """The slots that read a file or folder, `slot[label]` for those that list several."""
+        """Slot -> path for each file or folder; `slot[label]` if a slot lists several."""
         found = {}
         for slot, source in self.inputs.items():
             parts = source.parts if isinstance(source, Pack) else {"": source}
@@ -154,16 +154,16 @@ class Group:
 
 @dataclass(frozen=True)
 class Graph:
-    """A recipe resolved as far as it can be before anything runs."""
+    """A recipe, resolved as far as possible before anything runs."""
 
     name: str
     """Recipe address: `twin/laptop_scene`."""
     members: Mapping[str, Call | Group]
     targets: Mapping[str, tuple[tuple[str, ...], ...]]
-    """Target name -> call addresses as tuples; `default` is always there."""
+    """Target name -> call addresses as tuples; `default` always exists."""
 
     def calls(self) -> Iterator[tuple[tuple[str, ...], Call]]:
-        """Every call with its address, groups in order; one after another, because there may be many."""
+        """Yield every call with its address, groups in order."""
         stack: list[tuple[tuple[str, ...], Call | Group]] = []
         for first, outer in self.members.items():
             stack.append(((first,), outer))
@@ -186,18 +186,18 @@ class Graph:
         return group
 
     def copy(self, path: Names, labels: tuple[str, ...] = ()) -> Call:
-        """The call at `path`, or what replaces it in the copy with these labels."""
+        """The call at `path`, or its replacement in the copy with these labels."""
         inner, call = self._call(path)
         return inner.overrides.get(labels[-1], {}).get(call.name, call) if inner and labels else call
 
     def variants(self, path: Names) -> list[Call]:
-        """The call at `path`, and what replaces it in some copies of its group."""
+        """The call at `path` and its replacements in copies of its group."""
         inner, call = self._call(path)
         replaced = inner.overrides.values() if inner else ()
         return [call, *(members[call.name] for members in replaced if call.name in members)]
 
     def needs(self, path: Names) -> Iterator[Names]:
-        """The calls that some copy of the call at `path` reads, and those whose collections its groups open over."""
+        """The calls that any copy of the call at `path` reads, and those whose collections its groups open over."""
         inputs = [given for call in self.variants(path) for given in call.inputs.values()]
         over = [self.group(path[:depth]).over for depth in range(1, len(path))]
         for source in (*over, *(part for given in inputs for part in parts_of(given))):
@@ -205,7 +205,7 @@ class Graph:
                 yield source.call
 
     def walk(self, targets: Sequence[Address]) -> Iterator[Names]:
-        """The address of every call that `targets` may need, in the order in which they are met.
+        """The address of every call that `targets` may need, in order of discovery.
 
         Raises:
             UsageError: A target names a copy that its group does not have.
@@ -216,21 +216,21 @@ class Graph:
         stack = [target.call for target in reversed(targets)]
         while stack:
             path = stack.pop()
-            name = path if len(path) > 1 else path[0]  # most stand at the root, and a tuple around each shows
+            name = path if len(path) > 1 else path[0]  # most calls are at the root; saves a tuple each
             if name not in seen:
                 seen.add(name)
                 stack += self.needs(path)
                 yield path
 
     def _call(self, path: Names) -> tuple[Group | None, Call]:
-        """The call at `path`, and the group that it stands in."""
+        """The call at `path` and its innermost group."""
         inner = self.group(path[:-1]) if len(path) > 1 else None
         call = (inner.members if inner else self.members)[path[-1]]
         assert isinstance(call, Call), f"{path} is a group"
         return inner, call
 
     def _refuse_unknown(self, target: Address) -> None:
-        """Refuse a copy that a group does not have which lists its copies."""
+        """Refuse a copy that is missing from a group with fixed labels."""
         labels = target.labels or ()
         for depth, label in enumerate(labels):
             over, path = self.group(target.call[: depth + 1]).over, target.call[: depth + 1]
@@ -240,7 +240,7 @@ class Graph:
 
 @dataclass(frozen=True)
 class Plan:
-    """The graph, every file that planning read, and the rules of its calls."""
+    """The graph, the recipe files that planning read, and the rules of its calls."""
 
     graph: Graph
     recipes: tuple[Path, ...]
@@ -255,15 +255,15 @@ def node_address(call: tuple[str, ...], labels: tuple[str, ...]) -> str:
 
 @dataclass(frozen=True)
 class Address:
-    """What a target names: a call, and which of its copies."""
+    """The call that a target names, and optionally which of its copies."""
 
     call: tuple[str, ...]
     """Groups from the root, then the call."""
     labels: tuple[str, ...] | None = None
-    """Labels of the enclosing groups from the outside in; None or fewer than groups means every copy below."""
+    """Labels of the enclosing groups, outermost first; None, or fewer labels than groups, means every copy below."""
 
     def __str__(self) -> str:
-        """`body[mug].mesh`; groups without a label stand bare: `body.mesh`."""
+        """`body[mug].mesh`; groups without a label have no brackets: `body.mesh`."""
         if not self.labels:
             return ".".join(self.call)
         labels = (*self.labels, *[None] * len(self.call))
@@ -272,7 +272,7 @@ class Address:
         )
 
     def matches(self, labels: tuple[str, ...]) -> bool:
-        """Whether the copy with these labels is one of those that are named."""
+        """Whether the address includes the copy with these labels."""
         wanted = self.labels or ()
         return labels[: len(wanted)] == wanted
 
@@ -281,10 +281,10 @@ _STEP = re.compile(r"(?P<name>[^\[\].]+)(?:\[(?P<label>[^\[\]]+)\])?(?:\.|$)")
 
 
 def parse_address(text: str) -> Address:
-    """The address that `str(Address)` wrote: `scene`, `body.mesh`, `body[mug].mesh`.
+    """Parse an address as `str(Address)` writes it: `scene`, `body.mesh`, `body[mug].mesh`.
 
     Raises:
-        UsageError: `text` is not of this form, or has a label after a group without one.
+        UsageError: `text` is malformed, or has a label after a group without one.
     """
     names: list[str] = []
     labels: list[str] = []
@@ -306,7 +306,7 @@ def parse_address(text: str) -> Address:
 
 
 def no_copy(target: str, group: str, label: str, known: Iterable[str]) -> UsageError:
-    """What to say where `target` names a copy that `group` does not have."""
+    """The error for a `target` that names a copy `group` does not have."""
     return UsageError(
         f"`{target}`: there is no `{label}` in `{group}`",
         code="DXB-U203",

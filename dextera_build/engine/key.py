@@ -1,7 +1,7 @@
-"""The key of a node: the digest of a document that holds all that its output depends on.
+"""The key of a node: the digest of a document that holds everything its output depends on.
 
-One walk makes the document. Its digest is the key, and `compare` of two documents is what `dxb why` prints, so a thing
-that enters the key is explained at once. Not in it: the node's address, paths outside the rule tree, cores, memory.
+The document's digest is the key, and `dxb why` prints `compare` of two documents, so every part of the key can be
+explained. The node's address, paths outside the rule tree, cores and memory are not part of it.
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ from dextera_build.engine.graph import Call, RuleFacts
 from dextera_build.store import traces
 
 SCHEMA = 2
-"""Raised when the form or the meaning of the document changes; every key changes with it."""
+"""Incremented when the form or meaning of the document changes; this changes every key."""
 
 _OWN = ("inputs", "options", "salt")
-"""Parts of the document that calls of one rule differ in, in their order."""
+"""Parts of the document that differ between calls of one rule, in document order."""
 _MARK = "\0"
-"""Stands for these parts; no field of a rule is this text."""
+"""Placeholder for these parts; no field of a rule has this value."""
 
 Document: TypeAlias = dict[str, Any]
 Kind: TypeAlias = Literal["option", "code", "package", "backend", "input", "version", "type", "weights", "salt", "read"]
 
 
 class Writer:
-    """Writes key documents as canonical bytes; what calls of one rule share is spelled once."""
+    """Writes key documents as canonical bytes; the part shared by all calls of a rule is encoded once."""
 
     def __init__(self) -> None:
         self._rules: dict[int, tuple[RuleFacts, list[bytes]]] = {}
 
     def document(self, call: Call, inputs: Mapping[str, str]) -> bytes:
-        """The key document of a call whose inputs (slot -> digest) are known."""
+        """The key document of a call with known inputs (slot -> digest)."""
         around, spell = self._around(call.rule), digests.canonical
         pairs = [[slot, inputs[slot]] for slot in sorted(inputs)]
         # In the order of `_OWN`.
@@ -41,8 +41,8 @@ class Writer:
         return b"%b%b%b%b%b%b%b" % (around[0], own[0], around[1], own[1], around[2], own[2], around[3])
 
     def _around(self, rule: RuleFacts) -> list[bytes]:
-        """The bytes before, between and after the parts that each call has of its own."""
-        # By identity: the mappings in the facts cannot be hashed, and the entry keeps them alive.
+        """The bytes before, between and after the parts specific to each call."""
+        # By identity: the facts contain unhashable mappings, and the entry keeps them alive.
         known = self._rules.get(id(rule))
         if known is None:
             text = digests.canonical(_shared(rule) | dict.fromkeys(_OWN, _MARK))
@@ -52,7 +52,7 @@ class Writer:
 
 @dataclass(frozen=True)
 class Change:
-    """One difference between two key documents; None stands for what was not there."""
+    """One difference between two key documents; None means absent."""
 
     kind: Kind
     name: str
@@ -62,10 +62,10 @@ class Change:
 
 
 def compare(old: Document, new: Document) -> list[Change]:
-    """Every difference that makes two keys differ, the nearest to what a person edits first."""
+    """Every difference between two keys, starting with the kinds that people edit most directly."""
     changes = [
         *_rows("option", flat(old["options"]), flat(new["options"])),
-        # Before the code: another backend is other code.
+        # Before the code, because another backend has other code.
         *_rows("backend", {"backend": old["backend"]}, {"backend": new["backend"]}),
         *_rows("code", _code(old), _code(new)),
         *_rows("version", _versions(old), _versions(new)),
@@ -96,13 +96,13 @@ def _shared(rule: RuleFacts) -> Document:
 def _rows(kind: Kind, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Change]:
     for name in sorted({*old, *new}):
         before, after = old.get(name), new.get(name)
-        # 1, 1.0 and "1" are equal or alike in Python, but not in the key.
+        # 1, 1.0 and True are equal in Python, but not in the key.
         if (name in old) != (name in new) or digests.canonical(before) != digests.canonical(after):
             yield Change(kind, name, before, after)
 
 
 def flat(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options with those of groups as `group.option`."""
+    """Options with nested groups flattened to `group.option`."""
     found: dict[str, Any] = {}
     stack: list[tuple[str, Any]] = [*options.items()]
     while stack:

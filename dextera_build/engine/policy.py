@@ -1,4 +1,4 @@
-"""What a run is told before it begins."""
+"""Settings of one run, fixed before it begins."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Policy:
-    """How a run goes, and what is said of it."""
+    """How a run behaves, and how it is described in its log."""
 
     keep_going: bool = False
-    """Go on with what does not depend on a failed node."""
+    """Continue with nodes that do not depend on a failed one."""
     force: frozenset[str] = frozenset()
-    """Addresses (`body[mug].mesh`, or `body.mesh` for every copy) that run although they are cached."""
+    """Addresses (`body[mug].mesh`, or `body.mesh` for every copy) to run even if cached."""
     only: frozenset[str] | None = None
-    """Addresses that may run; a stale node outside fails with a `StaleError`. None: all may."""
+    """Addresses that may run; any other stale node fails with a `StaleError`. None allows all."""
     recall: bool = False
-    """Nodes whose results came of recorded calls run although they are cached."""
+    """Nodes whose results used recorded calls run even if cached."""
     whole: bool = False
-    """Bring or make the bytes of all nodes, also of those that no other node has to read."""
+    """Fetch or rebuild the bytes of all nodes, including those that no other node reads."""
     dry: bool = False
-    """Nothing runs; what would is left in `State.STALE`."""
+    """Nothing runs; nodes that would run stay in `State.STALE`."""
     project: str = ""
-    """Folder of the project; workers get it."""
+    """Project folder, passed to workers."""
     profile: str = ""
     run: str = ""
     """Id of the run, `0143`."""
@@ -30,4 +30,4 @@ class Policy:
     """Version of dxb."""
     argv: tuple[str, ...] = ()
     variant: str = ""
-    """What tells the request from the recipe's own; see `Session.variant`."""
+    """Distinguishes the request from the recipe's default; see `Session.variant`."""

@@ -1,8 +1,7 @@
-"""From what an executor reports to a published result, or to the error that the node ends with.
+"""Turns an executor's report into a published result, or into the error of the node.
 
-The process that runs a call stores blobs and nothing else. The entry that makes them a result is written here, by the
-scheduler, once it has judged what was made; so a worker may die at any moment and leaves at most blobs that no entry
-names.
+The process that runs a call stores only blobs. The scheduler writes the entry that makes them a result, here, after
+checking them; a worker that dies at any moment leaves at most unreferenced blobs.
 """
 
 from __future__ import annotations
@@ -23,13 +22,13 @@ from dextera_build.workers.protocol import Ended
 
 
 def publish(store: Store, node: Node, report: Ended, reading: Reading) -> ActionResult:
-    """Publish what the node made, unless a file that it reads changed meanwhile; then drop what it kept for a next try.
+    """Publish the node's result, unless a file that it reads changed meanwhile; then drop its saved progress.
 
-    Where the key has a result with another output already, the divergence is noted, and the first one stays, unless it
-    is bare: then its bytes are nowhere.
+    If the key already has a result with another output, the divergence is recorded and the first result stays, unless
+    its bytes are missing.
 
     Returns:
-        The result that the key has now.
+        The result of the key after publishing.
 
     Raises:
         DxbError: The node failed, read a file that changed, or its result cannot be stored.
@@ -54,14 +53,14 @@ def publish(store: Store, node: Node, report: Ended, reading: Reading) -> Action
 
 
 def log_of(store: Store, report: Ended) -> str | None:
-    """Digest of what a failed run printed, None where it printed nothing or its log has no room."""
-    with suppress(StoreError):  # what the node failed of says more than that
+    """Digest of the output of a failed run; None if it printed nothing or the disk has no room for it."""
+    with suppress(StoreError):  # the node's own error matters more
         return store.blobs.put(report.log) if report.log else None
     return None
 
 
 def _result(store: Store, report: Ended, key: str) -> ActionResult:
-    """What a reply comes to; its log is stored.
+    """The result that a reply describes; stores its log.
 
     Raises:
         DxbError: A metric is not finite, or the store cannot be written.
@@ -85,7 +84,7 @@ def _result(store: Store, report: Ended, key: str) -> ActionResult:
 
 
 def _first(store: Store, node: Node, reply: Mapping[str, Any]) -> ActionResult | None:
-    """The result with another output that the key of the node has and keeps."""
+    """The earlier result with another output that the node's key keeps, if any."""
     key = node.key or ""
     known = store.actions.known(key)
     if known is None or known.output == reply["output"]:
@@ -93,7 +92,7 @@ def _first(store: Store, node: Node, reply: Mapping[str, Any]) -> ActionResult |
     if any(call["how"] == "replaced" for call in reply.get("calls") or ()):
         return None
     store.divergent.note(key, node.address, known.output, reply["output"], time.time())
-    return store.actions.get(key)  # None: bytes of it were lost
+    return store.actions.get(key)  # None: some of its bytes were lost
 
 
 def _check_leaves(store: Store, node: Node) -> None:

@@ -1,4 +1,4 @@
-"""What became of a node: one record, which is also the event that tells of it."""
+"""The record of a settled node, which is also its event."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from dextera_build.runs.events import NodeFinished
 
 
 def record_of(node: Node, project: str, blockers: Sequence[str] = ()) -> NodeFinished:
-    """What became of a node.
+    """The record of a settled node.
 
     Args:
-        node: It is done or failed, or will never run.
-        project: Folder that paths are told from.
+        node: A node that is done or failed, or will never run.
+        project: Folder that paths are relative to.
         blockers: Addresses of the failed units that it waits for.
     """
     status, rule = node.status, node.rule
@@ -51,7 +51,7 @@ def record_of(node: Node, project: str, blockers: Sequence[str] = ()) -> NodeFin
 
 
 def record_of_group(unit: Unit, error: DxbError) -> NodeFinished:
-    """What became of a group that cannot be opened, or of a collection that cannot be gathered."""
+    """The record of a group that cannot be opened, or of a collection that cannot be gathered."""
     depends_on = [source.address for source in producers(unit)]
     return NodeFinished(
         time.time(), unit.address, "each", None, "failed", None, None, 0.0, error=error, depends_on=depends_on

@@ -1,4 +1,4 @@
-"""Between the scheduler and remotes: nodes that are fetched rather than run, and results that are uploaded."""
+"""Between the scheduler and remotes: fetches results instead of running nodes, and uploads new ones."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from dextera_build.runs import events
 from dextera_build.runs.events import Listener
 
 if TYPE_CHECKING:
-    # A build without remotes need not wait for these.
+    # Not imported in builds without remotes.
     from dextera_build.remotes.exchange import Arrival, Exchange
 
 Remotes: TypeAlias = "Exchange | None"
 """The remotes of a run; None if there are none."""
 _TICK_S = 0.5
-"""How often it is said how far uploads are [s]."""
+"""Interval between progress events of uploads [s]."""
 
 
 class Sharing:
     """The remotes of one run.
 
     Args:
-        exchange: Asks and tells remotes.
+        exchange: Reads from and writes to remotes.
         states: The states of all units.
-        reading: Knows the discovered inputs of nodes.
-        listen: Is told of remotes that are given up, and of uploads.
+        reading: The discovered inputs of nodes.
+        listen: Takes events about failing remotes and uploads.
     """
 
     def __init__(self, exchange: Remotes, states: States, reading: Reading, listen: Listener) -> None:
@@ -39,7 +39,7 @@ class Sharing:
         self._arrived: list[Arrival] = []
 
     def ask(self, node: Node) -> bool:
-        """Look for the node's result elsewhere, with its bytes where these are asked for; False where no one has it."""
+        """Start looking for the node's result on remotes, with its bytes if needed; False if no remote can have it."""
         if self._exchange is None or not self._exchange.reads:
             return False
         if not node.rule.discovers:
@@ -62,12 +62,12 @@ class Sharing:
         return True
 
     def wait(self, patience_s: float) -> None:
-        """Let time pass until an answer comes, at most so long [s]."""
+        """Wait for an answer for at most `patience_s` [s]."""
         if self._exchange is not None:
             self._arrived += self._exchange.arrived(patience_s)
 
     def settle(self) -> Iterator[End]:
-        """Go on with the nodes whose answers came; those that no remote has are to run."""
+        """Yield the nodes whose answers arrived; those that no remote has must run."""
         self._tell()
         if not self._fetching:
             return
@@ -88,18 +88,18 @@ class Sharing:
                     yield self._without(node)
 
     def _goes_on(self, node: Node) -> bool:
-        """Whether one of the traces that a remote listed fits; then its result is asked for."""
+        """Request the result of a trace that a remote listed; False if no trace matches."""
         return self._exchange is not None and self._reading.follow(node) and self._ask(node, self._exchange)
 
     def _without(self, node: Node) -> End:
-        """No remote has the result; a trace that came from one may lead to a local one."""
+        """Handle a result that no remote has; a trace from a remote may still lead to a local one."""
         hit = self._reading.find(node) if node.rule.discovers else None
         if hit is not None and (hit.is_whole or not node.asked):
             return End(node, "cached", hit.result, not hit.is_whole)
         return End(node)
 
     def offer(self, node: Node) -> None:
-        """Upload what the node made."""
+        """Upload the node's result."""
         if self._exchange is not None and node.status == "ran" and node.key is not None:
             self._exchange.offer(node.key)
 
@@ -108,7 +108,7 @@ class Sharing:
             self._listen(events.RemoteGivenUp(time.time(), notice.remote, notice.address, notice.doing, notice.reason))
 
     def finish(self, pause: Callable[[], None]) -> None:
-        """Wait for uploads, and say how far they are; `pause` is called before time passes."""
+        """Wait for uploads and report their progress; `pause` is called before each wait."""
         if self._exchange is None:
             return
         pause()
@@ -119,7 +119,7 @@ class Sharing:
             pause()
 
     def close(self) -> None:
-        """Let connections go, and say what was uploaded and what was not."""
+        """Close connections and report which uploads succeeded."""
         if self._exchange is None:
             return
         uploads = self._exchange.close()

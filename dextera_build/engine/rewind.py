@@ -1,8 +1,8 @@
-"""When bytes are gone that a node reads: find whose output they were, and let that be fetched, or run, again.
+"""Recovers missing input bytes: finds the node that produced them and fetches or runs it again.
 
-A cache entry is trusted by the sizes of its blobs, so damage inside a blob shows only when somebody reads it. And a
-result may be bare: known, without its bytes, until somebody reads them. In both cases the reader goes back to waiting,
-and what made its inputs is looked up anew.
+A cache entry is checked by the sizes of its blobs, so damage inside a blob shows only when the blob is read. A result
+may also be bare: known, but without its bytes until they are needed. In both cases the reader goes back to waiting,
+and the producers of its inputs are looked up again.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from dextera_build.engine.units import Gathering, Node, States, Unit
 from dextera_build.store.store import Store
 
 _MOST = 3
-"""How often one blob may vanish under one reader."""
+"""How often the same blob may go missing for one reader."""
 
 
 def rewind(unit: Unit, digest: str, store: Store, states: States) -> list[Unit] | None:
-    """Blob `digest` is gone: take `unit`, and all between it and nodes whose results are lost, back to waiting.
+    """Blob `digest` is gone: reset `unit`, and all units between it and nodes with lost results, to waiting.
 
     Returns:
-        The units that must be connected again, or None where nothing that `unit` reads can be made again. A node itself
-        can: what it wrote may have met damaged bytes of the same name.
+        The units to reconnect, or None if no source of `unit` can be rebuilt. A node itself can always run again: its
+        output may have met a damaged blob of the same digest.
     """
     unit.lost = unit.lost or Counter()
     unit.lost[digest] += 1
@@ -35,26 +35,26 @@ def rewind(unit: Unit, digest: str, store: Store, states: States) -> list[Unit] 
 
 
 def absent(node: Node, store: Store, wiring: Wiring) -> list[Node]:
-    """Nodes whose results are bare, and of which `node`, all of whose inputs are known, reads bytes that are absent."""
+    """Nodes with bare results whose absent bytes `node`, with all inputs known, needs to read."""
     found: dict[Node, None] = {}
     for slot, source in node.call.inputs.items():
         bare = [maker for maker in _makers(wiring.sources(source, node)) if maker.bare]
         if not bare:
             continue
-        given = node.inputs.get(slot) or wiring.value(source, node)  # in a dry run inputs are not held
+        given = node.inputs.get(slot) or wiring.value(source, node)  # a dry run does not keep inputs
         if not store.actions.references.are_here(given):
             found |= dict.fromkeys(maker for maker in bare if not _is_here(maker, store))
     return list(found)
 
 
 def send_back(unit: Unit, missing: Iterable[Node], states: States) -> list[Unit]:
-    """Take `unit`, and all between it and these nodes that it reads, back to waiting; they must be connected again."""
+    """Reset `unit`, and all units between it and the `missing` nodes, to waiting; returns those to reconnect."""
     wanted = {id(node) for node in missing}
     return _back(unit, _above(unit, lambda source: id(source) in wanted), states)
 
 
 def _makers(units: Iterable[Unit]) -> Iterator[Node]:
-    """The nodes whose bytes come from these units: not those that only said which copies a group has."""
+    """The nodes that produced the bytes of these units, without those that only determine a group's copies."""
     stack = [*units]
     while stack:
         source = stack.pop()
@@ -71,9 +71,9 @@ def _is_here(node: Node, store: Store) -> bool:
 
 
 def _above(unit: Unit, gone: Callable[[Unit], bool]) -> list[Unit]:
-    """What `unit` reads and is gone, with all openings and gatherings on the way; nothing where nothing is gone.
+    """The missing sources of `unit`, with all openings and gatherings on the way; empty if none is missing.
 
-    A source that is gone may be on its way already; then only its readers must wait for it again.
+    A missing source may already be on its way; then only its readers must wait for it again.
     """
     found: list[Unit] = []
     any_gone = False

@@ -1,4 +1,4 @@
-"""One build, from targets to a result: says what is planned, runs the scheduler, and closes what it left open."""
+"""One build, from targets to a result: announces the plan, runs the scheduler, and settles the remaining nodes."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ _DEFAULT = Policy()
 
 @dataclass(frozen=True)
 class RunResult:
-    """What became of a run."""
+    """The outcome of a run."""
 
     ok: bool
     """Whether every target is up to date."""
     nodes: Mapping[str, NodeFinished]
-    """Address -> what became of the node, in the order in which the run came to them."""
+    """Address -> record of the node, in the order in which the run reached them."""
     targets: tuple[str, ...]
-    """Addresses of the nodes that were asked for, every copy by itself."""
+    """Addresses of the requested nodes, one for each copy."""
     errors: Mapping[str, DxbError] = field(default_factory=dict)
-    """Address of whatever failed, a node, group, collection or target -> why."""
+    """Address of a failed node, group, collection or target -> its error."""
 
 
 def build(
@@ -53,18 +53,18 @@ def build(
 
     Args:
         graph: The plan.
-        targets: What to build; a tuple names every copy of a call.
-        store: Where results come from and go to.
-        executor: What runs nodes; the caller closes it.
+        targets: Nodes to build; a tuple names every copy of a call.
+        store: Holds cached results and takes new ones.
+        executor: Runs nodes; the caller closes it.
         listen: Takes every event.
-        policy: How the run goes.
-        exchange: Remotes to take results from and to give them to; closed here.
-        pause: Called when all that there is to tell was told, before time passes.
+        policy: Settings of the run.
+        exchange: Remotes to download results from and upload them to; closed here.
+        pause: Called after all pending events, before every wait.
 
     Raises:
-        UsageError: A target names nothing.
-        RecipeError: A file or folder that the targets need is missing or cannot be read; nothing ran.
-        KeyboardInterrupt: The run was interrupted; what was finished by then is kept.
+        UsageError: A target does not exist.
+        RecipeError: A file or folder that the targets need is missing or cannot be read; no node ran.
+        KeyboardInterrupt: The run was interrupted; results finished by then are kept.
     """
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
     records: dict[str, NodeFinished] = {}
@@ -96,9 +96,9 @@ def build(
 
 
 def _announce(scheduler: Scheduler, targets: Sequence[Address]) -> None:
-    """Say what is planned, once all files that it needs were looked at."""
+    """Announce the plan, after checking all files that it needs."""
     graph, policy = scheduler.graph, scheduler.policy
-    calls = scheduler.wiring.look(targets)  # what is missing is said before an hour of work, not after
+    calls = scheduler.wiring.look(targets)  # report missing files before an hour of work, not after
     groups = {path[:depth] for path in calls for depth in range(1, len(path))}
     scheduler.listen(
         events.RunStarted(
@@ -117,7 +117,7 @@ def _announce(scheduler: Scheduler, targets: Sequence[Address]) -> None:
 
 
 def _close(scheduler: Scheduler, records: Mapping[str, NodeFinished], whole: bool) -> RunResult:
-    """End every node that is still open, and say so."""
+    """Settle every node that is still open, and report it."""
     scheduler.dispatch.release_all()
     blockers = _blocked_by(scheduler.failed)
     nodes = scheduler.wiring.nodes

@@ -1,19 +1,19 @@
-"""The scheduler: suspending, with constructive traces.
+"""A suspending scheduler with constructive traces.
 
-A node waits until the digests of all its inputs are known. Then it has a key; a result under that key is taken from the
-store, otherwise the node runs. Whoever reads it goes on from the output's digest, so a node that ran anew and gave the
+A node waits until the digests of all its inputs are known. Then it has a key: a result under that key is taken from the
+store, otherwise the node runs. Its readers depend on the output's digest, so a node that ran again and produced the
 same bytes leaves its readers cached (early cutoff).
 
-A result may be bare: its digest is known, its bytes are absent. That is enough as long as nobody asks for them. A
-reader that must run does; then it is sent back to wait until they were fetched or made again.
+A result may be bare: its digest is known, but its bytes are absent. That is enough until a node that must run reads
+them; the reader then goes back to waiting until the bytes have been fetched or rebuilt.
 
 The loop, until nothing is left to do:
-- connect new units, and settle those that are ready: open groups, gather collections, look keys up;
+- connect new units, and settle those that are ready: open groups, gather collections, look up keys;
 - fill the executor from the queue;
-- take what it and remotes report; what ends sets its readers free;
-- look again at what another process was building.
+- handle reports of the executor and of remotes; finished nodes release their readers;
+- check the keys that other processes were building.
 
-All walks are loops: chains may be long.
+All graph walks are iterative, because chains may be long.
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ class Scheduler:
 
     Args:
         graph: The plan.
-        store: Where results come from and go to.
-        executor: What runs nodes; None only for a dry run.
-        policy: How the run goes.
+        store: Holds cached results and takes new ones.
+        executor: Runs nodes; None only for a dry run.
+        policy: Settings of the run.
         listen: Takes every event.
-        history: What is remembered of the nodes; nothing of a dry run is.
-        exchange: The remotes, where there are any.
-        pause: Called when all that there is to tell was told, before time passes.
+        history: Previous runs of the nodes; a dry run adds nothing.
+        exchange: The remotes, if any.
+        pause: Called after all pending events, before every wait.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class Scheduler:
         )
         self._owners: dict[str, Node] = {}
         self._made: set[str] = set()
-        """Keys that ran, where nodes are forced: of two nodes with one key one runs."""
+        """Keys that ran in a forced build: of two nodes with the same key, only one runs."""
         self._measured = (0, 0)
         self._any_bare = False
 
@@ -108,10 +108,10 @@ class Scheduler:
         return bool(self.failed) and not self.policy.keep_going
 
     def run(self, targets: Sequence[Address]) -> None:
-        """Bring `targets` up to date, or as far as that goes.
+        """Bring `targets` up to date, as far as possible.
 
         Raises:
-            AssertionError: Nodes wait for one another in a circle.
+            AssertionError: Nodes wait for one another in a cycle.
         """
         self.wiring.ask(targets)
         while True:
@@ -130,7 +130,7 @@ class Scheduler:
         self._forbid_circles()
 
     def _take(self, ends: Iterable[End]) -> None:
-        """Go on from nodes that ended, and queue those that no remote has."""
+        """Settle nodes that ended, and queue those that no remote has."""
         for end in ends:
             if end.error is not None:
                 self._broke(end.node, end.error)
@@ -140,14 +140,14 @@ class Scheduler:
                 self._queue(end.node)
 
     def _settle(self) -> bool:
-        """Bring units forward, a batch at a time so that workers are not kept waiting; True: there are more.
+        """Connect and settle a batch of units; returns whether more are left.
 
-        To connect and to settle take turns: so workers run the first nodes of a large graph while others are connected.
+        Batches keep workers busy: the first nodes of a large graph run while others are still being connected.
         """
         for _ in range(_BATCH):
             while self.wiring.fresh:
                 self._connect(self.wiring.fresh.popleft())
-                if not self.stopping:  # else nothing is settled, but whoever reads what failed shall be blocked
+                if not self.stopping:  # when stopping, only connect, so that readers of failed units become blocked
                     break
             unit = None if self.stopping else self.states.next_ready()
             if unit is None and not self.wiring.fresh:
@@ -166,7 +166,7 @@ class Scheduler:
         return True
 
     def _measure(self) -> None:
-        """Say how many nodes there are, where that changed; while they become more by the thousand, now and then."""
+        """Report the number of nodes if it changed; less often while a large graph is being connected."""
         openings = self.wiring.openings
         known = (len(self.wiring.nodes), len(openings))
         if known != self._measured and not (self.wiring.fresh and known[0] < 2 * self._measured[0]):
@@ -188,17 +188,17 @@ class Scheduler:
     def _look_up(self, node: Node) -> None:
         call = node.call
         if node.leaves:
-            self.wiring.note_leaves(node, call)  # another node that reads one of them may have looked again since
+            self.wiring.note_leaves(node, call)  # another node may have refreshed their digests since
         inputs = node.inputs = {slot: self.wiring.value(source, node) for slot, source in call.inputs.items()}
         document = node.document = self._writer.document(call, inputs)
         node.key = digests.of_bytes(document)
         try:
             self._find(node)
         finally:
-            node.document = b""  # it is spelled again when the node has run, since thousands may wait
+            node.document = b""  # rebuilt after the node ran, because thousands of nodes may wait
 
     def _find(self, node: Node) -> None:
-        """Where the result of a node may come from."""
+        """Take a node's result from the store, or request, queue or share it."""
         key = node.key
         assert key is not None
         owner = self._owners.get(key)
@@ -210,7 +210,7 @@ class Scheduler:
         node.owned = key
         hit = self.reading.find(node)
         forced = self._is_forced(node)
-        # A dry run goes on from what is known of a node, also where that is not enough.
+        # A dry run continues from a known result even if its bytes are absent.
         if hit is not None and not forced and (hit.is_whole or not node.asked or self.policy.dry):
             if not (hit.is_whole or self.policy.dry):
                 self._note_bare(node, hit.result)
@@ -221,19 +221,19 @@ class Scheduler:
             if hit is not None and not forced and node.output is None:
                 self._tell_missed(node, node)
             self._owners[node.owned] = node
-            # What is forced shall run, and a result that others made is not what it asks for.
+            # A forced node must run here, so remotes are not asked.
             if forced or not self.sharing.ask(node):
                 self._queue(node)
         if self.policy.dry and (node.state is State.STALE or (node.bare and node.asked)):
             self._ask_above(node)
 
     def _note_bare(self, node: Node, result: ActionResult) -> None:
-        """That bytes are absent is as it should be from now on."""
-        with suppress(StoreError):  # a store that may only be read serves what it holds
+        """Record that the entry may lack bytes from now on."""
+        with suppress(StoreError):  # a read-only store stays as it is
             self.store.actions.put(node.key or "", result, may_lack=True)
 
     def _ask_above(self, node: Node) -> None:
-        """Note in a dry run which results would have to have their bytes, so that `node` can run."""
+        """In a dry run, mark the results whose bytes `node` would need to run."""
         stack = [node]
         while stack and self._any_bare:
             for source in rewind.absent(stack.pop(), self.store, self.wiring):
@@ -251,7 +251,7 @@ class Scheduler:
         self._fail(node, error)
 
     def _send_back(self, unit: Unit, missing: Sequence[Node]) -> bool:
-        """Let `unit` wait until these nodes have their bytes; False where there are none."""
+        """Let `unit` wait until the `missing` nodes have their bytes; False if there are none."""
         for node in missing:
             if node.state is State.DONE:
                 self._tell_missed(node, node if node.asked else unit)
@@ -294,7 +294,7 @@ class Scheduler:
             self._succeed(follower, "cached", result, bare=bare)
 
     def _disown(self, node: Node) -> list[Node]:
-        """The node no longer builds its key; returns those that waited for that."""
+        """Give up the node's claim to its key; returns the followers that waited for it."""
         if self._owners.get(node.owned) is node:
             del self._owners[node.owned]
         return node.let_go()
@@ -308,7 +308,7 @@ class Scheduler:
                 dependent.pending -= 1
                 self._come_nearer(dependent, unit)
             elif isinstance(dependent, Gathering) and isinstance(unit, Opening):
-                # Nothing will come of all copies together, but of those of this group perhaps.
+                # The gathering has failed or is blocked, but single copies in this group may still be built.
                 self.wiring.expand(dependent, unit)
 
     def _come_nearer(self, dependent: Unit, source: Unit) -> None:
@@ -326,7 +326,7 @@ class Scheduler:
             self.states.set(dependent, State.READY)
 
     def _broke(self, unit: Unit, error: DxbError) -> None:
-        """An error came up: where bytes that `unit` reads are gone, make them again, else it has failed."""
+        """Handle an error of `unit`: recover missing input bytes if possible, otherwise fail."""
         lost = error.facts.get("digest") if error.code == MissingBlob.CODE else None
         again = rewind.rewind(unit, lost, self.store, self.states) if lost else None
         if again is None:
@@ -348,7 +348,7 @@ class Scheduler:
             followers = self._disown(unit)
             self._tell_settled(unit)
             for follower in followers:
-                if error.code == "DXB-B304":  # a file of the other node changed; this one may read another
+                if error.code == "DXB-B304":  # a file of the other node changed; this one may read a different file
                     self.states.set(follower, State.READY)
                 else:
                     self._fail(follower, error)
@@ -372,12 +372,12 @@ class Scheduler:
         self.listen(events.BytesMissed(time.time(), node.address, reader.address))
 
     def _tell_settled(self, node: Node) -> None:
-        """Say what became of a node, and remember it."""
+        """Report a settled node, and record it in the history."""
         if self.policy.dry:
             return
         record, result = record_of(node, self.policy.project), node.result
         if self.history is not None and result is not None and record.result is not None and record.key is not None:
-            # How long a fetch took says nothing of how long the node runs.
+            # The duration of a fetch does not predict that of a run.
             entry = Entry(record.key, result.key_document, self.policy.run, result.seconds, record.time, record.usage)
             self.history.note(node.address, entry)
         self.listen(record)

@@ -1,4 +1,4 @@
-"""The state of every node, and the one place where it changes.
+"""The states of a node and the transitions between them.
 
                  sources known            key is in the cache
       WAITS ------------------> READY ------------------------> DONE
@@ -20,10 +20,10 @@
       WAITS -> BLOCKED     a source failed, or is blocked itself
       FETCHING -> FAILED   no remote has it, and it may not run
       READY, FETCHING -> WAITS     it must run, and bytes of an input are absent
-      RUNNING -> QUEUED    it failed, and its rule declares more tries
+      RUNNING -> QUEUED    it failed, and its rule allows a retry
       any but RUNNING -> CANCELLED     the run ended before its turn
-      READY -> STALE       a dry run would have to run it
-      DONE -> WAITS        its bytes were lost; it is made again
+      READY -> STALE       a build would have to run it (dry run only)
+      DONE -> WAITS        its bytes were lost; it is rebuilt
 
 WAITS and READY are also the states of openings and gatherings, which are DONE without running.
 """
@@ -34,9 +34,9 @@ import enum
 
 
 class State(enum.Enum):
-    """See the picture above."""
+    """See the diagram above."""
 
-    # The hash of `Enum` is a Python function, and states are looked up all the time.
+    # `Enum.__hash__` is a Python function, too slow for lookups this frequent.
     __hash__ = object.__hash__
 
     WAITS = "waits"
@@ -56,7 +56,7 @@ class State(enum.Enum):
     DONE = "done"
     """The output is known and in the store."""
     FAILED = "failed"
-    """It has an error of its own."""
+    """It failed with its own error."""
     BLOCKED = "blocked"
     """It never ran because a source failed, or is blocked itself."""
     CANCELLED = "cancelled"
@@ -81,4 +81,4 @@ NEXT: dict[State, frozenset[State]] = {
 }
 
 LOST = frozenset({State.FAILED, State.BLOCKED, State.CANCELLED})
-"""States that no output will ever come from."""
+"""States that never lead to an output."""

@@ -1,4 +1,4 @@
-"""What a run is made of: nodes, groups that open, and collections that are gathered."""
+"""The units of a run: nodes, groups to open, and collections to gather."""
 
 from __future__ import annotations
 
@@ -18,35 +18,35 @@ from dextera_build.workers.protocol import Ended
 Path = tuple[str, ...]
 """Names from the root of the graph."""
 Labels = tuple[str, ...]
-"""One label for each enclosing group, from the outside in."""
+"""One label for each enclosing group, outermost first."""
 
 
 @dataclass(kw_only=True, eq=False, repr=False, slots=True)
 class Unit:
-    """Something that becomes known during a run."""
+    """A part of the graph whose value becomes known during a run."""
 
     address: str
-    """Names it in events."""
+    """Its name in events."""
     path: Path
     """The address of its call or group, without labels."""
     labels: Labels
-    """Those of the copy that it stands in."""
+    """Labels of the copy that contains it."""
     state: State = State.WAITS
     pending: int = 0
-    """How many sources are not known yet."""
+    """Number of sources that are not known yet."""
     sources: list[Unit] = field(default_factory=list)
-    """What this one reads from."""
+    """Units that this one reads."""
     dependents: list[Unit] = field(default_factory=list)
-    """What waits for this one; emptied when it becomes known."""
+    """Units that wait for this one; emptied when it becomes known."""
     lost: Counter[str] | None = None
-    """Blobs that it reads and that were found to be gone, with how often."""
+    """Digest of a blob that was missing when read -> how often."""
 
     def __repr__(self) -> str:
-        """For a fault in dxb."""
+        """Text for assertion messages."""
         return f"{type(self).__name__} {self.address}"
 
     def await_(self, sources: Iterable[Unit]) -> None:
-        """Depend on all of `sources` too, and wait for those that are not known."""
+        """Add `sources`, and wait for those that are not known yet."""
         for source in sources:
             self.sources.append(source)
             if source.state is not State.DONE:
@@ -54,12 +54,12 @@ class Unit:
                 source.dependents.append(self)
 
     def release(self) -> list[Unit]:
-        """It is known: what waited for it."""
+        """Return the units that waited for this one, which is known now."""
         waiting, self.dependents = self.dependents, []
         return waiting
 
     def forget(self) -> None:
-        """Drop all sources, so that they can be connected again."""
+        """Drop all sources, so that the unit can be reconnected."""
         for source in self.sources:
             if self in source.dependents:
                 source.dependents = [other for other in source.dependents if other is not self]
@@ -72,54 +72,54 @@ class Node(Unit):
 
     call: Call
     status: Status | None = None
-    """What it came to; None as long as that is open."""
+    """The outcome; None while it is open."""
     asked: bool = False
-    """Somebody reads its bytes or wants them; else it is enough to know its result."""
+    """Whether its bytes are needed; otherwise its result is enough."""
     bare: bool = False
-    """Its result is known, and bytes of it may be absent."""
+    """Its result is known, but some of its bytes may be absent."""
     inputs: dict[str, str] = field(default_factory=dict)
     """Slot -> digest."""
     leaves: list[tuple[Leaf, str]] = field(default_factory=list)
-    """Files and folders that it reads directly, with the digests that entered its key."""
+    """Files and folders that it reads directly, with the digests used in its key."""
     reads: Steps | None = None
-    """What it reads by itself, None where that is not known."""
+    """Its discovered inputs; None if unknown."""
     key: str | None = None
     document: bytes = b""
-    """The key document, while it is looked up, and when it has run."""
+    """The key document, during the lookup and after the run."""
     owned: str = ""
-    """The key that it had when it became the one to build it."""
+    """Key that this node was chosen to build."""
     followers: list[Node] = field(default_factory=list)
     """Nodes with the same key that wait for this one."""
     ticket: int = -1
-    """Names its run at the executor."""
+    """Identifies its run to the executor."""
     tries: int = 0
-    """How often it ran here."""
+    """Number of runs in this build."""
     rests_until: float = 0.0
-    """Not before this is it tried again, by `time.monotonic`."""
+    """Earliest time of the next try, by `time.monotonic`."""
     last: Ended | None = None
-    """How its last run here ended."""
+    """Report of its last run in this build."""
     result: ActionResult | None = None
-    """That of the last time that it was done."""
+    """Its most recent result."""
     error: DxbError | None = None
     log: str | None = None
-    """Digest of what a failed run printed."""
+    """Digest of the output of a failed run."""
     remote: str = ""
     """Name of the remote that its result was fetched from."""
     fetched_s: float = 0.0
-    """How long that took [s]."""
+    """Duration of the fetch [s]."""
 
     @property
     def rule(self) -> RuleFacts:
-        """That of its call."""
+        """The rule of its call."""
         return self.call.rule
 
     @property
     def output(self) -> str | None:
-        """What it returned, the last time that it was done."""
+        """Digest of its most recent output."""
         return self.result.output if self.result is not None else None
 
     def let_go(self) -> list[Node]:
-        """Those that still wait for this one because they have its key; from here on they do not."""
+        """Release and return the followers that still wait for this node's key."""
         followers, self.followers = self.followers, []
         return [follower for follower in followers if follower.state is State.SHARED]
 
@@ -137,19 +137,19 @@ class Opening(Unit):
 class Gathering(Unit):
     """All copies of one call within a scope; `labels` are those of the scope.
 
-    With `collect` their outputs become a `Collection`; without, it only asks for the copies, as a target does.
+    With `collect`, their outputs become a `Collection`; without it, the copies are only requested, as by a target.
     """
 
     collect: bool
     fields: tuple[str, ...] = ()
     nodes: dict[Labels, Node] = field(default_factory=dict)
-    """The copies, as far as groups are open."""
+    """The copies in the groups opened so far."""
     output: str | None = None
     """Digest of the collection."""
 
 
 class States:
-    """The states of all units of one run, with the queues that follow from them."""
+    """The states of all units of one run, and the queues derived from them."""
 
     def __init__(self) -> None:
         self.ready: deque[Unit] = deque()
@@ -159,10 +159,10 @@ class States:
         self.fetching = 0
 
     def set(self, unit: Unit, state: State) -> None:
-        """Every change of state goes through here.
+        """Change the state of a unit; the only place that does.
 
         Raises:
-            AssertionError: The picture in `states.py` has no such arrow.
+            AssertionError: The diagram in `states.py` has no such transition.
         """
         old = unit.state
         if state not in NEXT[old]:
@@ -190,7 +190,7 @@ class States:
 
 
 class End(NamedTuple):
-    """What became of a node elsewhere than in the scheduler: a result or an error; neither, where it has to run."""
+    """How a node ended outside the scheduler: with a result or an error; with neither if it has to run."""
 
     node: Node
     status: Status | None = None

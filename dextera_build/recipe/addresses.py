@@ -1,4 +1,4 @@
-"""Which recipes a project has, by name alone, and how a target is written; completion waits for this module."""
+"""Addresses of recipes, found by file name alone, and of targets; imports little to keep completion fast."""
 
 import os
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def addresses(folders: "Iterable[str]") -> "Iterator[tuple[str, str]]":
-    """Address and file of every recipe below some folders; of one address the first counts."""
+    """Address and file of every recipe below the folders; the first file of an address wins."""
     seen = set()
     for folder in folders:
         inside = ((place, name) for place, _, names in os.walk(folder) for name in names if name.endswith(".yaml"))
@@ -22,11 +22,11 @@ def addresses(folders: "Iterable[str]") -> "Iterator[tuple[str, str]]":
 
 @dataclass(frozen=True)
 class Target:
-    """`twin/laptop_scene:body[mug].mesh`: a recipe, and a target or node of it."""
+    """`twin/laptop_scene:body[mug].mesh`: a recipe, and one of its targets or nodes."""
 
     recipe: str
     node: str
-    """Name of a target or address of a node; "" stands for the default targets."""
+    """Name of a target or address of a node; "" means the default targets."""
 
 
 def parse_target(text: str) -> Target:

@@ -1,4 +1,4 @@
-"""Makes one call: its rule and backend, checked inputs, complete options with their places."""
+"""Builds calls from declarations: rule and backend, checked inputs, complete options with their places."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class CallMaker:
 
     @property
     def rules(self) -> tuple[RuleFacts, ...]:
-        """Those of all calls that were made."""
+        """Rules of all calls built so far."""
         return tuple(self._facts.values())
 
     def rule_file(self, decl: CallDecl) -> RuleFile:
@@ -49,10 +49,10 @@ class CallMaker:
         return self._library.find(decl.rule, decl.place)
 
     def values(self, decl: CallDecl, values: matrix.Values | None) -> dict[str, Node]:
-        """The arguments of a call with the values of one copy of its matrix in them; None: it stands in no matrix.
+        """Arguments of a call that change with one copy of its matrix; `values` is None outside a matrix.
 
         Raises:
-            RecipeError: An argument speaks of a value that is not there.
+            RecipeError: An argument refers to a value that does not exist.
         """
         slots = self.rule_file(decl).rule.slots
         arguments = {name: node for name, node in decl.arguments.items() if name not in slots}
@@ -63,10 +63,10 @@ class CallMaker:
         return matrix.filled(arguments, values)
 
     def refuse_labels(self, group: Address, known: Iterable[str]) -> None:
-        """Settings may speak only of copies that a matrix has.
+        """Refuse settings for copies that a matrix does not have.
 
         Raises:
-            UsageError: One names another.
+            UsageError: A setting names an unknown copy.
         """
         copies = list(known)
         for label in sorted(self.labels(group) - set(copies)):
@@ -78,7 +78,7 @@ class CallMaker:
             )
 
     def labels(self, group: Address) -> set[str]:
-        """Labels of copies that the settings speak of."""
+        """Labels of the copies that settings name."""
         depth = len(group) - 1
         return {
             label
@@ -87,14 +87,14 @@ class CallMaker:
         }
 
     def concerns(self, call: Address, label: str) -> bool:
-        """Whether a setting speaks of this copy alone."""
+        """Whether a setting names this copy."""
         return any(setting.call == call and label in setting.labels for setting in self._settings)
 
     def refuse_unused_settings(self, graph: Graph) -> None:
-        """Every setting must name a call of the graph.
+        """Refuse settings that name no call of the graph.
 
         Raises:
-            UsageError: One names none.
+            UsageError: A setting names an unknown call.
         """
         if not self._settings:
             return
@@ -117,7 +117,7 @@ class CallMaker:
         changed: Mapping[str, Node] | None = None,
         label: str | None = None,
     ) -> Call:
-        """The call of a declaration; `changed` and `label` make the one of a single copy of its group."""
+        """The call of a declaration; with `changed` and `label`, the call of a single copy of its group."""
         found = self.rule_file(decl)
         arguments = {**decl.arguments, **{k: v for k, v in (changed or {}).items() if k != "backend"}}
         for setting in self._settings:
@@ -183,7 +183,7 @@ class CallMaker:
 
 
 def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> RuleFacts:
-    """All that a key holds of a rule and its backend.
+    """The part of a key that describes a rule and its backend.
 
     Raises:
         MachineError: A package that the rule declares is not installed.
@@ -256,7 +256,7 @@ def _resolved(node: Node, name: str, slot: Slot, scope: Scope) -> Input | None:
 
 
 def _packed(node: Node, name: str, slot: Slot, scope: Scope) -> Input:
-    """A collection that is listed: `trials: {act: $act_trials, ppo: $ppo_trials}`."""
+    """A collection listed in the recipe: `trials: {act: $act_trials, ppo: $ppo_trials}`."""
     inner = getattr(slot.annotation, "__pydantic_generic_metadata__", {}).get("args") or ()
     if not inner or not slot.annotation.__name__.startswith("Collection["):
         raise RecipeError(
@@ -271,7 +271,7 @@ def _packed(node: Node, name: str, slot: Slot, scope: Scope) -> Input:
 
 
 def _fits(wanted: Any, given: Any) -> bool:
-    # Two mounts of one file make two classes; a type is known by its name.
+    # Two mounts of one file create two classes, so types are compared by name.
     names = [base.__name__ for base in getattr(given, "__mro__", (given,))]
     return wanted.__name__ in names or wanted.__name__ == "Artifact"
 
@@ -286,7 +286,7 @@ def _options(decl: CallDecl, kind: Any, given: Mapping[str, Node]) -> dict[str, 
 
     plain = {name: node.plain() for name, node in given.items()}
     try:
-        # JSON mode takes a list for a tuple and 1 for 1.0, and stays strict in all else.
+        # JSON mode accepts a list for a tuple and 1 for 1.0, and is otherwise strict.
         options = kind.model_validate_json(json.dumps(plain))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
@@ -312,7 +312,7 @@ def _meanings(kind: Any) -> dict[str, str]:
 
 
 def _demand(error: Mapping[str, Any], meaning: str) -> str:
-    """What pydantic asks of a value as the end of a sentence, a bound with its unit: `must be greater than 0 m`."""
+    """Pydantic's requirement as the end of a sentence, bounds with their unit: `must be greater than 0 m`."""
     text = str(error["msg"]).replace("Input should", "must", 1)
     unit = _UNIT.search(meaning) if error["type"] in _BOUNDS and len(error["loc"]) == 1 else None
     return (text if text.startswith("must") else f"is refused: {text}") + (f" {unit[1]}" if unit else "")

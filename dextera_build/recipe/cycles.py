@@ -1,4 +1,4 @@
-"""Refuses graphs that feed into themselves."""
+"""Refuses graphs with cycles."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from dextera_build.errors import RecipeError
 
 
 def refuse(graph: Graph) -> None:
-    """Walk the static graph once.
+    """Check the static graph for cycles.
 
     Raises:
-        RecipeError: There is a cycle; the message shows it from node to node.
+        RecipeError: There is a cycle; the message lists its nodes in order.
     """
     calls = dict(graph.calls())
     try:

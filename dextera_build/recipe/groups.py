@@ -1,4 +1,4 @@
-"""What a group opens over, and the copies of a matrix."""
+"""Collections that groups open over, and the copies of a matrix."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 Address = tuple[str, ...]
 Over = Callable[[], "Bound"]
-"""What an `each` names; asked for late, because it may be declared later."""
+"""The input named by an `each`; resolved late, because it may be declared later."""
 
 
 def collection(decl: GroupDecl | MatrixDecl, over: Over | None) -> Output | Item | Fixed:
-    """What the engine opens a group over.
+    """The input over which the engine opens a group.
 
     Raises:
-        RecipeError: It is not what a node returns.
+        RecipeError: It is not the output of a node.
     """
     if isinstance(decl, MatrixDecl):
         return Fixed(tuple(decl.copies))
@@ -36,13 +36,13 @@ def collection(decl: GroupDecl | MatrixDecl, over: Over | None) -> Output | Item
 
 
 def refuse_many(around: Sequence[GroupDecl | MatrixDecl]) -> None:
-    """Copies of a matrix in a matrix multiply; they are counted before anything opens them.
+    """Refuse nested matrices with too many copies; these multiply, so they are counted before expansion.
 
     Args:
-        around: The groups and matrices that hold one another, the innermost last.
+        around: Nested groups and matrices, innermost last.
 
     Raises:
-        RecipeError: There are too many copies of the innermost.
+        RecipeError: The innermost has too many copies.
     """
     copies = [(decl.name, len(decl.copies)) for decl in around if isinstance(decl, MatrixDecl)]
     facts = {name: f"{count} copies" for name, count in copies}
@@ -52,10 +52,10 @@ def refuse_many(around: Sequence[GroupDecl | MatrixDecl]) -> None:
 def swept(
     maker: CallMaker, address: Address, decl: MatrixDecl, members: Mapping[str, tuple[CallDecl, Scope]]
 ) -> dict[str, dict[str, Call]]:
-    """Label -> member -> its call with the values of that copy, for members that speak of them.
+    """Label -> member -> its call with the values of that copy, for members that use them.
 
     Raises:
-        UsageError: A setting speaks of a copy that is not there.
+        UsageError: A setting names a copy that does not exist.
     """
     maker.refuse_labels(address, decl.copies)
     return {

@@ -1,7 +1,7 @@
-"""Parameter sweeps: from lists of values to labelled copies, all known before anything runs.
+"""Parameter sweeps: expands lists of values to labelled copies, all known before anything runs.
 
-`matrix: {voxel_m: [0.001, 0.002], seed: [1, 2]}` gives four copies: `voxel_m=0.001,seed=1`, ... Their options may say
-`$matrix.voxel_m`. The label is no part of a key, so one more value makes new copies and leaves the others alone.
+`matrix: {voxel_m: [0.001, 0.002], seed: [1, 2]}` gives four copies: `voxel_m=0.001,seed=1`, ... Their options may use
+`$matrix.voxel_m`. The label is not part of a key, so adding a value adds copies and leaves the others cached.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ _MOST = 10_000
 _TEXT = re.compile(r"[^\[\]/\\,=:\s\x00-\x1f]+")
 
 Values = Mapping[str, Node]
-"""Name -> the value that one copy has."""
+"""Name -> its value in one copy."""
 
 
 def copies(lists: Mapping[str, Node], place: Place) -> dict[str, dict[str, Node]]:
-    """Label -> the values of that copy, the last list turning fastest.
+    """Label -> the values of that copy; the last list varies fastest.
 
     Args:
         lists: Name -> the list of its values, as written.
-        place: Where the matrix stands.
+        place: Place of the matrix.
 
     Raises:
-        RecipeError: A list is empty, or holds a value twice or one that cannot stand in a label; or too many copies.
+        RecipeError: A list is empty, has a duplicate value or one not allowed in a label; or there are too many copies.
     """
     if not lists:
         raise RecipeError("a matrix has at least one list of values", code="DXB-R505", where=place)
@@ -45,12 +45,12 @@ def copies(lists: Mapping[str, Node], place: Place) -> dict[str, dict[str, Node]
 
 
 def refuse_many(number: int, place: Place, facts: Mapping[str, object]) -> None:
-    """A matrix, with those that it stands in, has a bounded number of copies.
+    """Refuse a matrix with too many copies, including those of enclosing matrices.
 
     Args:
-        number: Of copies.
-        place: Where the matrix stands.
-        facts: Where they come from.
+        number: Number of copies.
+        place: Place of the matrix.
+        facts: Factors of this number, for the message.
 
     Raises:
         RecipeError: There are too many.
@@ -90,7 +90,7 @@ def _values(name: str, node: Node) -> list[tuple[str, Node]]:
 
 
 def filled(arguments: Mapping[str, Node], values: Values) -> dict[str, Node]:
-    """The arguments that speak of the matrix, with the values of one copy in place of `$matrix.name`.
+    """The arguments that refer to the matrix, with `$matrix.name` replaced by the values of one copy.
 
     Raises:
         RecipeError: The matrix has no such name.
@@ -114,10 +114,10 @@ def filled(arguments: Mapping[str, Node], values: Values) -> dict[str, Node]:
 
 
 def refuse_outside(arguments: Mapping[str, Node]) -> None:
-    """Values of a matrix are known to the calls that stand directly in it, and to no other.
+    """Refuse references to matrix values in calls that are not directly inside the matrix.
 
     Raises:
-        RecipeError: An argument speaks of one.
+        RecipeError: An argument refers to one.
     """
     for node in arguments.values():
         for place, text in references(node):
@@ -130,7 +130,7 @@ def refuse_outside(arguments: Mapping[str, Node]) -> None:
 
 
 def references(node: Node) -> Iterator[tuple[Place, str]]:
-    """Where in a value `$matrix.name` stands."""
+    """Place and text of every `$matrix.name` within a value."""
     stack = [node]
     while stack:
         here = stack.pop()

@@ -1,4 +1,4 @@
-"""A recipe, resolved: every call with its rule, backend, complete options and inputs, ready for the engine."""
+"""Resolves a recipe into a graph of calls with rule, backend, complete options and inputs, ready for the engine."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from dextera_build.recipe.settings import COMMAND_LINE, Setting
 from dextera_build.recipe.strict_yaml import Node
 
 _MOST_USED = 100_000
-"""Nodes of recipes within a recipe: a few small files that use one another can say a billion."""
+"""Limit on nodes of used recipes: a few small files that use one another can expand to a billion."""
 
 Read = Callable[[str], Recipe | None]
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line (or an API caller) adds to a recipe."""
+    """Additions of the command line (or an API caller) to a recipe."""
 
     profile: str = "cpu"
     inputs: Mapping[str, str] = field(default_factory=dict)
-    """Input name -> path or target address, over the recipe's own."""
+    """Input name -> path or target address; overrides the recipe."""
     settings: tuple[Setting, ...] = ()
-    """Options over the recipe's own: `--set 'body[mug].mesh.wall_m=0.004'`."""
+    """Options that override the recipe: `--set 'body[mug].mesh.wall_m=0.004'`."""
     backends: Mapping[str, str] = field(default_factory=dict)
-    """Rule -> backend, over the profile's."""
+    """Rule -> backend; overrides the profile's."""
 
 
 def plan(address: str, read: Read, library: Library, project: Path, request: Request | None = None) -> Plan:
@@ -43,14 +43,14 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
 
     Args:
         address: `twin/laptop_scene`.
-        read: Gives the recipe of an address, or None.
-        library: Where rules come from.
-        project: Folder that relative input paths start from.
-        request: What the caller adds.
+        read: Returns the recipe at an address, or None.
+        library: Provides rules.
+        project: Base folder of relative input paths.
+        request: Additions of the caller.
 
     Raises:
-        RecipeError: The recipe, or one that it uses, is wrong; with the place.
-        UsageError: The request names what does not exist.
+        RecipeError: The recipe, or one that it uses, is invalid; with the place.
+        UsageError: The request uses an unknown name.
         MachineError: A chosen backend is not installed.
     """
     planner = _Planner(read, library, project, request or Request())
@@ -68,7 +68,7 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
 
 
 class _Planner:
-    """Two passes: names (`root`), then calls (`fill`), because a name may be used before it stands."""
+    """Plans in two passes: names (`root`), then calls (`fill`), because a name may be used before its declaration."""
 
     def __init__(self, read: Read, library: Library, project: Path, request: Request) -> None:
         self._read = read
@@ -79,17 +79,17 @@ class _Planner:
         self._recipes: dict[str, Recipe] = {}
         self._foreign: dict[str, Scope] = {}
         self._pending: dict[tuple[str, ...], tuple[CallDecl, Scope]] = {}
-        """Address -> declaration, and the scope that it stands in."""
+        """Address -> declaration and its scope."""
         self._groups: dict[tuple[str, ...], tuple[GroupDecl | MatrixDecl, groups.Over | None]] = {}
-        """Address -> declaration, and what an `each` opens over."""
+        """Address -> declaration, and the input that an `each` opens over."""
         self._opening: list[str] = []
         self._used = 0
-        """Nodes of recipes that the recipe uses."""
+        """Number of nodes from used recipes."""
         self._calls: dict[tuple[str, ...], Call] = {}
         self._overrides: dict[tuple[str, ...], dict[str, dict[str, Call]]] = {}
 
     def recipe(self, address: str, where: Place) -> Recipe:
-        """The recipe of an address, read once."""
+        """The recipe at an address, read once."""
         if address not in self._recipes:
             found = self._read(address)
             if found is None:
@@ -101,7 +101,7 @@ class _Planner:
         return self._recipes[address]
 
     def root(self, recipe: Recipe) -> Scope:
-        """Declare the recipe that is built; the request may bind its inputs."""
+        """Declare the recipe to build; the request may bind its inputs."""
         for name in self._request.inputs:
             if name not in recipe.inputs:
                 raise UsageError(
@@ -113,11 +113,11 @@ class _Planner:
         return self._open(recipe, "", (), {}, self._request.inputs)
 
     def fill(self) -> None:
-        """Make every declared call."""
+        """Build every declared call."""
         members: dict[tuple[str, ...], dict[str, tuple[CallDecl, Scope]]] = {group: {} for group in self._groups}
         for address, (decl, scope) in self._pending.items():
             around = self._groups[address[:-1]][0] if len(address) > 1 else None
-            # The call of a matrix that stands for its copies is that of the first one.
+            # The generic call of a matrix, without a label, is that of its first copy.
             first = next(iter(around.copies.values())) if isinstance(around, MatrixDecl) else None
             self._calls[address] = self.maker.call(decl, scope, address, self.maker.values(decl, first))
             if around is not None:
@@ -134,7 +134,7 @@ class _Planner:
         return tuple(call)
 
     def tree(self) -> dict[str, Call | Group]:
-        """Groups and calls, nested as the graph wants them."""
+        """Groups and calls, nested as in the graph."""
         root: dict[str, Call | Group] = {}
         blocks: dict[tuple[str, ...], dict[str, Any]] = {(): root}
         for address, (decl, over) in self._groups.items():
@@ -214,7 +214,7 @@ class _Planner:
             return scope.resolve(decl.each.value, decl.each.place)
 
         self._groups[address] = (decl, over)
-        # The item stands in a scope of its own, so that `$body.object` from outside names nothing.
+        # The item has its own scope, so that `$body.object` is not visible from outside.
         around = Scope(scope, {decl.item: item(address, over, decl.each.place)})
         inner = Scope(around)
         self._declare(decl.nodes, inner, "", address)
@@ -241,11 +241,11 @@ class _Planner:
         return self._open(recipe, prefix, group, bound, {})
 
     def _value(self, text: str, where: Place, from_cli: bool) -> Bound:
-        """An input's text: a target of another recipe (`robot/kuka_leap`, `reference/x:capture`), or a path."""
+        """Resolve an input's text: a target of another recipe (`robot/kuka_leap`, `reference/x:capture`) or a path."""
         where = COMMAND_LINE if from_cli else where
         address, _, target = text.partition(":")
         path = self._path(text, where, from_cli)
-        is_there = os.path.exists(path)  # False for what cannot be a path; `Path.exists` raises where it is too long
+        is_there = os.path.exists(path)  # False for an invalid path, for which `Path.exists` may raise
         if (target or not is_there) and self._read(address) is not None:
             return self._foreign_target(address, target, where)
         if not is_there:

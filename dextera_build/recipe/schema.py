@@ -1,4 +1,4 @@
-"""The form of a recipe: inputs, nodes, groups, uses of other recipes, targets."""
+"""The schema of a recipe: inputs, nodes, groups, uses of other recipes, targets."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dextera_build.recipe import matrix, strict_yaml
 from dextera_build.recipe.strict_yaml import Node
 
 _MOST_BYTES = 64 << 20
-"""Of one recipe file; 100,000 nodes take about 10 MB."""
+"""Maximum size of a recipe file; 100,000 nodes take about 10 MB."""
 _DEEPEST = 100
 _NAME = "abcdefghijklmnopqrstuvwxyz0123456789_"
 
@@ -42,7 +42,7 @@ class CallDecl:
 
     @property
     def keys(self) -> Mapping[str, Place]:
-        """Where each key stands."""
+        """Place of each key."""
         return self.node.keys
 
 
@@ -70,7 +70,7 @@ class GroupDecl:
 
 @dataclass(frozen=True)
 class MatrixDecl:
-    """`{matrix: {seed: [1, 2]}, nodes: {...}}`: its nodes once for every combination of values."""
+    """`{matrix: {seed: [1, 2]}, nodes: {...}}`: one copy of its nodes for every combination of values."""
 
     name: str
     copies: dict[str, dict[str, Node]]
@@ -93,12 +93,12 @@ class Recipe:
     nodes: dict[str, Decl]
     targets: dict[str, list[Node]] = field(default_factory=dict)
     extends: Node | None = None
-    """Address of the recipe whose inputs, nodes and targets this one takes over."""
+    """Address of the recipe whose inputs, nodes and targets this one inherits."""
     files: tuple[Path, ...] = ()
-    """Every file that it was read from."""
+    """Files that it was read from."""
 
     def over(self, base: Recipe) -> Recipe:
-        """This recipe on top of `base`: what it declares itself wins, a node may stand for an input."""
+        """This recipe merged over `base`: its own declarations win, and a node may replace an input."""
         inputs = {name: decl for name, decl in base.inputs.items() if name not in self.nodes}
         return replace(
             self,
@@ -118,7 +118,7 @@ def read(file: Path, address: str, shown: str | None = None) -> Recipe:
         shown: The file's name in messages.
 
     Raises:
-        RecipeError: With the place of what is wrong.
+        RecipeError: The file cannot be read or is invalid; with the place.
     """
     try:
         if file.stat().st_size > _MOST_BYTES:
@@ -142,14 +142,14 @@ def read(file: Path, address: str, shown: str | None = None) -> Recipe:
 
 
 def refuse_deep(trail: Sequence[str], where: Place) -> None:
-    """Recipes may use or extend one another through a hundred files.
+    """Refuse recipes that use or extend one another more than a hundred deep.
 
     Args:
-        trail: Addresses, from the recipe that is asked for to the one that is about to be read.
-        where: What names the last of them.
+        trail: Addresses, from the requested recipe to the next one to read.
+        where: Place that names the last of them.
 
     Raises:
-        RecipeError: There are more.
+        RecipeError: The trail is longer.
     """
     if len(trail) > _DEEPEST:
         raise RecipeError(

@@ -1,4 +1,4 @@
-"""Names in a recipe and what `$name.field` stands for."""
+"""Names in a recipe, and the resolution of `$name.field`."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 
 @dataclass(frozen=True)
 class Bound:
-    """An input of the engine with the artifact type that it brings."""
+    """An input of the engine with its artifact type."""
 
     input: Input | None
-    """None: an optional input that was left out."""
+    """None for an omitted optional input."""
     kind: Callable[[], Any]
-    """The artifact type; asked for late, because it may import a rule."""
+    """Returns the artifact type; called late, because it may import a rule."""
 
     def follow(self, fields: tuple[str, ...], where: Place) -> Bound:
         """The same input, projected to a field of a field.
 
         Raises:
-            RecipeError: There is no such field, or it is no artifact.
+            RecipeError: There is no such field, or it is not an artifact.
         """
         if not fields or self.input is None:
             return self
@@ -35,14 +35,14 @@ class Bound:
 
 @dataclass(frozen=True)
 class Alias:
-    """Another name for a reference that is resolved when it is used, because what it names may be declared later."""
+    """An alias of a reference, resolved on use because its target may be declared later."""
 
     resolve: Callable[[], Bound]
 
 
 @dataclass(frozen=True)
 class GroupName:
-    """A name of a group; `scope` holds its members."""
+    """The name of a group; `scope` holds its members."""
 
     address: tuple[str, ...]
     scope: Scope
@@ -50,7 +50,7 @@ class GroupName:
 
 @dataclass(frozen=True)
 class UseName:
-    """A name of a used recipe; `scope` holds its nodes."""
+    """The name of a used recipe; `scope` holds its nodes."""
 
     scope: Scope
 
@@ -60,7 +60,7 @@ Entry: TypeAlias = Bound | Alias | GroupName | UseName
 
 @dataclass
 class Scope:
-    """Names of one block; unknown ones are looked up outside."""
+    """Names of one block; unknown names are looked up in the enclosing block."""
 
     parent: Scope | None
     names: dict[str, Entry] = field(default_factory=dict)
@@ -71,10 +71,10 @@ class Scope:
         return {**outer, **self.names}
 
     def resolve(self, text: str, where: Place) -> Bound:
-        """What `$a.b.c` stands for.
+        """Resolve `$a.b.c`.
 
         Raises:
-            RecipeError: A part names nothing; the message lists what is known.
+            RecipeError: A part is unknown; the message lists the known names.
         """
         first, *rest = text.removeprefix("$").split(".")
         scope: Scope | None = self
@@ -128,7 +128,7 @@ def _gathered(inner: Bound, where: Place) -> Bound:
 
 
 def item(group: tuple[str, ...], over: Callable[[], Bound], where: Place) -> Bound:
-    """What the item variable of a group over `over` stands for."""
+    """The binding of the item variable of a group over `over`."""
 
     def kind() -> Any:
         return _field_type(over().kind(), ("items", "*"), where)

@@ -21,7 +21,7 @@ class Setting:
     text: str
     call: tuple[str, ...]
     labels: tuple[str | None, ...]
-    """One per enclosing group; None stands for every copy."""
+    """One per enclosing group; None means every copy."""
     option: str
     value: Node
 
@@ -30,11 +30,11 @@ def parse(text: str) -> Setting:
     """Read `NODE.OPTION=VALUE`; the value is YAML.
 
     Raises:
-        UsageError: The text has another form.
+        UsageError: The text does not have this form.
     """
     steps: list[re.Match[str]] = []
     place, end = len(text) - len(text.lstrip()), "."
-    # A label may hold dots and equals signs: `sweep[voxel_m=0.001].mesh.wall_m=0.004`.
+    # A label may contain dots and equals signs: `sweep[voxel_m=0.001].mesh.wall_m=0.004`.
     while end == "." and (step := _STEP.match(text, place)) is not None:
         steps.append(step)
         place, end = step.end(), step["end"].strip()

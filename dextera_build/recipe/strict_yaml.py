@@ -13,7 +13,7 @@ import yaml
 from dextera_build.errors import Place, RecipeError
 
 PARSER: Any = yaml.SafeLoader
-"""libyaml's, where PyYAML has it."""
+"""libyaml's parser if PyYAML was built with it."""
 if yaml.__with_libyaml__:
     from yaml import cyaml
 
@@ -26,16 +26,16 @@ _FORMS: tuple[tuple[re.Pattern[str], Callable[[str], object]], ...] = (
     (re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+"), lambda text: int(text, 0)),
     (re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"), float),
 )
-"""Forms of plain scalars that are not text, and their values."""
+"""Patterns of plain scalars that are not text, and their conversions."""
 _STARTS = frozenset(("", *"~nNtTfF-+.0123456789"))
-"""What they begin with."""
+"""First characters of these scalars."""
 _DEEPEST = 100
 _MOST_ALIASED = 100_000
-"""How many values aliases may stand for in one file: a few lines of them can say a billion."""
+"""Limit on values that aliases expand to in one file: a few lines can expand to a billion."""
 _MOST_DIGITS = 400
-"""The largest number of the longest float has fewer; to read and write long ones takes the square of their length."""
+"""Limit on digits of a number; no float needs more, and parsing takes time quadratic in the length."""
 _MOST_REREAD = 1 << 20
-"""A text up to this length [characters] is read once more by the slower parser, for a better message."""
+"""Maximum length [characters] of an invalid text to parse again with the slower parser, for a better message."""
 
 
 @dataclass(slots=True, repr=False)
@@ -45,10 +45,10 @@ class Node:
     value: Any
     place: Place
     keys: Mapping[str, Place] = field(default_factory=dict)
-    """Where each key of a mapping stands."""
+    """Place of each key of a mapping."""
 
     def entries(self) -> Iterator[tuple[str, Place, Node]]:
-        """Key, its place and value of each entry of a mapping."""
+        """Yield key, place of the key, and value of each entry of a mapping."""
         for name, inner in self.value.items():
             yield name, self.keys[name], inner
 
@@ -91,7 +91,7 @@ def parse(text: str, file: str, place: Place | None = None) -> Node:
     Args:
         text: YAML.
         file: Name for messages.
-        place: Where all values stand; None is their own places in the file.
+        place: Place of all values; None for their own places in the file.
 
     Raises:
         RecipeError: A syntax error, a duplicate key, a tag, a merge key, too many aliases or several documents.
@@ -103,14 +103,14 @@ def parse(text: str, file: str, place: Place | None = None) -> Node:
 
 
 class _Reader:
-    """From parser events to nodes."""
+    """Converts parser events to nodes."""
 
     def __init__(self, parser: Any, file: str, place: Place | None = None) -> None:
         self._next = parser.get_event
         self._file = file
         self._fixed = place
         self._anchors: dict[str, tuple[Node, int, int]] = {}
-        """Node, how many values it is, how many levels."""
+        """Anchor -> node, number of values in it, number of levels."""
         self._values = self._aliased = 0
 
     def document(self) -> Node:
@@ -126,7 +126,7 @@ class _Reader:
         return root
 
     def _node(self, event: Any, depth: int) -> tuple[Node, int]:
-        """The value that begins with `event`, `depth` levels deep, and how many levels lie in it."""
+        """The value that starts with `event`, `depth` levels deep, and its number of nested levels."""
         place = self._place(event)
         if isinstance(event, yaml.AliasEvent):
             return self._alias(event, depth, place)
@@ -228,7 +228,7 @@ def _plain(text: str, place: Place) -> Any:
 
 def _syntax_error(error: yaml.YAMLError, text: str, file: str) -> RecipeError:
     if PARSER is not yaml.SafeLoader and len(text) <= _MOST_REREAD:
-        # libyaml says less well what is wrong than the parser in Python.
+        # The Python parser has better error messages than libyaml.
         try:
             _Reader(yaml.SafeLoader(text), file).document()
         except yaml.YAMLError as better:

@@ -1,1 +1,1 @@
-"""What a build leaves behind: events, logs, the history of nodes, and the snapshot of a no-op build."""
+"""Records of builds: events, logs, the history of nodes, and the snapshot for no-op builds."""

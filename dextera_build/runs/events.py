@@ -1,4 +1,4 @@
-"""What the engine says: one event a line. Consoles, the report and `dxb log` are views of this stream."""
+"""Events of the engine, one per line. Consoles, the report and `dxb log` are views of this stream."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ class RunStarted(Event):
     groups: int
     argv: list[str] = field(default_factory=list)
     variant: str = ""
-    """What tells the request from the recipe's own."""
+    """Distinguishes the request from the recipe's default."""
 
     def __post_init__(self) -> None:
-        # The command line may name remotes with passwords; logs and reports are sent around.
+        # The command line may contain passwords of remotes; logs and reports are shared.
         object.__setattr__(self, "argv", [redact(word) for word in self.argv])
 
 
@@ -66,12 +66,12 @@ class GroupOpened(Event):
 
 @dataclass(frozen=True)
 class RunSized(Event):
-    """How many nodes the targets need, as far as is known: more may come as long as groups are not open."""
+    """How many nodes the targets need so far; unopened groups may add more."""
 
     kind: ClassVar[str] = "run_sized"
     nodes: int
     unopened: int
-    """Groups that are not open yet; a group within a group counts when the outer one is open."""
+    """Groups that are not open yet; a nested group counts once the outer one is open."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class NodeStarted(Event):
 
 @dataclass(frozen=True)
 class NodeProgress(Event):
-    """A running node says how far it is."""
+    """A running node reports its progress."""
 
     kind: ClassVar[str] = "node_progress"
     node: str
@@ -108,9 +108,9 @@ class NodeLog(Event):
 
 @dataclass(frozen=True)
 class BytesMissed(Event):
-    """The result of a node is known, its bytes are not in the store, and `reader` needs them: they are brought or made.
+    """`reader` needs the bytes of a known result that the store lacks; they are fetched or rebuilt.
 
-    A node that is asked for itself is its own reader.
+    A node that is itself requested is its own reader.
     """
 
     kind: ClassVar[str] = "bytes_missed"
@@ -120,12 +120,12 @@ class BytesMissed(Event):
 
 @dataclass(frozen=True)
 class NodeRetried(Event):
-    """A node failed and is tried again in `wait_s` seconds; `log` is the digest of what it printed."""
+    """A node failed and is retried in `wait_s` seconds; `log` is the digest of its output."""
 
     kind: ClassVar[str] = "node_retried"
     node: str
     tries: int
-    """How often it has run."""
+    """Number of runs so far."""
     wait_s: float
     error: Mapping[str, Any]
     log: str | None = None
@@ -133,13 +133,13 @@ class NodeRetried(Event):
 
 @dataclass(frozen=True)
 class NodeFinished(Event):
-    """What became of a node: the event that tells of it, and its record in the result of the run.
+    """A node is settled: the event, and the node's record in the result of the run.
 
-    `waits` on a node says that it never ran because `blocked_by` failed. `result` is the digest of the node's
-    result document, `log` that of what it printed (also when it failed). A node may finish twice in a run, when its
-    bytes turn out to be lost; the last word counts. A group that cannot be opened fails like a node, with rule `each`.
-    `files` are the slots (`photo`, or `photos[left]` of a listed collection) that read a file or folder, with its
-    path: from the project's folder where it lies inside. `usage` is what a node used that ran; see `Ended.usage`.
+    Status `waits` means that the node never ran because `blocked_by` failed. `result` is the digest of the node's
+    result document, `log` that of its printed output (also of a failed run). A node whose bytes turn out to be lost
+    may finish twice in a run; the last event counts. A group that cannot be opened fails like a node, with rule
+    `each`. `files` maps slots (`photo`, or `photos[left]` of a listed collection) to the path of their file or folder,
+    relative to the project folder if inside it. `usage` holds the resources used by the run; see `Ended.usage`.
     """
 
     kind: ClassVar[str] = "node_finished"
@@ -150,11 +150,11 @@ class NodeFinished(Event):
     key: str | None
     output: str | None
     seconds: float
-    """How long it ran or was fetched [s], in this run or, for a cached one, when it was made."""
+    """Duration of its run or fetch [s], in this run or, if cached, in the run that made it."""
     line: str = ""
     result: str | None = None
     error: DxbError | None = None
-    """Of one that failed; a log has it as `DxbError.to_json()`."""
+    """Error of a failed node; written to logs as `DxbError.to_json()`."""
     blocked_by: list[str] = field(default_factory=list)
     inputs: Mapping[str, str] = field(default_factory=dict)
     depends_on: list[str] = field(default_factory=list)
@@ -164,9 +164,9 @@ class NodeFinished(Event):
     """Name of the remote that a fetched result came from."""
     usage: Mapping[str, float] = field(default_factory=dict)
     tries: int = 0
-    """How often it ran; 0 for one that did not."""
+    """Number of runs; 0 if it did not run."""
     calls: list[Mapping[str, Any]] = field(default_factory=list)
-    """Recorded calls that the result came of: `call`, and for those made in this run `service`, `model`, `how`, ..."""
+    """Recorded calls that the result used: `call`, and for those made in this run `service`, `model`, `how`, ..."""
 
 
 @dataclass(frozen=True)
@@ -192,17 +192,17 @@ class Uploading(Event):
 
 @dataclass(frozen=True)
 class Uploaded(Event):
-    """What became of the results that this run made for one remote."""
+    """The outcome of uploading this run's results to one remote."""
 
     kind: ClassVar[str] = "uploaded"
     remote: str
     results: int
     octets: int
-    """How many bytes travelled."""
+    """Number of bytes transferred."""
     left: int
-    """How many results were not uploaded."""
+    """Number of results that were not uploaded."""
     reason: str
-    """Why the first of them was not."""
+    """Why the first of them was not uploaded."""
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ Listener: TypeAlias = Callable[[Event], None]
 
 
 def is_event(plain: object) -> bool:
-    """Whether this is the plain data of an event: a known one has all fields that it must have, each of its form."""
+    """Whether this is the plain data of an event; a known kind needs all its required fields, with the right types."""
     if not isinstance(plain, dict) or not isinstance(plain.get("event"), str):
         return False
     for name, needed, kinds in _forms().get(plain["event"], ()):
@@ -232,7 +232,7 @@ def is_event(plain: object) -> bool:
 
 @cache
 def _forms() -> dict[str, list[tuple[str, bool, set[type]]]]:
-    """Kind -> (field, whether it must be there, what JSON has for it)."""
+    """Kind -> (field, whether it is required, its JSON types)."""
     found = {}
     for kind in Event.__subclasses__():
         hints = get_type_hints(kind)
@@ -256,7 +256,7 @@ def _plain_types(hint: Any) -> Iterator[type]:
 
 
 def fan_out(*listeners: Listener) -> Listener:
-    """One listener that passes every event on to each of `listeners`, in order."""
+    """One listener that passes every event to each of `listeners`, in order."""
 
     def listen(event: Event) -> None:
         for listener in listeners:

@@ -1,4 +1,4 @@
-"""What this machine remembers of each recipe: when each node was last made, from what, and how long that took."""
+"""The history of each recipe on this machine: when each node was last built, from what, and how long it took."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ _NUMBERS = {int, float}
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """The last time that a node was brought up to date."""
+    """The last time a node was brought up to date."""
 
     key: str
     key_document: str
     """Digest of the key document."""
     run: str
-    """Id of the run in which it got this key."""
+    """Id of the run in which the node got this key."""
     seconds: float
-    """How long the rule ran [s]."""
+    """Duration of the rule's run [s]."""
     time: float
     """Seconds since the epoch."""
     usage: Mapping[str, float] = field(default_factory=dict)
-    """What its last run on this machine used; see `Ended.usage`."""
+    """Resources used by its last run on this machine; see `Ended.usage`."""
 
 
 class History:
     """Node address -> entry, for one recipe of one project.
 
     Args:
-        store: Remembers it, in its machine-local part.
+        store: Keeps the history in its machine-local part.
         recipe: Address of the recipe.
-        project: Folder of the project; two projects may share a store and have recipes of one name.
-        variant: What tells the request from the recipe's own; "" for that.
+        project: Folder of the project; projects that share a store may have recipes of the same name.
+        variant: Distinguishes the request from the recipe's default; "" for the default.
     """
 
     def __init__(self, store: Store, recipe: str, project: str = "", variant: str = "") -> None:
@@ -48,10 +48,10 @@ class History:
         self._kind = "\0".join((_KIND, project, recipe, variant))
         self._entries: dict[str, Entry] | None = None
         self._noted: set[str] = set()
-        """Addresses of entries that are not written down."""
+        """Addresses of entries that are not saved yet."""
 
     def get(self, address: str) -> Entry | None:
-        """The entry of a node, else that of the recipe's own request; None where it was never made here."""
+        """The entry of a node, or its entry in the recipe's default request; None if it was never built here."""
         return self._load().get(address) or (self._base.get(address) if self._base else None)
 
     def all(self) -> dict[str, Entry]:
@@ -59,25 +59,25 @@ class History:
         return dict(self._load())
 
     def note(self, address: str, entry: Entry) -> None:
-        """Remember a node; one that still has its key stays with the run that gave it that."""
+        """Record a node; if its key is unchanged, the run that first had it stays."""
         known = self._load().get(address)
         if known is not None and known.key == entry.key and known.key_document == entry.key_document:
             if not entry.usage:
                 return
             entry = replace(known, usage=entry.usage)
         elif known is not None and not entry.usage:
-            entry = replace(entry, usage=known.usage)  # what it used when it ran last
+            entry = replace(entry, usage=known.usage)  # from its last run
         self._load()[address] = entry
         self._noted.add(address)
 
     def peak_gb(self, address: str) -> float | None:
-        """Most memory that the last run of a node took [GiB], where that is known."""
+        """Peak memory of a node's last run [GiB], if known."""
         known = self.get(address)
         peak = known.usage.get("memory_bytes") if known else None
         return peak / 2**30 if peak else None
 
     def save(self) -> None:
-        """Write down what was noted, beside what other builds wrote; a store that cannot be written keeps the old."""
+        """Save recorded entries next to those of other builds; a store that cannot be written stays as it is."""
         if self._noted:
             known = self._load()
             self._state.put(self._kind, {address: _row(known[address]) for address in self._noted})
@@ -91,7 +91,7 @@ class History:
 
 
 def projects(state: State) -> Iterator[tuple[str, str, Iterator[Entry]]]:
-    """The folder of a project, the variant of a request, and what is remembered of it; for every recipe."""
+    """For every recipe: the project folder, the variant of the request, and its entries."""
     for kind in state.kinds():
         name, *rest = kind.split("\0")
         if name == _KIND and rest:
@@ -105,7 +105,7 @@ def _entries(state: State, kind: str) -> Iterator[tuple[str, Entry]]:
 
 
 def _entry(data: bytes) -> Entry | None:
-    """The entry of a row; None where it is none."""
+    """The entry of a row; None if the row is invalid."""
     try:
         row = digests.plain(data)
         entry = Entry(*row)

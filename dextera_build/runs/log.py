@@ -20,23 +20,23 @@ from dextera_build.store.store import Store
 _FILE = "events.jsonl"
 _PROGRESS_S = 1.0
 _MOST = 256
-"""So many events are gathered at most."""
+"""Maximum number of buffered events."""
 _NOT_WRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, *disk_full.FULL}
 
 
 class EventLog:
-    """A listener that writes every event down; use it as a context manager.
+    """A listener that writes events to the log; use it as a context manager.
 
-    Events are gathered and written together: whoever tells them calls `flush` before he waits for anything.
-    Whole lines are written at a time, so a killed build leaves whole lines and at most one torn one at the end. Where
-    the disk is full an event is left out: what the build makes matters more, and says by itself where it has no room.
+    Events are buffered: the sender calls `flush` before every wait. Only whole lines are written, so a killed build
+    leaves at most one torn line, at the end. If the disk is full, events are dropped: the build's results matter more,
+    and report a full disk themselves.
 
     Args:
-        store: The run gets the next free id there.
+        store: The store in which the run takes the next free id.
 
     Attributes:
-        run: Id of the run, `0143`; "" where the store cannot be written, then nothing is.
-        lost: How many events had no room.
+        run: Id of the run, `0143`; "" if the store cannot be written, and nothing is logged.
+        lost: Number of events dropped because the disk was full.
     """
 
     def __init__(self, store: Store) -> None:
@@ -62,7 +62,7 @@ class EventLog:
             raise files.store_error(error, str(folder)) from None
 
     def __call__(self, event: Event) -> None:
-        """Take one event; of a node's progress no more than what a second brings."""
+        """Buffer one event; at most one progress event per node and second is kept."""
         if self._descriptor < 0 or self._is_told(event):
             return
         self._lines.append(event.to_line().encode() + b"\n")
@@ -70,11 +70,11 @@ class EventLog:
             self.flush()
 
     def flush(self) -> None:
-        """Write what was gathered."""
+        """Write the buffered events."""
         lines, self._lines = self._lines, []
         if len(lines) > 1 and self._write(b"".join(lines)):
             return
-        # Where there is no room for all there may be for some.
+        # If the batch does not fit on the disk, single lines may.
         self.lost += sum(not self._write(line) for line in lines)
 
     def _write(self, data: bytes) -> bool:
@@ -97,7 +97,7 @@ class EventLog:
         self.close()
 
     def close(self) -> None:
-        """No more events."""
+        """Flush and close the log."""
         if self._descriptor >= 0:
             self.flush()
             os.close(self._descriptor)
@@ -113,14 +113,14 @@ class EventLog:
 
 
 def runs(store: Store) -> list[str]:
-    """Ids of all runs, the oldest first."""
+    """Ids of all runs, oldest first."""
     folder = store.root / "runs"
     names = [name for name in os.listdir(folder) if name.isdecimal()] if folder.is_dir() else []
     return sorted(names, key=int)
 
 
 def read(store: Store, run: str) -> list[dict[str, Any]]:
-    """The events of a run as plain data; a torn last line is left out.
+    """The events of a run as plain data, without a torn last line.
 
     Raises:
         UsageError: There is no such run.
@@ -129,7 +129,7 @@ def read(store: Store, run: str) -> list[dict[str, Any]]:
 
 
 def latest(store: Store, recipe: str | None = None, variant: str | None = None) -> str | None:
-    """Id of the last run, or of the last one of `recipe` and of a variant of its request; None where there is none."""
+    """Id of the last run, optionally of a `recipe` and a `variant` of its request; None if there is none."""
     for run in reversed(runs(store)):
         first = next(lines(store, run), None)
         if first is None or (recipe is not None and first.get("recipe") != recipe):
@@ -140,7 +140,7 @@ def latest(store: Store, recipe: str | None = None, variant: str | None = None) 
 
 
 def lines(store: Store, run: str) -> Iterator[dict[str, Any]]:
-    """The events of a run one after another, so that a look at the first reads no more.
+    """Yield the events of a run lazily, as plain data.
 
     Raises:
         UsageError: There is no such run.

@@ -1,9 +1,9 @@
-"""The build that does nothing: as long as everything that an answer rests on is as it was, the answer is given again.
+"""The fast path of a no-op build: repeats the previous answer if nothing that it depends on has changed.
 
-A snapshot stands for one command line in one folder. It holds the signature of every file that was read, also of those
-that were looked for and are not there; the names in folders that were searched; the signatures of the files that were
-placed; and what was printed. Python takes longer to start than to look at a thousand files, so next to nothing is
-loaded to compare them. What a request says is digested, never written: it may hold passwords.
+A snapshot belongs to one command line in one folder. It holds the signature of every file that was read, including
+missing files that were looked for; the names in searched folders; the signatures of the exported files; and the printed
+output. Python takes longer to start than to stat a thousand files, so this module imports almost nothing. The request
+is stored only as a digest, because it may contain passwords.
 """
 
 import os
@@ -21,19 +21,19 @@ if TYPE_CHECKING:
 KIND = "snapshot"
 _USED = "snapshot made"
 LAST = "last"
-"""Rows of the state: a recipe of a project -> the variant that was built last."""
+"""Kind of state rows: a recipe of a project -> the variant built last."""
 _MOST = 64
-"""Snapshots that a store keeps."""
+"""Maximum number of snapshots in a store."""
 _MARK = "\0"
-"""Stands between texts; no path has it."""
+"""Separator of texts; no path contains it."""
 _BOOT = "/proc/sys/kernel/random/boot_id"
-"""Has other bytes after each start of the machine: a power cut may leave short files."""
+"""Changes with every boot; after a power cut, files may be truncated."""
 _PLACES = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME")
-"""Variables beside `DXB_*` that say where things are."""
+"""Variables besides `DXB_*` that locate files."""
 
 
 class Recipe:
-    """What a snapshot says of one recipe of the command line."""
+    """The part of a snapshot about one recipe of the command line."""
 
     __slots__ = ("entries", "last", "name", "nodes", "variant")
 
@@ -41,16 +41,16 @@ class Recipe:
         self.name, self.nodes = name, nodes
         self.last, self.variant = last, variant
         self.entries = list(entries)
-        """Paths of the store's entries of the targets."""
+        """Paths of the targets' entries in the store."""
 
 
 def answer(words: "Sequence[str]", store: str | None = None) -> bool:
-    """Give the answer of last time to a command line (without `dxb`) where it still holds; else do nothing.
+    """Print the previous answer to a command line (without `dxb`) if it is still valid; return whether it was.
 
     Args:
         words: The command line.
-        store: The store's folder; None where the settings were not read, then it is where it mostly is. In another
-            place there is no snapshot of this request, or it holds just as well: it rests on the settings, too.
+        store: The store's folder; None to try the usual places before the settings are read. A snapshot found there
+            is valid wherever the store is, because it depends on the settings, too.
     """
     began = time.perf_counter()
     if list(words[:1]) != ["build"]:
@@ -63,14 +63,14 @@ def answer(words: "Sequence[str]", store: str | None = None) -> bool:
 
             name, state = name or request(words), State(path)
             found = state.get(KIND, name)
-            with suppress(ValueError, IndexError):  # a row of another form
+            with suppress(ValueError, IndexError):  # a malformed row
                 if found is not None and _give(state, found, began):
                     return True
     return False
 
 
 def request(words: "Sequence[str]") -> str:
-    """The name of a request: a digest of everything that an answer depends on but files."""
+    """The name of a request: a digest of everything that the answer depends on except files."""
     import hashlib
 
     from dextera_build.version import __version__
@@ -89,15 +89,15 @@ def save(
     *,
     told: bool,
 ) -> bool:
-    """Remember a command that went well; False where a file was not at rest, or the store cannot be written.
+    """Save the snapshot of a successful command; False if a file is still changing or the store cannot be written.
 
     Args:
-        state: The store's.
+        state: The state of the store.
         words: The command line.
-        watch: Everything that was read, noted before it was read, and what was placed.
-        recipes: Those of the command line.
-        answers: What was printed on standard output.
-        told: Whether the answer says on standard error that nothing ran.
+        watch: Signatures of all files that were read, taken before reading, and of exported files.
+        recipes: The recipes of the command line.
+        answers: Text printed to standard output.
+        told: Whether the answer includes the "up to date" lines on standard error.
     """
     from dextera_build.store import failpoints
 
@@ -144,7 +144,7 @@ def _give(state: "State", found: bytes, began: float) -> bool:
 
 
 def _are(texts: list[str], first: int, end: int) -> bool:
-    """Whether all files have the signatures that they had."""
+    """Whether all files still have the recorded signatures."""
     stat = os.stat
     for place in range(first, end, 2):
         try:
@@ -159,7 +159,7 @@ def _are(texts: list[str], first: int, end: int) -> bool:
 
 
 def _list(texts: list[str], first: int, end: int) -> bool:
-    """Whether all folders hold the names that they held; those whose time stamps moved are listed."""
+    """Whether all folders still hold the recorded names; only folders with changed timestamps are listed."""
     for place in range(first, end, 4):
         path, kind, stamp, check = texts[place : place + 4]
         try:
@@ -200,7 +200,7 @@ def _spelled(known: tuple[int, int, int, int] | None) -> str:
 
 
 def _stores() -> "Iterator[str]":
-    """Where the store of the current folder may be."""
+    """Possible store folders for the current folder."""
     if "DXB_CACHE" in os.environ:
         yield os.path.abspath(os.environ["DXB_CACHE"])
         return

@@ -1,1 +1,1 @@
-"""Where nodes run: worker processes, Ray, and what a machine has to share out."""
+"""Execution of nodes: worker processes, Ray, and the resources of machines."""

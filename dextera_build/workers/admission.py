@@ -1,9 +1,9 @@
-"""Which of the waiting tasks starts next: never more than the machine has, nobody passed for ever.
+"""Admission control: chooses the next task to start, within the machine's resources and without starvation.
 
-Tasks that need the same stand in one line, the eldest at its head, so that what is looked at is one head a line,
-however many tasks wait. The eldest head that fits starts. One that does not fit may be passed by younger ones, a few
-times; then it has a reservation: from there on a younger one starts only if the two fit beside each other, so that the
-elder starts at the latest when all that ran at that moment has ended.
+Tasks with equal needs share one FIFO queue, so only the head of each queue is examined, however many tasks wait. The
+oldest head that fits starts. A task that does not fit may be overtaken by younger ones a few times; then it gets a
+reservation: from then on a younger task starts only if both fit side by side. The older task thus starts at the latest
+when all tasks running at that moment have ended.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from dextera_build.workers.capacity import Capacity, Needs
 T = TypeVar("T", bound=Hashable)
 
 _PASSES = 8
-"""How often a task that does not fit is passed before it has a reservation."""
+"""How often a task that does not fit is overtaken before it gets a reservation."""
 _UNITS = 1000
-"""Amounts are counted in whole thousandths, so that no sum drifts."""
+"""Amounts are integers in thousandths, which avoids rounding errors in sums."""
 _MARGIN = 1.25
 _MARGIN_GB = 0.0625
 
 
 @dataclass(frozen=True)
 class Grant:
-    """What a task was given."""
+    """Resources granted to a task."""
 
     amounts: tuple[tuple[str, int], ...]
     devices: tuple[tuple[int, int], ...] = ()
-    """(device, how much of it)."""
+    """(device, amount of its memory)."""
 
 
 class Ledger:
-    """What is free.
+    """Free resources.
 
     Args:
-        capacity: What there is.
+        capacity: All resources.
     """
 
     def __init__(self, capacity: Capacity) -> None:
@@ -52,7 +52,7 @@ class Ledger:
         self._left = list(self._sizes)
 
     def place(self, needs: Needs) -> Grant | None:
-        """Where `needs` fit now, or None. More cores or memory than there are become all that there is."""
+        """The grant for `needs`, or None if they do not fit now; excess cores or memory are clamped to the capacity."""
         grant = Grant(self._amounts(needs))
         for name, amount in grant.amounts:
             if self._free[name] < amount:
@@ -63,7 +63,7 @@ class Ledger:
         return Grant(grant.amounts, devices)
 
     def move(self, grant: Grant, sign: int) -> None:
-        """Take what was granted, with -1, or give it back, with 1."""
+        """Take granted resources (`sign` -1) or return them (`sign` 1)."""
         for name, amount in grant.amounts:
             self._free[name] += sign * amount
         for device, amount in grant.devices:
@@ -72,7 +72,7 @@ class Ledger:
     def _amounts(self, needs: Needs) -> tuple[tuple[str, int], ...]:
         wanted = {"cpu": max(needs.cpus, 1) * _UNITS, "memory": _count(needs.memory_gb)}
         if any(wanted[name] > self._whole[name] for name in wanted):
-            # Every task takes a core, so with all cores this one is alone.
+            # Every task takes a core, so a task with all cores runs alone.
             wanted = {"cpu": self._whole["cpu"], "memory": min(wanted["memory"], self._whole["memory"])}
         return (*wanted.items(), *((name, _count(amount)) for name, amount in needs.named))
 
@@ -90,25 +90,25 @@ class Ledger:
 
 @dataclass(slots=True)
 class _Line(Generic[T]):
-    """Tasks that need the same, with their places among all; the eldest first."""
+    """Queue of tasks with equal needs and their order among all tasks, oldest first."""
 
     needs: Needs
     waiting: deque[tuple[int, T]] = field(default_factory=deque)
     passed: int = 0
-    """How often younger tasks of other lines started before its head."""
+    """How often younger tasks of other queues overtook its head."""
 
     @property
     def place(self) -> int:
-        """That of its head."""
+        """Order of its head."""
         return self.waiting[0][0]
 
 
 class Admission(Generic[T]):
-    """The tasks of one run that wait or run.
+    """The waiting and running tasks of one run.
 
     Args:
-        capacity: What they share.
-        passes: How often a task that does not fit may be passed.
+        capacity: Resources that they share.
+        passes: How often a task that does not fit may be overtaken.
     """
 
     def __init__(self, capacity: Capacity, passes: int = _PASSES) -> None:
@@ -122,12 +122,12 @@ class Admission(Generic[T]):
         self._passers: set[T] = set()
 
     def wait(self, task: T, needs: Needs) -> None:
-        """Join the line; `needs` lack nothing of the capacity."""
+        """Add a waiting task; its `needs` must be within the capacity."""
         line = self._lines.setdefault(needs, _Line(needs))
         line.waiting.append((next(self._order), task))
 
     def next(self) -> T | None:
-        """Take the task that starts now, with what it needs; None where none fits."""
+        """Take the next task and reserve its resources; None if no task fits."""
         reserved: _Line[T] | None = None
         for line in sorted(self._lines.values(), key=lambda line: line.place):
             grant = self._ledger.place(line.needs)
@@ -142,12 +142,12 @@ class Admission(Generic[T]):
         return None
 
     def end(self, task: T) -> None:
-        """What `task` had is free again."""
+        """Release the resources of `task`."""
         self._ledger.move(self._running.pop(task), 1)
         self._passers.discard(task)
 
     def devices(self, task: T) -> tuple[str, ...]:
-        """Names of the devices that a running task has."""
+        """Ids of the devices granted to a running task."""
         return tuple(self.capacity.gpus[device].id for device, _ in self._running[task].devices)
 
     def _start(self, line: _Line[T], grant: Grant, passes: bool) -> T:
@@ -164,7 +164,7 @@ class Admission(Generic[T]):
         return task
 
     def _fit_together(self, elder: Needs, grant: Grant) -> bool:
-        """Whether `elder` fits beside those that passed it and one more."""
+        """Whether `elder` fits alongside the tasks that overtook it and `grant`."""
         ledger = Ledger(self.capacity)
         for passer in self._passers:
             ledger.move(self._running[passer], -1)
@@ -173,9 +173,9 @@ class Admission(Generic[T]):
 
 
 def estimate(declared: Needs, peak_gb: float | None) -> Needs:
-    """What to admit a task by: the memory that was measured the last time with a margin, else what its rule declares.
+    """The needs used for admission: the last measured peak memory plus a margin, or the declared needs if unknown.
 
-    The sum is rounded up to a step of about a fifth, so that tasks of one rule stand in few lines.
+    The memory is rounded up to a step of about a fifth, so that tasks of one rule fall into few queues.
     """
     if peak_gb is None:
         return declared
@@ -186,7 +186,7 @@ def estimate(declared: Needs, peak_gb: float | None) -> Needs:
 
 
 def lacks(found: Mapping[str, tuple[float, float]]) -> MachineError:
-    """The error of a node that needs what no waiting will bring; see `Needs.lacks`."""
+    """The error of a node that needs more than the machine has; see `Needs.lacks`."""
     said = ", ".join(f"{wanted:g} of `{name}`" for name, (wanted, _) in found.items())
     name, (wanted, _) = next(iter(found.items()))
     return MachineError(

@@ -1,7 +1,7 @@
-"""What a machine has to share out among nodes, and what one node asks for.
+"""Resources of a machine, and the needs of a node.
 
-`cpu` counts cores, `memory` is in GiB, `gpu` counts devices, `gpu_memory` is in GiB a device; everything else has a
-name with a colon, `licence:solver`, and is a count that the configuration declares.
+`cpu` counts cores, `memory` is in GiB, `gpu` counts devices, `gpu_memory` is in GiB per device; every other resource
+has a name with a colon, `licence:solver`, and a count declared in the configuration.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 from dextera_build.errors import UsageError, did_you_mean
 
 MEASURED = ("cpu", "memory", "gpu", "gpu_memory")
-"""Resources that a machine is asked for; the configuration may say otherwise."""
+"""Resources measured on the machine unless the configuration sets them."""
 
 _NAMED = re.compile(r"[A-Za-z][\w.-]*:[\w.:/-]+")
 _GROUP = Path("/sys/fs/cgroup")
@@ -29,14 +29,14 @@ class Gpu:
     """One device."""
 
     id: str
-    """What `CUDA_VISIBLE_DEVICES` calls it."""
+    """Its name in `CUDA_VISIBLE_DEVICES`."""
     memory_gb: float = 0.0
-    """0 where that is not known; then one task at a time has it."""
+    """0 if unknown; the device then runs one task at a time."""
 
 
 @dataclass(frozen=True)
 class Capacity:
-    """What there is to share out."""
+    """Resources to share among tasks."""
 
     cpus: int = 1
     memory_gb: float = 1.0
@@ -46,18 +46,18 @@ class Capacity:
 
 @dataclass(frozen=True)
 class Needs:
-    """What one task asks for."""
+    """Resources that one task needs."""
 
     cpus: int = 1
     memory_gb: float = 0.0
     gpus: int = 0
-    """Devices that it has to itself."""
+    """Number of exclusive devices."""
     gpu_gb: float = 0.0
-    """Memory on each of them [GiB]; without `gpus`, that much of one device that others may share."""
+    """Memory on each of them [GiB]; without `gpus`, memory on one shared device."""
     named: tuple[tuple[str, float], ...] = ()
 
     def lacks(self, capacity: Capacity) -> dict[str, tuple[float, float]]:
-        """Resource -> (wanted, there), for all that no waiting will bring: devices and named resources."""
+        """Resource -> (wanted, available) for devices and named resources that exceed the capacity."""
         found: dict[str, tuple[float, float]] = {}
         devices = max(self.gpus, 1 if self.gpu_gb else 0)
         if devices > len(capacity.gpus):
@@ -72,7 +72,7 @@ def parse(given: object, origin: str = "--resources") -> dict[str, float]:
     """Amounts by name, from `gpu=1,memory=16` or a table of the configuration.
 
     Raises:
-        UsageError: It is neither, names nothing that is known, or an amount is no number from zero up.
+        UsageError: It is neither, a resource is unknown, or an amount is not a number of at least zero.
     """
     if isinstance(given, str):
         parts = [part.rpartition("=") for part in given.split(",") if part.strip()]
@@ -90,12 +90,12 @@ def parse(given: object, origin: str = "--resources") -> dict[str, float]:
 
 
 def measure(cpus: int, said: Mapping[str, float] | None = None, *, gpus: bool = True) -> Capacity:
-    """What this machine has, where the configuration does not say otherwise.
+    """The resources of this machine, overridden by the configuration.
 
     Args:
-        cpus: Cores to share out.
-        said: Amounts of the configuration and the command line; see `parse`.
-        gpus: Look for devices. That starts a program, so a build that needs none leaves it out.
+        cpus: Number of cores to use.
+        said: Amounts from the configuration and the command line; see `parse`.
+        gpus: Look for devices. This starts a program, so builds without GPU rules skip it.
     """
     said = said or {}
     found = _devices() if gpus and said.get("gpu", 1) else []
@@ -109,22 +109,22 @@ def measure(cpus: int, said: Mapping[str, float] | None = None, *, gpus: bool = 
 
 
 def available_gb() -> float:
-    """Memory that new processes may use without swapping or leaving their control group [GiB]."""
+    """Memory available to new processes without swapping or exceeding the control group's limit [GiB]."""
     with open("/proc/meminfo") as table:
         rows = dict(line.split(":", 1) for line in table)
     return max(min(int(rows["MemAvailable"].split()[0]) / 2**20, _limit_gb()), 0.25)
 
 
 def _limit_gb() -> float:
-    """What the control group leaves [GiB]."""
+    """Memory left in the control group [GiB]."""
     with suppress(OSError, ValueError):
-        # Cached file pages count as used and are given back, so this is what is left at least.
+        # A lower bound: cached file pages count as used, but can be reclaimed.
         return (int((_GROUP / "memory.max").read_text()) - int((_GROUP / "memory.current").read_text())) / 2**30
     return math.inf
 
 
 def _devices() -> list[Gpu]:
-    import subprocess  # slow to import, and few builds need it
+    import subprocess  # slow to import and rarely needed
 
     try:
         answer = subprocess.run(_QUERY, capture_output=True, text=True, timeout=20)
@@ -136,7 +136,7 @@ def _devices() -> list[Gpu]:
 
 
 def _visible(found: list[Gpu]) -> list[Gpu]:
-    """Those that this process may use, under the names that it was given for them."""
+    """The devices that `CUDA_VISIBLE_DEVICES` allows for this process."""
     told = os.environ.get("CUDA_VISIBLE_DEVICES")
     if told is None:
         return found

@@ -1,4 +1,4 @@
-"""A pool of worker processes on this machine: what each was given, what it says, and how it died."""
+"""A pool of worker processes on this machine: their tasks, their messages, and how they died."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from dextera_build.workers.protocol import Ended, Report, Said, Task, printed
 
 _GRACE_S = 1.0
 _LOOK_S = 0.25
-"""How often busy workers are looked at [s]."""
+"""Interval at which busy workers are checked [s]."""
 _WAIT_S = 0.001
 _TAIL_LINES = 12
 _ROOT = Path(__file__).resolve().parents[2]
-"""Where this package lies."""
+"""Folder that contains this package."""
 
 
 class LocalExecutor:
-    """Workers that are started when needed and kept; use it as a context manager.
+    """Workers, started on demand and reused; use it as a context manager.
 
-    Workers end with the thread that started them (that is how Linux tells them that their parent died), so build from
-    a thread that outlives the build.
+    A worker ends with the thread that started it (Linux signals the death of the parent thread), so build from a
+    thread that outlives the build.
 
     Args:
-        runner: `module:function` that carries out a task in a worker.
-        capacity: What tasks share.
-        environment: Variables that workers see beside those of this process.
+        runner: `module:function` that executes a task in a worker.
+        capacity: Resources shared by tasks.
+        environment: Variables for workers, in addition to those of this process.
     """
 
     def __init__(self, runner: str, capacity: Capacity, environment: Mapping[str, str] | None = None) -> None:
@@ -51,7 +51,7 @@ class LocalExecutor:
         self._selector = selectors.DefaultSelector()
         self._workers: list[Process] = []
         self._waiting: list[Task] = []
-        """Tasks that found no idle worker: one is loading for each, but the first that is free takes it."""
+        """Tasks without an idle worker; a worker is loading for each, but any worker that becomes free takes it."""
 
     def __enter__(self) -> Self:
         return self
@@ -60,11 +60,11 @@ class LocalExecutor:
         self.stop()
 
     def warm(self) -> None:
-        """Start a worker, which loads what it needs while it is not known yet what it will run."""
+        """Start a worker before its first task is known, so that its imports are done by then."""
         self._start(())
 
     def submit(self, task: Task) -> None:
-        """Hand the task to an idle worker, or to the next one that is free: it may take long to load another."""
+        """Give the task to an idle worker, or to the next one that becomes free, as loading another may take longer."""
         process = self._idle(task.devices)
         if process is not None:
             process.give(task)
@@ -75,10 +75,10 @@ class LocalExecutor:
         self._waiting.append(task)
 
     def poll(self, timeout_s: float | None) -> list[Report]:
-        """What workers reported; a worker that died is reported as the failure of its node."""
+        """Reports of workers; a worker that died is reported as the failure of its node."""
         reports: list[Report] = []
         patience = timeout_s if timeout_s is not None else math.inf
-        # A dead worker need not show in its socket: something that it started may hold the other end.
+        # The socket may not show a worker's death: a process that it started may hold the other end.
         patience = min(patience, _LOOK_S) if self._busy() else patience
         for key, _ in self._selector.select(patience if patience < math.inf else None):
             reports += self._hear(key.data)
@@ -87,7 +87,7 @@ class LocalExecutor:
         return reports
 
     def stop(self) -> None:
-        """End all workers and everything that they started; those that run may clean up."""
+        """End all workers and the processes they started; busy workers may clean up first."""
         for process in self._busy():
             process.ask_to_end()
         deadline = time.monotonic() + _GRACE_S
@@ -110,7 +110,7 @@ class LocalExecutor:
                 continue
             if process.devices == devices and not process.has_ended:
                 return process
-            # Dead, or it holds memory of a device that another worker needs now.
+            # It is dead, or holds memory of a device that another worker needs now.
             self._end(process, 0.0)
         return None
 
@@ -133,7 +133,7 @@ class LocalExecutor:
         for line in lines:
             if "ready" in line:
                 process.is_ready = True
-            elif process.task is None:  # something that a task left behind goes on talking
+            elif process.task is None:  # leftover threads of an ended task may still send lines
                 continue
             elif "said" in line:
                 kind, data = line["said"]
@@ -156,7 +156,7 @@ class LocalExecutor:
         return task
 
     def _bury(self, process: Process) -> list[Report]:
-        """A worker is dead: the task that it had, or that it was loading for, has failed."""
+        """Remove a dead worker; fails its task, or the task that it was loading for."""
         self._end(process, _GRACE_S)
         task = process.task if process.is_ready else self._next(process.devices)
         if task is None:
@@ -171,34 +171,34 @@ class LocalExecutor:
 
 
 class Process:
-    """A running worker: an interpreter of its own, which shares nothing with this process but the module search path.
+    """A worker process: a separate interpreter that shares only the module search path with this process.
 
-    It leads a session and a process group of its own, so that a Ctrl-C at the terminal does not reach it and that it
-    can be ended with everything that it started. It can be given a task while it is still loading.
+    It leads its own session and process group: Ctrl-C at the terminal does not reach it, and it can be killed together
+    with the processes it started. It accepts a task while it is still loading.
 
     Args:
-        runner: `module:function` that carries out a task.
-        environment: Variables beside those of this process.
+        runner: `module:function` that executes a task.
+        environment: Variables in addition to those of this process.
         devices: GPUs that it may use.
 
     Raises:
-        OSError: No process can be started, or no file opened.
+        OSError: The process cannot be started, or its log file cannot be opened.
     """
 
     def __init__(self, runner: str, environment: Mapping[str, str], devices: tuple[str, ...] = ()) -> None:
         self.task: Task | None = None
-        """What it was given and has not answered."""
+        """Its current task, not answered yet."""
         self.devices = devices
         self.is_ready = False
-        """Whether it has loaded what it runs tasks with."""
+        """Whether it has loaded the runner."""
         self.began = time.monotonic()
-        """When its task began, or it began to load, by `time.monotonic`."""
+        """Start of its task or of loading, by `time.monotonic`."""
         self.peak = 0
-        """Most memory that it and its children had, once it was ended [bytes]."""
+        """Peak memory of the worker and its children [bytes]; set by `end`."""
         self._buffer = b""
-        # Without a name, so that nothing is left behind however this ends.
+        # Unnamed, so that no file is left behind however the process ends.
         self._log = tempfile.TemporaryFile(mode="w+b", buffering=0)  # noqa: SIM115
-        # What is printed after the file was cut goes to its beginning.
+        # With O_APPEND, output after a truncation goes to the start of the file.
         fcntl.fcntl(self._log.fileno(), fcntl.F_SETFL, os.O_APPEND)
         self._socket, theirs = socket.socketpair()
         with theirs:
@@ -210,7 +210,7 @@ class Process:
                     stderr=self._log,
                     pass_fds=[theirs.fileno()],
                     start_new_session=True,
-                    # CUDA looks at its variable once in a process, so a worker stays with its devices.
+                    # CUDA reads this variable once per process, so a worker keeps its devices.
                     env={
                         **os.environ,
                         **environment,
@@ -230,20 +230,20 @@ class Process:
 
     @property
     def descriptor(self) -> int:
-        """What becomes readable when the worker speaks or ends; -1 when it was ended."""
+        """Descriptor that becomes readable when the worker sends a line or dies; -1 after `end`."""
         return self._socket.fileno()
 
     @property
     def has_ended(self) -> bool:
-        """Whether it is dead; the socket need not say so, as something that it started may hold the other end."""
+        """Whether it is dead, even if a process that it started still holds the socket."""
         try:
-            # Its process id stays its own until `end` has killed its group.
+            # WNOWAIT keeps its process id reserved until `end` has killed its group.
             return os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
-        except ChildProcessError:  # the program around the build does not want to know of its children
+        except ChildProcessError:  # the embedding program ignores SIGCHLD
             return True
 
     def give(self, task: Task) -> None:
-        """Give it a task; a worker that is dead already shows in `hear`."""
+        """Give it a task; `hear` reports a worker that is already dead."""
         self.task, self.began = task, time.monotonic()
         self._send(json.dumps(task.message()).encode())
 
@@ -252,7 +252,7 @@ class Process:
             self._socket.sendall(data + b"\n")
 
     def hear(self) -> tuple[list[dict[str, Any]], bool]:
-        """(what it said, whether it is dead)."""
+        """(received lines, whether it is dead)."""
         ended = self.has_ended
         with contextlib.suppress(BlockingIOError, ConnectionResetError):  # a reset: it died with a task unread
             while part := self._socket.recv(1 << 16, socket.MSG_DONTWAIT):
@@ -267,7 +267,7 @@ class Process:
             os.kill(self.pid, signal.SIGTERM)
 
     def end(self, patience_s: float) -> None:
-        """Wait at most `patience_s` [s] for its end, then kill it; what it started is killed at once."""
+        """Wait at most `patience_s` [s] for its end, then kill it and its process group."""
         deadline = time.monotonic() + patience_s
         while not self.has_ended and time.monotonic() < deadline:
             time.sleep(_WAIT_S)
@@ -276,16 +276,16 @@ class Process:
         try:
             _, status, used = os.wait4(self.pid, 0)
             self._child.returncode, self.peak = os.waitstatus_to_exitcode(status), used.ru_maxrss * 1024
-        except ChildProcessError:  # the program around the build does not want to know of its children
+        except ChildProcessError:  # the embedding program ignores SIGCHLD
             self._child.returncode = 0
         self._socket.close()
 
     def log(self) -> bytes:
-        """What the node printed so far."""
+        """Output of the node so far."""
         return printed(self._log.fileno())
 
     def death(self, log: bytes) -> RuleError:
-        """What to say of a worker that died in the middle of a node, once it was ended."""
+        """The error for a worker that died while running a node; call it after `end`."""
         code = self._child.returncode
         if code < 0:
             names = {known.value: known.name for known in signal.Signals}
@@ -293,7 +293,7 @@ class Process:
         else:
             reason, facts = f"exit code {code}", {"exit code": str(code)}
         tail = log.decode(errors="replace").strip().splitlines()
-        # Where Python says where it was, the innermost call stands first.
+        # A fatal-error traceback of Python begins with the innermost call.
         fatal = next((place for place, line in enumerate(tail) if line.startswith("Fatal Python error")), None)
         tail = tail[-_TAIL_LINES:] if fatal is None else tail[fatal : fatal + _TAIL_LINES]
         if tail:

@@ -1,6 +1,6 @@
-"""What an executor is: it takes tasks and reports what becomes of them.
+"""The interface of executors, which take tasks and report their outcomes.
 
-The scheduler knows nothing else about how nodes run, so a pool of processes, this very process, or a cluster fit alike.
+The scheduler knows nothing else about how nodes run; an executor can be a process pool, this process, or a cluster.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from dextera_build.workers.capacity import Capacity, Needs
 
 _LITTLE = Needs()
 _TOLD = ("rule", "backend", "options", "inputs", "store", "project", "profile", "key", "sources", "packages")
-"""Fields of a task that its runner gets."""
+"""Fields of a task that are passed to its runner."""
 _LOG_MOST = 1 << 20
-"""A longer log is kept from its end [bytes]."""
+"""Only this much of the end of a log is kept [bytes]."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """One run of a rule, named by `ticket`. Only names and digests travel."""
+    """One run of a rule, identified by `ticket`; contains only names and digests."""
 
     ticket: int
     rule: str
@@ -35,22 +35,22 @@ class Task:
     profile: str
     needs: Needs = _LITTLE
     devices: tuple[str, ...] = ()
-    """GPUs that it may use, as `CUDA_VISIBLE_DEVICES` calls them."""
+    """GPUs that it may use, by their names in `CUDA_VISIBLE_DEVICES`."""
     key: str = ""
-    """Names the folder in which the call keeps its progress; "" where it shall have a fresh one."""
+    """Name of the folder for the call's saved progress; "" for a fresh one."""
     sources: Mapping[str, str] = field(default_factory=dict)
     """`RuleFacts.sources`."""
     packages: Mapping[str, str] = field(default_factory=dict)
-    """Distribution -> version, as the key holds them."""
+    """Distribution -> version, as in the key."""
 
     def message(self) -> dict[str, object]:
-        """What the runner gets."""
+        """The fields that are passed to the runner."""
         return {name: getattr(self, name) for name in _TOLD}
 
 
 @dataclass(frozen=True)
 class Said:
-    """A running task emitted something: `progress` or `log`."""
+    """A message of a running task: `progress`, `log` or `read`."""
 
     ticket: int
     kind: str
@@ -59,21 +59,21 @@ class Said:
 
 @dataclass(frozen=True)
 class Ended:
-    """A task is over: with a reply, or with an error."""
+    """The end of a task, with a reply or an error."""
 
     ticket: int
     seconds: float
     log: bytes
-    """What it printed; the end of it where that is long."""
+    """Its output; only the end of a long one."""
     reply: Mapping[str, Any] | None = None
     """{"output", "line", "previews", "metrics"}."""
     error: DxbError | None = None
     raised: tuple[str, ...] = ()
-    """The exception that the rule let escape, with its bases."""
+    """Names of the exception that escaped the rule and of its bases."""
     usage: Mapping[str, float] = field(default_factory=dict)
     """`cpu_seconds`, `memory_bytes` (peak), `read_bytes` and `written_bytes` (by read and write calls, cached or not).
 
-    A number that the system does not give is left out.
+    Values that the system does not report are left out.
     """
 
 
@@ -85,7 +85,7 @@ class Executor(Protocol):
 
     @property
     def capacity(self) -> Capacity:
-        """What tasks share; no more are submitted at a time than it holds."""
+        """Resources shared by tasks; submitted tasks never exceed them."""
         ...
 
     def submit(self, task: Task) -> None:
@@ -93,26 +93,26 @@ class Executor(Protocol):
         ...
 
     def poll(self, timeout_s: float | None) -> list[Report]:
-        """What happened; waits at most `timeout_s` [s] for the first report, None for as long as it takes."""
+        """New reports; waits at most `timeout_s` [s] for the first one, without limit if None."""
         ...
 
     def stop(self) -> None:
-        """End everything that runs, at once; what was running is never reported."""
+        """End all running tasks at once; they are never reported."""
         ...
 
 
 def printed(descriptor: int) -> bytes:
-    """What a task printed to this file; the end of it where that is long."""
+    """The output of a task in this file; only the end of a long one."""
     size = os.fstat(descriptor).st_size
     return os.pread(descriptor, _LOG_MOST, max(0, size - _LOG_MOST)) if size else b""
 
 
 def escaped(error: BaseException, project: str = "") -> RuleError:
-    """What an exception that a rule let escape means for the build; its traceback belongs into the node's log.
+    """The error for an exception that escaped a rule; its traceback belongs in the node's log.
 
     Args:
         error: The exception.
-        project: The project's folder; the last line of its code that the exception passed is named.
+        project: The project folder; the error names the innermost line of its code in the traceback.
     """
     text = f"{type(error).__name__}: {error}".strip().rstrip(":")
     where = _last_line(error, project) if project else None
@@ -120,7 +120,7 @@ def escaped(error: BaseException, project: str = "") -> RuleError:
 
 
 def _last_line(error: BaseException, project: str) -> Place | None:
-    """The innermost frame of an exception in a file of the project, where packages may be installed as well."""
+    """The innermost frame of an exception in the project's own code, excluding packages installed inside it."""
     import traceback
 
     found = None

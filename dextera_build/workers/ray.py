@@ -1,7 +1,7 @@
-"""Nodes on a Ray cluster: the scheduler decides what may start, Ray decides where.
+"""Runs nodes on a Ray cluster: the scheduler decides which may start, Ray decides where.
 
-A call is a Ray task that reserves what its rule asks for. A call whose worker is lost fails, and the scheduler
-tries it again (`workers/retries.py`).
+A call is a Ray task that reserves the resources of its rule. A call whose worker is lost fails, and the scheduler
+retries it (`workers/retries.py`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from dextera_build.workers.ray_worker import Setup
 from dextera_build.workers.staging import Staging
 
 _LOOK_S = 2.0
-"""How often the cluster is asked for its nodes [s]."""
+"""Interval at which the cluster is queried for its nodes [s]."""
 _GRACE_S = 1.5
 
 
@@ -30,11 +30,11 @@ class RayExecutor:
     """Calls on a cluster; use it as a context manager.
 
     Args:
-        cluster: Where calls run; closed here.
+        cluster: Runs the calls; closed here.
         store: The driver's store.
-        setup: What workers are told.
-        said: Amounts that the configuration names, over what the cluster has; see `ray_cluster.capacity`.
-        discovering: Rules that read files of the project by themselves, which no other machine has.
+        setup: Settings for workers.
+        said: Configured amounts, which override those of the cluster; see `ray_cluster.capacity`.
+        discovering: Rules that discover project files, which other machines do not have.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class RayExecutor:
         self.capacity: Capacity = capacity(self._nodes, self._said)
         self._staging = Staging(store, open_remote(setup.shared))
         self._calls: dict[Any, tuple[Task, Amounts]] = {}
-        """By what Ray knows them as."""
+        """By Ray's handle of the call."""
         self._reports: list[Report] = []
 
     def __enter__(self) -> Self:
@@ -64,7 +64,7 @@ class RayExecutor:
         self._cluster.close()
 
     def submit(self, task: Task) -> None:
-        """Upload what the call reads, and queue it."""
+        """Upload the inputs of the call, and queue it."""
         try:
             if task.rule in self._discovering:
                 raise MachineError(
@@ -79,7 +79,7 @@ class RayExecutor:
             self._reports.append(Ended(task.ticket, 0.0, b"", error=error))
 
     def poll(self, timeout_s: float | None) -> list[Report]:
-        """What calls said."""
+        """New reports of calls."""
         end = math.inf if timeout_s is None else time.monotonic() + timeout_s
         while self._calls and not self._reports:
             left = max(0.0, end - time.monotonic())
@@ -93,7 +93,7 @@ class RayExecutor:
         return reports
 
     def stop(self) -> None:
-        """End all calls and what they run."""
+        """End all calls and their processes."""
         for call in self._calls:
             self._cluster.cancel(call)
         deadline = time.monotonic() + _GRACE_S
@@ -117,7 +117,7 @@ class RayExecutor:
         self._reports.append(said)
 
     def _look(self) -> None:
-        """Let no call wait for a machine that is gone."""
+        """Fail calls that no remaining machine can run."""
         self._nodes, self._looked = self._cluster.nodes(), time.monotonic()
         for call, (_, reserved) in list(self._calls.items()):
             if not any(fits(reserved, node) for node in self._nodes):
@@ -126,7 +126,7 @@ class RayExecutor:
 
 
 def _lost(error: Exception) -> MachineError:
-    error = getattr(error, "cause", None) or error  # else Ray's text begins with where it came from
+    error = getattr(error, "cause", None) or error  # the text of the wrapper begins with its origin
     reason = (str(error).strip() or type(error).__name__).splitlines()[0]
     return MachineError(
         "its worker was lost",

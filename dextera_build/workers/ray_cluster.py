@@ -1,4 +1,4 @@
-"""Ray itself, and nothing of it elsewhere: a connection, what nodes have and calls reserve, calls and their answers."""
+"""The only module that uses Ray: the connection, resources of nodes and calls, calls and their answers."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from dextera_build.workers.protocol import Report, Task
 from dextera_build.workers.ray_worker import Setup, carry_out
 
 Amounts: TypeAlias = Mapping[str, float]
-"""What a node has or a call reserves, by Ray's names: `CPU`, `GPU`, `memory` [bytes], or one that nodes declare."""
+"""Resources of a node or a call by Ray's names: `CPU`, `GPU`, `memory` [bytes], or names that nodes declare."""
 
 _CONNECT_S = 5.0
 _GIB = 2**30
 _FINEST = 100
-"""Parts of a GPU are counted in hundredths."""
+"""Fractions of a GPU are counted in hundredths."""
 
 
 class RayCluster:
     """A running Ray cluster that this machine is part of.
 
     Args:
-        address: `HOST:PORT` of its head; "" is the one that runs here, or that `RAY_ADDRESS` names.
-        code: Folder with the project's code, which becomes the working directory of all calls.
+        address: `HOST:PORT` of its head; "" for the cluster running here or named by `RAY_ADDRESS`.
+        code: Folder with the project's code, the working directory of all calls.
 
     Raises:
         MachineError: Ray is not installed, or no cluster answers.
-        UsageError: The address has no port, or is that of a Ray client server.
+        UsageError: The address has no port, or belongs to a Ray client server.
     """
 
     def __init__(self, address: str, code: Path) -> None:
@@ -48,7 +48,7 @@ class RayCluster:
                 hint=f"--executor ray:{address.rpartition('/')[2].partition(':')[0]}:6379",
             )
         self._ray = ray = _imported()
-        # Ray puts its own in place of ours, which lets a build end in order.
+        # Ray replaces our SIGTERM handler, which is needed to end a build cleanly.
         ours = signal.getsignal(signal.SIGTERM)
         known = address or os.environ.get("RAY_ADDRESS") or _last()
         try:
@@ -71,11 +71,11 @@ class RayCluster:
         finally:
             with suppress(ValueError):  # not the main thread
                 signal.signal(signal.SIGTERM, ours)
-        # A call is repeated by the scheduler, which says so in the log of the node.
+        # No retries by Ray: the scheduler retries calls and logs it.
         self._call = ray.remote(num_returns="streaming", max_retries=0)(carry_out)
 
     def nodes(self) -> list[Amounts]:
-        """What each living node has in all."""
+        """Total resources of each live node."""
         return [node["Resources"] for node in self._ray.nodes() if node["Alive"]]
 
     def begin(self, setup: Setup, task: Task, reserved: Amounts) -> Any:
@@ -86,33 +86,33 @@ class RayCluster:
         return self._call.options(**options).remote(setup, task)
 
     def hear(self, calls: Iterable[Any], timeout_s: float) -> Iterator[tuple[Any, Report | Exception]]:
-        """What calls say, once there is something; an exception is a call's last word."""
+        """Yield messages of calls, waiting for the first; an exception ends its call."""
         calls = list(calls)
         some, _ = self._ray.wait(calls, num_returns=1, timeout=timeout_s, fetch_local=False)
         ready, _ = self._ray.wait(calls, num_returns=len(calls), timeout=0, fetch_local=False) if some else ([], [])
         for call in ready:
             try:
                 yield call, self._ray.get(next(call))
-            except Exception as error:  # Ray's own, for all that can happen to a call
+            except Exception as error:  # Ray's own, for any failure of a call
                 yield call, error
 
     def cancel(self, call: Any) -> None:
-        """Ask a task to end."""
+        """Ask a call to end."""
         with suppress(Exception):  # it has ended
             self._ray.cancel(call)
 
     def close(self) -> None:
-        """Disconnect; Ray ends what is left."""
+        """Disconnect; Ray ends the remaining calls."""
         self._ray.shutdown()
 
 
 def capacity(nodes: Collection[Amounts], said: Mapping[str, float]) -> Capacity:
-    """All nodes together.
+    """The capacity of all nodes together.
 
     Args:
-        nodes: What each has.
-        said: Amounts of the configuration: `cpu` is the most to use of the cluster, `gpu_memory` the memory of one of
-            its GPUs [GiB], named resources count beside those that nodes declare.
+        nodes: Resources of each node.
+        said: Configured amounts: `cpu` limits the cores used of the cluster, `gpu_memory` is the memory of each GPU
+            [GiB], named resources are added to those that nodes declare.
     """
     totals = defaultdict[str, float](float)
     for name, amount in (item for node in nodes for item in node.items()):
@@ -126,15 +126,15 @@ def capacity(nodes: Collection[Amounts], said: Mapping[str, float]) -> Capacity:
 
 
 def shape(needs: Needs, nodes: Collection[Amounts], gpu_memory_gb: float = 0.0) -> Amounts:
-    """What a call with `needs` reserves. More cores or memory than a node has become all that it has.
+    """The resources that a call with `needs` reserves; excess cores or memory are clamped to those of a node.
 
     Args:
-        needs: What the rule declares.
-        nodes: What each node has.
-        gpu_memory_gb: Memory of one GPU; 0 where it is not known, then a call that wants a part of one has it whole.
+        needs: Declared needs of the rule.
+        nodes: Resources of each node.
+        gpu_memory_gb: Memory of one GPU [GiB]; if 0 (unknown), a call that needs part of a GPU reserves a whole one.
 
     Raises:
-        MachineError: No single node has the GPUs and the named resources, or there is no node.
+        MachineError: There is no node, or none has the GPUs and the named resources.
     """
     if not nodes:
         raise MachineError(
@@ -142,7 +142,7 @@ def shape(needs: Needs, nodes: Collection[Amounts], gpu_memory_gb: float = 0.0) 
             code="DXB-E354",
             hint="`ray status` lists nodes; finished results are kept, build again",
         )
-    # Resources that only the configuration names are counted by the driver; Ray knows nothing of them.
+    # Resources named only in the configuration are counted by the driver; Ray does not know them.
     counted = {name for node in nodes for name in node}
     fixed = {name: amount for name, amount in needs.named if name in counted}
     if needs.gpus:
@@ -166,12 +166,12 @@ def shape(needs: Needs, nodes: Collection[Amounts], gpu_memory_gb: float = 0.0) 
 
 
 def fits(wanted: Amounts, node: Amounts) -> bool:
-    """Whether a node has so much in all."""
+    """Whether the total resources of a node are sufficient."""
     return all(node.get(name, 0.0) >= amount for name, amount in wanted.items())
 
 
 def _imported() -> Any:
-    # Its notice of what it reports to its makers has no place in a build's output.
+    # Keeps Ray's usage-statistics notice out of the build's output.
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:
         import ray
@@ -186,8 +186,8 @@ def _imported() -> Any:
 
 
 def _last() -> str:
-    """The address of the cluster that was started here last, which may be gone; "" where Ray knows of none."""
-    with suppress(Exception):  # this is Ray's own; without it `ray.init` waits for minutes, and is right in the end
+    """Address of the cluster last started here, which may be gone; "" if Ray knows none."""
+    with suppress(Exception):  # private API; without it `ray.init` still works, but may wait for minutes
         from ray._private.services import canonicalize_bootstrap_address
 
         return canonicalize_bootstrap_address("auto") or ""
@@ -195,6 +195,6 @@ def _last() -> str:
 
 
 def _reach(address: str) -> None:
-    """Raise where nothing answers at `HOST:PORT`: Ray would end this process."""
+    """Raise if nothing answers at `HOST:PORT`; Ray would end this process instead."""
     host, _, port = address.rpartition(":")
     socket.create_connection((host.strip("[]"), int(port)), _CONNECT_S).close()

@@ -1,7 +1,7 @@
-"""One call on a node of a Ray cluster: download its inputs, run it, upload what it made.
+"""Runs one call on a node of a Ray cluster: downloads its inputs, runs it, uploads its output.
 
-The call runs in a process of the local pool, so its output, its usage and its death are reported as on one machine.
-Nothing here imports Ray.
+The call runs in a process of the local pool, so its log, usage and death are reported as in a local build.
+This module does not import Ray.
 """
 
 from __future__ import annotations
@@ -22,42 +22,42 @@ from dextera_build.workers.protocol import Ended, Report, Task
 from dextera_build.workers.staging import Staging
 
 STORE = "DXB_NODE_STORE"
-"""Variable that names the folder of a node's store; nodes on one machine may share it, or have one each."""
+"""Variable with the folder of a node's store; nodes on one machine may share a store."""
 _TICK_S = 0.5
-"""How often a call that says nothing is looked at, so that Ray can interrupt it [s]."""
+"""Polling interval for silent calls, at which Ray can interrupt them [s]."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What the workers of one build are told."""
+    """Settings for the workers of one build."""
 
     runner: str
-    """`module:function` that carries out a task."""
+    """`module:function` that executes a task."""
     shared: Spec
     """The remote for blobs."""
     environment: Mapping[str, str] = field(default_factory=dict)
 
 
 class NodeWorker:
-    """Runs calls on a node: its store, and a pool of one process that is kept between calls.
+    """Runs calls on a node, with its store and a pool of one process that is reused between calls.
 
     Args:
-        setup: What the build says.
+        setup: Settings of the build.
     """
 
     def __init__(self, setup: Setup) -> None:
         home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
         self._store = Store(Path(os.environ.get(STORE) or home / "dxb" / "node"))
-        # Until this process ends, so that no collection takes what was just downloaded.
+        # Until this process ends: keeps garbage collection from removing downloaded inputs.
         self._announced = self._store.running.announced()
         self._announced.__enter__()
         self._staging = Staging(self._store, open_remote(setup.shared))
         self._pool = LocalExecutor(setup.runner, Capacity(), setup.environment)
 
     def run(self, task: Task) -> Iterator[Report]:
-        """Run a call with this node's store and project in place of the driver's; the last report is its end."""
+        """Run a call with this node's store and project instead of the driver's; the last report is an `Ended`."""
         self._staging.bring(task.inputs.values())
-        # Ray has made the folder with the project's code the current one.
+        # Ray has made the folder with the project's code the working directory.
         self._pool.submit(replace(task, store=str(self._store.root), project=os.getcwd(), devices=_devices()))
         try:
             while True:
@@ -83,11 +83,11 @@ class NodeWorker:
 
 
 _here: list[NodeWorker] = []
-"""The one of this process; Ray uses a process for one build alone."""
+"""The worker of this process; Ray uses each process for only one build."""
 
 
 def carry_out(setup: Setup, task: Task) -> Iterator[Report]:
-    """Run a call in this process, and say what becomes of it."""
+    """Run a call in this process and yield its reports."""
     began = time.monotonic()
     try:
         if not _here:
@@ -98,5 +98,5 @@ def carry_out(setup: Setup, task: Task) -> Iterator[Report]:
 
 
 def _devices() -> tuple[str, ...]:
-    """The GPUs that Ray gave to this worker."""
+    """GPUs that Ray assigned to this worker."""
     return tuple(map(str, sys.modules["ray"].get_gpu_ids())) if "ray" in sys.modules else ()

@@ -1,4 +1,4 @@
-"""Which failures are worth another try: those of the machine and of what stands behind a network, never a bad input."""
+"""Retry policy: failures of the machine or the network are retried, bad inputs never."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from dextera_build.errors import DxbError, MachineError
 
 _DIED = "DXB-B301"
 _OF_CLUSTERS = ("DXB-E354", "DXB-E355")
-"""A cluster lost the worker of a call; the remote that its machines share does not work."""
+"""A cluster lost the worker of a call; the remote shared by its machines does not work."""
 _MOST_LOST = 2
-"""Tries after the first for these two, whatever the rule declares."""
+"""Maximum number of retries for these two errors, regardless of the rule."""
 
 
 @dataclass(frozen=True)
 class Retries:
-    """What a rule declares."""
+    """Retry settings of a rule."""
 
     most: int = 0
-    """Tries after the first."""
+    """Maximum number of retries."""
     on: tuple[str, ...] = ()
-    """Exceptions that count beside a dead worker and a `MachineError`, as `name_of` spells them."""
+    """Exceptions to retry, as named by `name_of`, besides a dead worker and a `MachineError`."""
     wait_s: float = 1.0
-    """Before the second try; twice as long before each further one."""
+    """Delay before the second try [s]; doubled before each further one."""
 
     def again(self, tries: int, error: DxbError, raised: Iterable[str]) -> bool:
-        """Whether a node that has failed `tries` times shall be tried again.
+        """Whether to retry a node that has failed `tries` times.
 
         Args:
-            tries: How often it has run.
-            error: What it failed of the last time.
-            raised: The exception that the rule let escape, with its bases; empty where it was a `DxbError`.
+            tries: Number of runs so far.
+            error: Error of the last run.
+            raised: Names of the exception that escaped the rule and of its bases; empty for a `DxbError`.
         """
         if error.code in _OF_CLUSTERS and tries <= _MOST_LOST:
             return True
@@ -41,10 +41,10 @@ class Retries:
 
 
 def name_of(kind: type[BaseException]) -> str:
-    """`ConnectionError`, `httpx.TransportError`."""
+    """Name of an exception type: `ConnectionError`, `httpx.TransportError`."""
     return kind.__qualname__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__qualname__}"
 
 
 def names_of(error: BaseException) -> list[str]:
-    """The exception and its bases down to `Exception`."""
+    """Names of the exception's type and its bases up to `Exception`."""
     return [name_of(kind) for kind in type(error).__mro__ if issubclass(kind, Exception)]

@@ -1,4 +1,4 @@
-"""Artifacts between a store and the remote that all machines of a cluster share; only digests travel otherwise."""
+"""Moves artifacts between a store and the remote shared by a cluster; tasks themselves carry only digests."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _AT_ONCE = 16
 
 
 class Staging:
-    """One machine's way to the shared remote.
+    """Transfers between one machine's store and the shared remote.
 
     Args:
-        store: The machine's.
+        store: The machine's store.
         shared: The remote.
     """
 
@@ -29,14 +29,14 @@ class Staging:
         self._shared = shared
         self._crew = Crew(_AT_ONCE, "dxb blobs")
         self._there: set[str] = set()
-        """Artifacts that the remote is known to hold, with everything below them."""
+        """Artifacts that the remote is known to hold, including everything they reference."""
 
     def send(self, artifacts: Iterable[str], blobs: Iterable[str] = ()) -> None:
-        """Upload artifacts with everything that they refer to, and single blobs.
+        """Upload artifacts with everything they reference, and single blobs.
 
         Raises:
             MissingBlob: The store lacks one.
-            MachineError: The remote cannot be reached, or refuses.
+            MachineError: The remote is unreachable or refuses.
         """
         fresh = [artifact for artifact in artifacts if artifact not in self._there]
         below = (digest for artifact in fresh for digest in (*self._references.below(artifact), artifact))
@@ -46,7 +46,7 @@ class Staging:
         self._there.update(fresh)
 
     def bring(self, artifacts: Iterable[str], blobs: Iterable[str] = ()) -> None:
-        """Download artifacts with everything that they refer to, and single blobs.
+        """Download artifacts with everything they reference, and single blobs.
 
         Raises:
             MissingBlob: The remote lacks one.
@@ -64,11 +64,11 @@ class Staging:
         self._there.update(seen)
 
     def send_made(self, reply: Mapping[str, Any]) -> None:
-        """Upload what a call made; raises as `send`."""
+        """Upload the output of a call; raises as `send`."""
         self.send([reply["output"], *self._answers(reply)], _named(reply))
 
     def bring_made(self, reply: Mapping[str, Any]) -> None:
-        """Download what a call made; raises as `bring`."""
+        """Download the output of a call; raises as `bring`."""
         self.bring([reply["output"]], _named(reply))
         self.bring(self._answers(reply))
 
@@ -107,7 +107,7 @@ class Staging:
 
 @contextmanager
 def _faults_told() -> Iterator[None]:
-    """Turn a fault of the shared remote into the error of the node that needs it."""
+    """Convert a fault of the shared remote to the error of the node that needs it."""
     try:
         yield
     except RemoteFault as fault:
@@ -120,6 +120,6 @@ def _faults_told() -> Iterator[None]:
 
 
 def _named(reply: Mapping[str, Any]) -> list[str]:
-    """Blobs that a reply names by itself: previews, recorded calls and their results."""
+    """Blobs that a reply references directly: previews, recorded calls and their results."""
     calls = [digest for call in reply.get("calls", ()) for digest in (call["call"], call["result"])]
     return [*calls, *(blob for _, blob in reply.get("previews", ()))]

@@ -1,10 +1,10 @@
-"""A worker process: takes one task after another, hands each to the runner, and answers with JSON lines.
+"""A worker process: takes tasks one at a time, passes each to the runner, and answers with JSON lines.
 
     python -m dextera_build.workers.worker <module:function> <descriptor of a socket> <process id>
 
-Standard output and error belong to the node that runs; the pool gives a file for them and reads it when a worker has
-died. The first line of the socket is the pool's module search path, each further one a task. What the runner returns is
-passed on: the worker enters no result. It ends when the socket closes and when its parent dies.
+Standard output and error belong to the running node; the pool provides a file for them and reads it when a worker has
+died. The first line on the socket is the pool's module search path, each further line a task. The runner's reply is
+passed on: the worker does not publish results. It exits when the socket closes or its parent dies.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from dextera_build.workers.retries import names_of
 
 _PR_SET_PDEATHSIG = 1
 _PROGRESS_S = 0.05
-"""Progress is passed on at most this often [s]."""
+"""Minimum interval between progress messages [s]."""
 
 
 class Worker:
-    """Serves tasks until there are no more.
+    """Serves tasks until the socket closes.
 
     Args:
         runner: `module:function`.
-        pool: Connected to the pool.
+        pool: Socket connected to the pool.
     """
 
     def __init__(self, runner: str, pool: socket.socket) -> None:
@@ -52,9 +52,9 @@ class Worker:
         self._libc = ctypes.CDLL(None)
 
     def serve(self) -> None:
-        """Answer every task, one after another."""
+        """Answer tasks, one at a time."""
         with self._pool.makefile("rb") as told:
-            # The same path in the same order: an import finds here what it finds there.
+            # The same search path in the same order, so that imports find the same modules as in the pool's process.
             sys.path[:] = json.loads(told.readline() or "null") or sys.path
             try:
                 runner = load(self._named)
@@ -71,7 +71,7 @@ class Worker:
         answer = attempt(lambda: runner(task, self._emit), task["project"])
         self._flush()
         answer["error"] = answer["error"] and answer["error"].to_json()
-        answer["log"] = printed(1).decode("latin-1")  # any bytes; the next task writes over them
+        answer["log"] = printed(1).decode("latin-1")  # any bytes; the next task overwrites them
         self._write(answer)
 
     def _emit(self, kind: str, data: Mapping[str, Any]) -> None:
@@ -85,7 +85,7 @@ class Worker:
         self._write({"said": [kind, dict(data)]})
 
     def _flush(self) -> None:
-        # What C libraries printed would otherwise turn up in the log of a later node.
+        # Buffered output of C libraries would otherwise appear in the log of a later node.
         with contextlib.suppress(OSError, ValueError):
             sys.stdout.flush()
             sys.stderr.flush()
@@ -97,11 +97,11 @@ class Worker:
 
 
 def attempt(call: Callable[[], Mapping[str, Any]], project: str) -> dict[str, Any]:
-    """Carry out a call in this process; returns what an `Ended` says of it, without its log.
+    """Execute a call in this process; returns the fields of an `Ended`, without the log.
 
     Args:
-        call: Gives the reply.
-        project: The project's folder, see `escaped`.
+        call: Returns the reply.
+        project: The project folder, see `escaped`.
     """
     reply: Mapping[str, Any] | None = None
     error: DxbError | None = None
@@ -112,7 +112,7 @@ def attempt(call: Callable[[], Mapping[str, Any]], project: str) -> dict[str, An
     except DxbError as known:
         error = known
     except Exception as unknown:
-        with contextlib.suppress(OSError):  # where the log's disk is full the error still goes out
+        with contextlib.suppress(OSError):  # if the log's disk is full, the error is still reported
             traceback.print_exc()
         error, raised = escaped(unknown, project), names_of(unknown)
     seconds = time.perf_counter() - began
@@ -120,7 +120,7 @@ def attempt(call: Callable[[], Mapping[str, Any]], project: str) -> dict[str, An
 
 
 class Meter:
-    """Measures one task in the process that runs it, from now on."""
+    """Measures one task in the process that runs it, starting on creation."""
 
     def __init__(self) -> None:
         with contextlib.suppress(OSError), open("/proc/self/clear_refs", "wb") as peak:
@@ -128,13 +128,13 @@ class Meter:
         self._own, self._children, self._moved = time.process_time(), _children(), _numbers("io")
 
     def end(self) -> dict[str, float]:
-        """What the process used, and the children that it waited for; see `Ended.usage`."""
+        """Resources used by the process and by children it waited for; see `Ended.usage`."""
         (before, record), (children, peak), moved = self._children, _children(), _numbers("io")
         used: dict[str, float] = {"cpu_seconds": round(time.process_time() - self._own + children - before, 6)}
         if self._moved and moved:
             used["read_bytes"] = moved["rchar"] - self._moved["rchar"]
             used["written_bytes"] = moved["wchar"] - self._moved["wchar"]
-        # Of children only the largest of all times is known: it is this task's where that record was broken meanwhile.
+        # Only the all-time peak of children is known; it counts for this task if it rose during the task.
         peak = max(_numbers("status").get("VmHWM", 0) * 1024, peak if peak > record else 0)
         if peak:
             used["memory_bytes"] = peak
@@ -142,13 +142,13 @@ class Meter:
 
 
 def _children() -> tuple[float, int]:
-    """Of all children that were waited for: processor time [s], and the peak of the largest [bytes]."""
+    """CPU time of all children that were waited for [s], and the largest peak memory among them [bytes]."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
 
 
 def _numbers(table: str) -> dict[str, int]:
-    """What a table of this process in `/proc` says; nothing where it cannot be read."""
+    """Numbers in a `/proc` table of this process; empty if it cannot be read."""
     with contextlib.suppress(OSError), open(f"/proc/self/{table}") as rows:
         return {name: int(number) for name, number in re.findall(r"^(\w+):\s*(\d+)", rows.read(), re.MULTILINE)}
     return {}
@@ -162,7 +162,7 @@ def load(named: str) -> Callable[..., Any]:
 
 
 def _refusing(error: Exception) -> Callable[..., Mapping[str, Any]]:
-    """What answers tasks where the runner cannot be loaded."""
+    """A runner that fails every task, used if the real one cannot be loaded."""
 
     def run(task: Mapping[str, Any], emit: object) -> Mapping[str, Any]:
         traceback.print_exception(error)
@@ -173,32 +173,32 @@ def _refusing(error: Exception) -> Callable[..., Mapping[str, Any]]:
 
 
 def live_with(parent: int) -> None:
-    """End when the process with this id ends, which is the parent."""
+    """Exit when the parent process, with this id, exits."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() != parent:  # it died before we asked to be told
+    if os.getppid() != parent:  # it died before the signal was set up
         os._exit(1)
 
 
 def main(arguments: list[str]) -> None:
-    """Entry point; see the module's text."""
+    """Entry point; see the module docstring."""
     runner, descriptor, parent = arguments[0], *map(int, arguments[1:])
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
     live_with(parent)
     os.set_inheritable(descriptor, False)
     faulthandler.enable()
-    # Line by line, so that a worker that dies has said everything.
+    # Line-buffered, so that the output of a worker that dies is complete.
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)
     with contextlib.suppress(ConnectionError, SystemExit):
         Worker(runner, socket.socket(fileno=descriptor)).serve()
-    # Threads and libraries that linger must not keep a worker alive that has nothing to do.
+    # Lingering threads and libraries must not keep an idle worker alive.
     os._exit(0)
 
 
 def _leave(number: int, frame: object) -> None:
-    # Raised rather than ended at once, so that the node's scratch folder is removed.
+    # Raise instead of exiting at once, so that the node's scratch folder is removed.
     raise SystemExit(128 + number)
 
 
