@@ -78,7 +78,7 @@ class Transform(Artifact):
 
 
 class Capture(Artifact):
-    """What one RGB-D camera saw of a workspace."""
+    """One RGB-D picture of a workspace."""
 
     rgb: Image
     """The photograph."""

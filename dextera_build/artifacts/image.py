@@ -18,7 +18,7 @@ class Image(Artifact):
     """Red, green, blue (never BGR), 0..255."""
 
     def picture(self) -> bytes:
-        """The picture itself, of large ones every second pixel, every third, and so on."""
+        """The picture itself; a large one with every second pixel only, every third, and so on."""
         return png(smaller(self.pixels))
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:

@@ -18,9 +18,9 @@ class Element(Value):
     """One thing that parsing found in the photograph."""
 
     name: str
-    """Unique, lower case, words joined by `_`: the label of everything that is made of it."""
+    """Unique, lower case, words joined by `_`: the label of everything made from it."""
     category: str
-    """What kind of thing it is: `box`, `cylinder`, `bowl`, `mug`, `laptop`, `support`, `robot`, `room`, `object`."""
+    """Kind of thing: `box`, `cylinder`, `bowl`, `mug`, `laptop`, `support`, `robot`, `room`, `object`."""
     phrase: str
     """A short noun phrase for grounding: `blue mug`."""
     body_type: Literal["rigid", "articulated"] = "rigid"
@@ -34,7 +34,7 @@ class Element(Value):
 
 
 class Elements(Artifact):
-    """What parsing found."""
+    """The result of parsing."""
 
     elements: tuple[Element, ...]
     """Every element, interactive and static."""
@@ -86,7 +86,7 @@ class Segmentation(Artifact):
     """Every object's view and the label map that they were cut from."""
 
     items: dict[str, ObjectView]
-    """Element name -> view; what `each` opens."""
+    """Element name -> view; opened by `each`."""
     names: tuple[str, ...]
     """Name of label 1, 2, ... of `labels`."""
     labels: LabelImage
@@ -105,7 +105,7 @@ class Shape(Artifact):
     world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
     """First guess of the pose, T_world_object; `align.object` refines it."""
     hypothesis: str
-    """The one that won: `box`, `cylinder`, `revolved`, `extruded`, `mirrored`, ..."""
+    """The best hypothesis: `box`, `cylinder`, `revolved`, `extruded`, `mirrored`, ..."""
     hollow: bool
     """Whether the mesh has a cavity that is open upwards."""
     residual_m: float
@@ -142,7 +142,7 @@ class Joint(Value):
     upper: float
     """Upper limit [rad or m]."""
     position: float
-    """Where it stands in the photograph [rad or m]."""
+    """Position in the photograph [rad or m]."""
 
 
 class Link(Artifact):
@@ -169,7 +169,7 @@ class Body(Artifact):
     """See `Shape.source`."""
 
     def picture(self) -> bytes:
-        """All links as they stood in the photograph."""
+        """All links, posed as in the photograph."""
         poses = kinematics.link_poses(self)
         meshes = ((poses[name], link.mesh) for name, link in self.links.items())
         parts = [(transforms.apply(pose, mesh.vertices)[mesh.faces], mesh.paint) for pose, mesh in meshes]
@@ -229,7 +229,7 @@ class Collision(Artifact):
 
 
 class Placement(Artifact):
-    """Where and how large a body is."""
+    """Pose and scale of a body."""
 
     world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
     """T_world_object of the scaled body (root link)."""
@@ -240,13 +240,13 @@ class Placement(Artifact):
     overlap: float
     """Part of the seen points within 5 mm of the placed surface."""
     method: str
-    """How it was found."""
+    """Method that found it."""
     ambiguous: bool = False
     """True where the shape's symmetry leaves the rotation about an axis undetermined."""
 
 
 class Asset(Artifact):
-    """A simulation-ready object: everything scaled to metres and placed."""
+    """A simulation-ready object, scaled to metres and placed."""
 
     body: Body
     """Links and joints, scaled."""

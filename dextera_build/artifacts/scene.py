@@ -27,7 +27,7 @@ class SupportBox(Value):
 
 
 class Background(Artifact):
-    """The static scene with the objects taken out."""
+    """The static scene with the objects removed."""
 
     image: Image
     """The photograph with the objects filled in."""
@@ -57,7 +57,7 @@ class Scene(Artifact):
 
 
 class Settled(Value):
-    """What one body did when the scene was let go."""
+    """Motion of one body after the scene was released."""
 
     name: str
     """Body."""

@@ -34,7 +34,7 @@ def look_at(eye: np.ndarray, target: np.ndarray) -> np.ndarray:
     """T_world_camera (4, 4) of a camera at `eye` that looks at `target`, (3,) each [m]; image right is horizontal.
 
     Raises:
-        ArtifactError: One is straight above the other, where image right is not defined.
+        ArtifactError: One is straight above the other, so image right is not defined.
     """
     forward = np.asarray(target, np.float64) - eye
     right = np.cross(forward, [0.0, 0.0, 1.0])

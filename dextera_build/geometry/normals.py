@@ -43,7 +43,7 @@ class LocalPlanes:
 
 
 def fit(inverse: np.ndarray, tolerance: np.ndarray, radius: int = 4) -> LocalPlanes:
-    """Fit a plane to the window around each pixel, twice: to all that is near, then to what lies on that plane.
+    """Fit a plane to the window around each pixel, twice: to all near pixels, then to those on that plane.
 
     Args:
         inverse: (H, W) inverse depth [1/m]; 0 where nothing was measured.

@@ -68,7 +68,7 @@ def icp(start: Similarity, visible: Visible, seen: np.ndarray, search: Search) -
         search: See `Search`.
 
     Returns:
-        The refined similarity; the start where the model is out of the camera's sight.
+        The refined similarity, or the start if the model is out of the camera's sight.
     """
     from scipy.spatial import KDTree
 
@@ -172,7 +172,7 @@ def robust_extent(points: np.ndarray, tail: float = 0.01) -> np.ndarray:
 
 
 def extent_scale(model: np.ndarray, seen: np.ndarray, whole: np.ndarray, tail: float = 0.01) -> float | None:
-    """Median ratio of seen to model extents over the axes of which both ends were seen.
+    """Median ratio of seen to model extents over the axes whose two ends were seen.
 
     Args:
         model: (N, 3) model points that the camera would see, axes as in `seen`.
@@ -181,7 +181,7 @@ def extent_scale(model: np.ndarray, seen: np.ndarray, whole: np.ndarray, tail: f
         tail: See `robust_extent`.
 
     Returns:
-        The scale, or None where no axis is whole.
+        The scale, or None if no axis is whole.
     """
     extents = robust_extent(model, tail)
     usable = whole & (extents > 1e-9)

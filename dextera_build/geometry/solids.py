@@ -92,7 +92,7 @@ def extrude_rings(outlines: Sequence[np.ndarray], low: float, high: float) -> So
 
 
 def union(parts: Sequence[Solid]) -> Solid:
-    """The body that all parts fill together."""
+    """The union of all parts."""
     import manifold3d as m3
 
     return _from_manifold(m3.Manifold.batch_boolean([_to_manifold(part) for part in parts], m3.OpType.Add))

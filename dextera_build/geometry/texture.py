@@ -29,7 +29,7 @@ SIDES = np.array(
 
 @dataclass(frozen=True)
 class Atlas:
-    """Where every face lies on a picture."""
+    """The location of every face in a picture."""
 
     uv: np.ndarray  # (F, 3, 2) float64, origin at the lower left, v up
     width: int  # [px]
@@ -104,7 +104,7 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _charts(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Side 0..5 that each face looks to, and the number of its connected chart."""
+    """Side 0..5 that each face looks towards, and the number of its connected chart."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

@@ -55,7 +55,7 @@ def observed(observation: DeployableObservation) -> Fields:
 class Reader:
     """Reads the vector inputs of a policy out of observation fields.
 
-    Components are picked by name, so objects that the policy does not know may stand among those that it does.
+    Components are picked by name, so objects that the policy does not know are allowed among those that it does.
 
     Args:
         channels: Inputs of the policy, of which pictures are left out.

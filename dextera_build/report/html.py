@@ -1,4 +1,4 @@
-"""A small HTML builder: text is escaped unless it is `Html` already, so nothing that a user named can become markup."""
+"""A small HTML builder: text is escaped unless it is `Html` already, so names given by users cannot become markup."""
 
 from __future__ import annotations
 

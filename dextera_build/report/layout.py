@@ -1,4 +1,4 @@
-"""Where the nodes of a run are drawn: columns by dependency, one lane per copy of a group."""
+"""Positions of a run's nodes in the drawing: columns by dependency, one lane per copy of a group."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def reduced(nodes: Sequence[Node]) -> list[tuple[Node, Node]]:
         for name in sorted({d for d in node.depends_on if d in rank}, key=lambda d: -rank[d]):
             if not seen & bit[name]:
                 edges.append((order[rank[name]], node))
-            seen |= above.get(name, 0) | bit[name]  # an edge of a circle leads back
+            seen |= above.get(name, 0) | bit[name]  # a cycle has a back edge
         above[node.address] = seen
     return edges
 
@@ -114,7 +114,7 @@ def _columns(run: Run) -> dict[Call, int]:
 
 
 def _rows(run: Run, column: dict[Call, int]) -> tuple[dict[Call, int], dict[Call, int]]:
-    """Row of every call within its lane, and the lanes' heights by group: near what it depends on."""
+    """Row of every call within its lane, near its inputs, and the lanes' heights by group."""
     by_address = run.by_address()
     row: dict[Call, int] = {}
     height: dict[Call, int] = {}
