@@ -230,7 +230,7 @@ class File(Artifact):
         return io.BytesIO(self.data) if self._content is None else self._content.path().open("rb")
 
     def place(self, target: str | Path) -> None:
-        """Write the content to `target`, sharing blocks where the file system can."""
+        """Write the content to `target`, sharing blocks if the file system can."""
         target = Path(target)
         target.parent.mkdir(parents=True, exist_ok=True)
         if self._content is None:

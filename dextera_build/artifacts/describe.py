@@ -105,7 +105,7 @@ def page(said: str, picture: bytes | None, more: str = "") -> str:
     """HTML for a notebook.
 
     Args:
-        said: The value in one line.
+        said: The value as one line of text.
         picture: PNG bytes, or None.
         more: HTML to add below.
     """

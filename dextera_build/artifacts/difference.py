@@ -147,7 +147,7 @@ def _arrays(path: str, old: Sequence[Any], new: Sequence[Any], get: Get) -> Diff
 
 
 def distance(one: np.ndarray, two: np.ndarray) -> np.ndarray:
-    """Absolute difference of each number; infinite where only one is NaN, zero where both are."""
+    """Absolute difference of each number; infinite if only one is NaN, zero if both are."""
     with np.errstate(invalid="ignore", over="ignore"):
         apart = np.abs(one.astype(np.float64) - two.astype(np.float64))
     # Also equal infinities, and long integers that a float cannot tell apart.

@@ -47,7 +47,7 @@ class Segment(Value):
     frame: str
     """The body that end-effector poses are kept relative to; empty: free motion that connects two segments."""
     contact: bool
-    """Whether the hand is meant to touch the task's object here."""
+    """Whether the hand should touch the task's object in this segment."""
 
 
 class Episode(Artifact):

@@ -60,7 +60,7 @@ class LabelImage(Artifact):
 
 
 def smaller(pixels: np.ndarray, longest: int = 640) -> np.ndarray:
-    """Every n-th pixel, so that no side is longer than `longest`."""
+    """Every n-th pixel, with n chosen to make no side longer than `longest`."""
     step = -(-max(pixels.shape[:2]) // longest) or 1
     return pixels[::step, ::step]
 

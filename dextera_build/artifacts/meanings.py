@@ -18,7 +18,7 @@ from pydantic.fields import FieldInfo
 
 
 def meanings(kind: type[BaseModel]) -> dict[str, str]:
-    """Field -> its docstring, for fields that have one; the field's own `description` takes precedence."""
+    """Field -> its docstring, if it has one; a `description` of the field takes precedence."""
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         if issubclass(base, BaseModel) and base is not BaseModel:

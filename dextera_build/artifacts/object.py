@@ -56,7 +56,7 @@ class Support(Artifact):
     residual_m: float
     """Root mean square distance of the inliers to the plane [m]."""
     inlier_fraction: float
-    """Part of the valid depth pixels that lie on the plane."""
+    """Fraction of the valid depth pixels that are on the plane."""
 
 
 class ObjectView(Artifact):
@@ -99,9 +99,9 @@ class Shape(Artifact):
     """A closed, textured mesh of one object, and how well it explains the photograph."""
 
     mesh: Mesh
-    """Object frame: origin at the middle of the base, z up as it stands, closed."""
+    """Closed, in the object frame: origin at the middle of the base, z up in its resting pose."""
     walls: tuple[Hull, ...] = ()
-    """Exact convex pieces where the hypothesis knows them (walls of a hollow body), object frame; else empty."""
+    """Exact convex pieces if the hypothesis knows them (walls of a hollow body), object frame; else empty."""
     world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
     """First guess of the pose, T_world_object; `align.object` refines it."""
     hypothesis: str
@@ -113,13 +113,13 @@ class Shape(Artifact):
     mask_iou: float
     """Intersection over union of the rendered and the seen mask (occluded pixels left out)."""
     unseen_fraction: float
-    """Part of the surface area that the camera did not see."""
+    """Fraction of the surface area that the camera did not see."""
     scores: dict[str, float]
     """Hypothesis -> render score, higher is better."""
     unobserved: tuple[str, ...] = ()
     """Sizes that the view does not determine and that were guessed: `x`, `y` or `z` of the mesh."""
     source: Literal["rgb", "rgbd"] = "rgbd"
-    """Source of the geometry: the photograph alone, as in the paper, or with its depth."""
+    """Source of the geometry: only the photograph, as in the paper, or also its depth."""
 
 
 class Joint(Value):
@@ -218,7 +218,7 @@ class Pieces(Artifact):
     method: str
     """`walls`, `hull`, `wedges` (a container cut across its walls), `coacd`."""
     cavity_fill: float | None = None
-    """Part of the cavity's volume that the pieces fill wrongly; None without a cavity."""
+    """Fraction of the cavity's volume that the pieces fill wrongly; None without a cavity."""
 
 
 class Collision(Artifact):
@@ -238,11 +238,11 @@ class Placement(Artifact):
     residual_m: float
     """Trimmed mean distance of the seen points to the placed surface [m]."""
     overlap: float
-    """Part of the seen points within 5 mm of the placed surface."""
+    """Fraction of the seen points within 5 mm of the placed surface."""
     method: str
     """Method that found it."""
     ambiguous: bool = False
-    """True where the shape's symmetry leaves the rotation about an axis undetermined."""
+    """True if the shape's symmetry leaves the rotation about an axis undetermined."""
 
 
 class Asset(Artifact):

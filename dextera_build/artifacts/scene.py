@@ -70,7 +70,7 @@ class Settled(Value):
     joint_drift: float = 0.0
     """Largest change of one of its joints' positions [rad or m]."""
     resting: bool
-    """At rest at the end, upright as it stood, and still above the support."""
+    """At rest at the end, as upright as at the start, and still above the support."""
 
 
 class SettleReport(Artifact):

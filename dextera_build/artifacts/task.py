@@ -17,7 +17,7 @@ Primitive = Literal["lift", "articulate"]
 """Kind of objective; its success and reward are stated in `dextera_build.sim.primitives`."""
 WorldKind = Literal["twin", "reference", "perturbed"]
 """`twin`: built from the capture. `reference`: a simulated world with its own truth and physics, the stand-in for
-hardware. `perturbed`: the twin with geometry and physics disturbed, where no reference world exists. None is real."""
+hardware. `perturbed`: the twin with disturbed geometry and physics, if no reference world exists. None is real."""
 
 
 class Reset(Value):
@@ -107,7 +107,7 @@ class TaskBundle(Artifact):
     """Kind of this world."""
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write every part in its own format, and all of it as `stem.bundle`, which `gymnasium.make` takes."""
+        """Write every part in its own format, and the whole as `stem.bundle`, which `gymnasium.make` accepts."""
         folder = Path(folder)
         written = super().export(folder, stem)
         written.append(folder / f"{stem}.bundle")

@@ -45,7 +45,7 @@ class Matter(Value):
 
 
 class Hinge(Value):
-    """A hinge of a thing, in the thing's frame. The parts are stored as they stand at `position`."""
+    """A hinge of a thing, in the thing's frame. The parts are stored as posed at `position`."""
 
     parts: tuple[str, ...]
     """The parts that move against the others."""
@@ -71,7 +71,7 @@ class Thing(Artifact):
     """A thing of a reference world."""
 
     parts: dict[str, Part]
-    """Textured pieces; they may overlap where one is fastened to another."""
+    """Textured pieces; they may overlap at joints between them."""
     surface: Mesh
     """The closed outer surface of all pieces together, in the thing's frame."""
     world_from_thing: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]

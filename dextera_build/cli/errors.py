@@ -123,7 +123,7 @@ def _line(where: Place) -> str | None:
 
 
 def _length(text: str, column: int, message: str) -> int:
-    """Number of characters to underline: a literal of the message if it is at the column, else the word."""
+    """Number of characters to underline: a literal of the message if one starts at the column, else the word."""
     rest = text[column - 1 :]
     literals = sorted(re.findall(r"`([^`]+)`", message), key=len, reverse=True)
     for literal in literals:

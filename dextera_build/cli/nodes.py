@@ -32,7 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def planned(session: Session, graph: Graph, wanted: Sequence[Address] = ()) -> dict[str, Planned]:
-    """Address -> what a build of `wanted` (default: all targets) would do with the node, for all nodes needed."""
+    """Address -> what a build of `wanted` (default: all nodes) would do with the node, for each node needed."""
     from dextera_build.engine.dry import plan
     from dextera_build.engine.graph import Address
 
@@ -72,7 +72,7 @@ def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:
         try:
             graph = session.plan().graph
         except UsageError as error:
-            # Skip recipes that need an input, unless only one was asked for.
+            # If the glob matches several recipes, skip those that need an input.
             if len(chosen) > 1 and error.code == "DXB-U105":
                 continue
             raise

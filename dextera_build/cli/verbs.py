@@ -29,7 +29,7 @@ GROUPS = {
         "completion": "print a script that completes command lines in bash, zsh or fish",
     },
 }
-"""Group -> verb -> what it does."""
+"""Group -> verb -> summary."""
 MODULES = {verb: f"dextera_build.cli.{group}.{verb}" for group, verbs in GROUPS.items() for verb in verbs}
 """Verb -> its module."""
 VERBS = {verb: text for group in GROUPS.values() for verb, text in group.items()}

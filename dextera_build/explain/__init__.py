@@ -1,1 +1,1 @@
-"""Answers about past builds: why a node is stale, where inputs came from, what a node read."""
+"""Answers about past builds: causes of staleness, origins of inputs, discovered reads."""

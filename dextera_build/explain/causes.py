@@ -48,7 +48,7 @@ class Cause:
 
 @dataclass(frozen=True)
 class _Question:
-    """Why the document of `node` differs from `old`, its key in `run`; without `old`, what it waits for."""
+    """Why the document of `node` differs from `old`, its key in `run`; without `old`, why the node waits."""
 
     node: str
     old: str = ""

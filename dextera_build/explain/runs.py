@@ -57,7 +57,7 @@ def of_last_built(project: Project, text: str | None, added: Added) -> Events:
     Args:
         project: The project.
         text: A run's id, a recipe, or None for the recipe of the last run.
-        added: Changes to the recipe; if there are any, the request with these changes is meant.
+        added: Changes to the recipe; if there are any, use the request with these changes.
 
     Raises:
         UsageError: There is none.

@@ -98,7 +98,7 @@ def sample_surface(vertices: np.ndarray, faces: np.ndarray, count: int, seed: in
     """Points (count, 3) float64 spread over a surface uniformly by area."""
     rng = np.random.default_rng(seed)
     edges = np.cumsum(face_areas(vertices, faces))
-    # Stratified: one point in each of `count` equal shares of the area, so that small faces are not missed by chance.
+    # Stratified: one point in each of `count` equal shares of the area, which never misses small faces by chance.
     spots = (np.arange(count) + rng.uniform(size=count)) / count * edges[-1]
     corners = vertices[faces[np.minimum(np.searchsorted(edges, spots), len(faces) - 1)]]
     root, second = np.sqrt(rng.uniform(size=(count, 1))), rng.uniform(size=(count, 1))

@@ -52,10 +52,10 @@ class Search:
     scale: float  # centre of the scale prior
     scale_sigma: float  # its relative standard deviation
     iterations: int = 30
-    keep: float = 0.98  # part of the pairs that stay after trimming
+    keep: float = 0.98  # fraction of the pairs that remain after trimming
     point_weight: float = 0.15  # of the point-to-point term beside point-to-plane; holds flat faces in place
     noise_m: float = 0.002  # standard deviation of a pair [m]
-    samples: float = 50.0  # independent measurements that all pairs together are worth
+    samples: float = 50.0  # number of independent measurements equivalent to all pairs
 
 
 def icp(start: Similarity, visible: Visible, seen: np.ndarray, search: Search) -> Similarity:

@@ -28,7 +28,7 @@ class Solid:
 
     @property
     def volume(self) -> float:
-        """Enclosed volume [m^3], by the divergence theorem; negative where the surface is inside out."""
+        """Enclosed volume [m^3], by the divergence theorem; negative if the surface is inside out."""
         a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
         return float((a * np.cross(b, c)).sum() / 6.0)
 

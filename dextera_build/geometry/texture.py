@@ -12,7 +12,7 @@ import numpy as np
 from dextera_build.geometry import raycast
 
 GUTTER_PX = 3
-"""Texels around every chart that repeat its border, so that filters do not mix charts [px]."""
+"""Texels around every chart that repeat its border, to keep filters from mixing charts [px]."""
 SIDES = np.array(
     [
         [[0, 1, 0], [0, 0, 1]],
@@ -52,7 +52,7 @@ def unwrap(vertices: np.ndarray, faces: np.ndarray, texel_m: float, most_px: int
     Args:
         vertices: (V, 3) [m].
         faces: (F, 3).
-        texel_m: Wanted size of a texel [m]; larger where the picture would be too large.
+        texel_m: Wanted size of a texel [m]; larger if the picture would be too large.
         most_px: Largest width and height [px].
     """
     side, chart = _charts(vertices, faces)

@@ -11,7 +11,7 @@ from dextera_build.policy.layout import Layout, of_bundle, of_episodes
 VECTORS = ("joints", "objects", "displacement", "goal", "previous_action")
 """Channels of numbers, in the order in which networks get them."""
 CHANNELS = (*VECTORS, "rgb")
-"""All channels that a policy may take; the privileged ones are not among them."""
+"""All channels that a policy may take, none of them privileged."""
 
 
 def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> Channel:
@@ -52,7 +52,7 @@ def check(contract: PolicyContract, bundle: TaskBundle, rate_hz: float | None = 
     Args:
         contract: Inputs and outputs of the policy.
         bundle: World that it will run in.
-        rate_hz: Rate of its actions [Hz]; None: the bundle's.
+        rate_hz: Rate at which it will be called [Hz]; None: the bundle's.
         view: The camera of its pictures.
 
     Raises:

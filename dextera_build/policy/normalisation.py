@@ -1,4 +1,4 @@
-"""Mean and scale of channels, from training data alone, kept in the contract."""
+"""Mean and scale of channels, computed from training data only and stored in the contract."""
 
 from __future__ import annotations
 
@@ -30,5 +30,5 @@ def fitted(channel: Channel, domains: Sequence[np.ndarray], weights: Sequence[fl
 
 
 def _plain(values: np.ndarray) -> tuple[float, ...]:
-    """Numbers that survive float32, so that training and loading compute with the same ones."""
+    """Numbers rounded to float32, which makes them the same in training and after loading."""
     return tuple(float(value) for value in values.astype(np.float32))

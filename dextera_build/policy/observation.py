@@ -23,7 +23,7 @@ class Measurement:
     displacement: np.ndarray
     """Positions of the objects' joints (K,) [rad or m]."""
     rgb: np.ndarray | None = None
-    """Picture (H, W, 3) uint8 sRGB, or None where the task has no view."""
+    """Picture (H, W, 3) uint8 sRGB, or None if the task has no view."""
 
 
 @dataclass(frozen=True)

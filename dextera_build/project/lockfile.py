@@ -50,7 +50,7 @@ class Name:
     node: str
 
     def __str__(self) -> str:
-        """The target as the command line takes it."""
+        """The target as written on the command line."""
         return f"{self.recipe}:{self.node}"
 
 
@@ -58,7 +58,7 @@ Pins = Mapping[Name, Pin]
 
 
 def read(path: Path, shown: str | None = None) -> dict[Name, Pin] | None:
-    """The pins of a lock file, or None where there is no file.
+    """The pins of a lock file, or None if the file does not exist.
 
     Args:
         path: The file.

@@ -50,7 +50,7 @@ def build(
         events: The run's events, as objects or as read from `events.jsonl`.
         store: The store of results, previews and headers.
         out: The HTML file.
-        licences: `rule:backend` or distribution -> licence, as far as the caller knows them.
+        licences: `rule:backend` or distribution -> licence, if known to the caller.
     """
     run = read(events, store)
     extra = _adopt_images(run, store)

@@ -9,7 +9,7 @@ from dextera_build.report.run import Node
 from dextera_build.report.wording import count
 
 WAYS = ("node", "group", "rule", "recipe")
-"""The nodes that one box may represent; `group` is all copies of a call."""
+"""The nodes that one box represents; `group`: all copies of a call."""
 
 _LABEL = re.compile(r"\[[^\]]*\]")
 _WORST = ("failed", "waits", "cancelled", "stale", "unknown", "ran", "fetched", "cached", "")

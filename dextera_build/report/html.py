@@ -19,7 +19,7 @@ Child: TypeAlias = "str | int | Iterable[Child] | None"
 """Text, markup, nothing, or several of them."""
 
 Attributes: TypeAlias = Mapping[str, str | int | float | bool | None]
-"""Name -> value; None and False leave an attribute out, True writes its name alone."""
+"""Name -> value; None and False leave an attribute out, True writes only its name."""
 
 
 def tag(name: str, attributes: Attributes | None = None, *children: Child) -> Html:

@@ -67,7 +67,7 @@ def lay_out(run: Run, most_lanes: int = 16) -> Layout:
 
 
 def reduced(nodes: Sequence[Node]) -> list[tuple[Node, Node]]:
-    """Edges without those that a longer path implies."""
+    """The edges that are not implied by a longer path."""
     order = topological(nodes)
     bit = {node.address: 1 << i for i, node in enumerate(order)}
     rank = {node.address: i for i, node in enumerate(order)}
@@ -84,7 +84,7 @@ def reduced(nodes: Sequence[Node]) -> list[tuple[Node, Node]]:
 
 
 def topological(nodes: Sequence[Node]) -> list[Node]:
-    """Nodes in topological order; iterative, and a broken log with a cycle still gives an order."""
+    """Nodes in topological order; iterative, and still an order if a broken log has a cycle."""
     known = {node.address: node for node in nodes}
     done: dict[str, Node] = {}
     for root in nodes:
@@ -103,7 +103,7 @@ def topological(nodes: Sequence[Node]) -> list[Node]:
 
 
 def _columns(run: Run) -> dict[Call, int]:
-    """Longest path over calls, so that copies line up."""
+    """Column of every call by the longest path over calls, which aligns copies."""
     column: dict[Call, int] = {}
     by_address = run.by_address()
     for node in topological(run.nodes):

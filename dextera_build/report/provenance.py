@@ -17,7 +17,7 @@ def provenance(run: Run, licences: Mapping[str, str]) -> list[Html]:
 
     Args:
         run: The run.
-        licences: `rule:backend` or distribution -> licence, as far as the caller knows them.
+        licences: `rule:backend` or distribution -> licence, if known to the caller.
     """
     return [table for table in (_rules(run, licences), _packages(run, licences), _inputs(run), _code(run)) if table]
 

@@ -1,4 +1,4 @@
-"""Which pages may talk to the viewer: checks of `Origin` and `Host` for every request, web sockets included.
+"""Access control of the viewer: checks of `Origin` and `Host` for every request, web sockets included.
 
 Browsers let any page open a web socket to this machine, so without these checks any open page could read the scene.
 `Origin` identifies pages of other sites; `Host` exposes names that were made to point at this machine (DNS

@@ -1,4 +1,4 @@
-"""`dxb plan`: what a build would do."""
+"""`dxb plan`: the effect of a build on every node, without running anything."""
 
 from __future__ import annotations
 

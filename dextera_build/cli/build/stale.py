@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def check(
     session: Session, graph: Graph, wanted: Sequence[Address], *, as_json: bool = False, refuses: bool = True
 ) -> int:
-    """Print every stale node with its cause; raise if there is one and `refuses` is true, else count them.
+    """Print every stale node with its cause; then, with `refuses`, raise if there is one, otherwise count them.
 
     Raises:
         StaleError: A node that `wanted` needs would run.

@@ -31,7 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Place results as `build` does, and print one line each: address, main file."""
+    """Download targets and place them as `build` does; print one line each: address, main file."""
     project = options.project(args)
     lacking: list[str] = []
     rows: list[dict[str, str]] = []
