@@ -1,6 +1,6 @@
-"""The declared form of array fields: shape, dtype, unit and frame, and whether an array has it.
+"""The declared form of array fields (shape, dtype, unit, frame), and checks of arrays against it.
 
-NumPy is loaded with the first array: that takes long, and many rules take none.
+NumPy is imported with the first array, because the import is slow and many rules take no arrays.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 _NUMBERS = re.compile(r"bool|(u?int|float|complex)[0-9]+|(datetime|timedelta)64\[\w+\]")
-"""Full names, by which arrays are stored; NumPy takes more for a dtype, some of which is deprecated."""
+"""Full dtype names, as stored; NumPy accepts further spellings, some of them deprecated."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def array_in(annotation: Any, metadata: list[Any]) -> Array | None:
 
 
 def is_array(value: object) -> TypeGuard[np.ndarray]:
-    """Whether `value` is an array; where NumPy is not loaded there is none."""
+    """Whether `value` is an array; if NumPy is not loaded, there are none."""
     return isinstance(value, getattr(sys.modules.get("numpy"), "ndarray", ()))
 
 
@@ -93,17 +93,17 @@ def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def check_array(place: str, name: str, value: np.ndarray, spec: Array, axes: dict[str, tuple[str, int]]) -> None:
-    """Refuse an array that has not the declared form, and make it read-only.
+    """Refuse an array that does not have the declared form, and make it read-only.
 
     Args:
-        place: The field as messages say it.
+        place: The field as shown in messages.
         name: The field.
         value: The array.
         spec: Its form.
-        axes: Name of an axis -> (field that said so first, size); added to.
+        axes: Name of an axis -> (first field with it, size); updated.
 
     Raises:
-        ArtifactError: Its dtype, number of axes, sizes or numbers are not right.
+        ArtifactError: Its dtype, number of axes, sizes or numbers are wrong.
     """
     import numpy as np
 

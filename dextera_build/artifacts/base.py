@@ -1,4 +1,4 @@
-"""What every artifact is: a frozen, validated value that is stored as a canonical JSON header and blobs.
+"""The base of all artifacts: frozen, validated values that are stored as a canonical JSON header and blobs.
 
 The header is `{"artifact": <type name>, "fields": {...}}`. Inside `fields`, plain JSON is stored as it is, and
 
@@ -71,7 +71,7 @@ class Artifact(BaseModel):
         return self
 
     def facts(self) -> Iterator[str]:
-        """What one wants to know of this value first: counts, sizes, extents, units."""
+        """The main facts about this value: counts, sizes, extents, units."""
         return describe.facts({name: getattr(self, name) for name in type(self).model_fields}, array_specs(type(self)))
 
     def picture(self) -> bytes | None:
@@ -106,7 +106,7 @@ class Artifact(BaseModel):
             raise ArtifactError(f"a {cls.name()} is needed here, but a {header['artifact']} came", code="DXB-A102")
         kinds = declared(cls)
         made = cls.__new__(cls)
-        # What a subclass checks of values that people make does not apply to files of a project, which exist already.
+        # A subclass's own checks are for new values; they do not apply to stored ones, such as files of a project.
         Artifact.__init__(made, **{n: _decode(raw, kinds.get(n), get) for n, raw in header["fields"].items()})
         return made
 
@@ -114,12 +114,12 @@ class Artifact(BaseModel):
     def restore(cls, key: str, get: Get, folder: Path, stem: str) -> list[Path]:
         """Write the value whose header has digest `key` to `folder`, as `export` does.
 
-        Types that need not be in memory for that override it.
+        Types that can be written without being in memory override it.
         """
         return cls.decode(key, get).export(folder, stem)
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write this value to `folder` in the formats that people open, and return the files, the main one first.
+        """Write this value to `folder` in common file formats, and return the files, the main one first.
 
         The default writes every field that is an artifact into its own files, and the rest as JSON and NPZ.
         """
@@ -157,14 +157,14 @@ class Collection(Artifact, Generic[T]):
     """Labelled artifacts of one type; the input of `each`, and the output of a group of nodes."""
 
     items: dict[str, T]
-    """Label -> artifact. The label is not part of the item: renaming one leaves the item's digest alone."""
+    """Label -> artifact. The label is not part of the item: renaming an item does not change its digest."""
 
     def __init__(self, **fields: Any) -> None:
         super().__init__(**fields)
         check_labels(self.name(), self.items)
 
     def facts(self) -> Iterator[str]:
-        """How many items of which type, with their labels."""
+        """Number and type of the items, with their labels."""
         kinds = sorted({item.name() for item in self.items.values()})
         yield from describe.facts({" or ".join(kinds) or "items": self.items}, {})
 
@@ -172,7 +172,7 @@ class Collection(Artifact, Generic[T]):
 _FILE = re.compile(
     rb'\{"artifact":"File","fields":\{"data":\{"\$bytes":\["([0-9a-f]{64})",(0|[1-9][0-9]{0,17})\]\}\}\}'
 )
-"""The header of a `File` as it is spelled; nodes read more of them than of anything else."""
+"""The spelled header of a `File`, the type that nodes read most often."""
 
 
 class File(Artifact):
@@ -193,7 +193,7 @@ class File(Artifact):
 
     @classmethod
     def _behind(cls, content: Content) -> Self:
-        made: Self = cls.model_construct()  # type: ignore[call-arg, assignment]  # `data` comes when it is asked for
+        made: Self = cls.model_construct()  # type: ignore[call-arg, assignment]  # `data` is read on first use
         made._content = content
         return made
 
@@ -210,7 +210,7 @@ class File(Artifact):
         return isinstance(other, File) and self.data == other.data
 
     def facts(self) -> Iterator[str]:
-        """Its size; content that lies elsewhere is not read for that."""
+        """Its size; content outside memory is not read for it."""
         yield describe.size(len(self.data) if self._content is None else self._content.path().stat().st_size)
 
     def __hash__(self) -> int:
@@ -218,7 +218,7 @@ class File(Artifact):
         return hash(self.data)
 
     def path(self, scratch: str | Path) -> Path:
-        """A read-only file with this content; content that is in memory alone is written into `scratch`."""
+        """A read-only file with this content; content that is only in memory is written to `scratch`."""
         if self._content is not None:
             return self._content.path()
         path = Path(scratch) / digest.of_bytes(self.data)[:16]
@@ -230,7 +230,7 @@ class File(Artifact):
         return io.BytesIO(self.data) if self._content is None else self._content.path().open("rb")
 
     def place(self, target: str | Path) -> None:
-        """Write the content to `target`, sharing blocks where the file system can."""
+        """Write the content to `target`, sharing blocks if the file system can."""
         target = Path(target)
         target.parent.mkdir(parents=True, exist_ok=True)
         if self._content is None:
@@ -239,8 +239,8 @@ class File(Artifact):
             self._content.place(target)
 
     def encode(self, put: Put) -> str:
-        """Store this value; content that is not in memory goes in pieces."""
-        content = (self.__pydantic_private__ or {})["_content"]  # by its name that takes 3 us
+        """Store this value; content that is not in memory is stored in pieces."""
+        content = (self.__pydantic_private__ or {})["_content"]  # attribute access takes 3 us
         if content is not None:
             blob, size = content.store(put)
         elif type(self) is File:
@@ -251,7 +251,7 @@ class File(Artifact):
 
     @classmethod
     def decode(cls, key: str, get: Get) -> Self:
-        """Load the value; large content stays in the store until it is asked for."""
+        """Load the value; large content stays in the store until its first use."""
         stored = get(key)
         known = _FILE.fullmatch(stored) if cls is File else None
         if known is not None and int(known[2]) <= SMALL:
@@ -265,7 +265,7 @@ class File(Artifact):
 
     @classmethod
     def _holding(cls, data: bytes) -> Self:
-        """The value with this content. There is nothing to validate, which would take longer than to read it."""
+        """The value with this content, not validated: validation would take longer than the read."""
         made, note = cls.__new__(cls), object.__setattr__
         made.__dict__["data"] = data
         note(made, "__pydantic_fields_set__", {"data"})
@@ -291,12 +291,12 @@ class Folder(Artifact):
         check_paths(self.name(), self.files)
 
     def facts(self) -> Iterator[str]:
-        """How many files, and their size."""
+        """Number of files, and their size."""
         yield from describe.facts({"files": self.files}, {})
         yield describe.size(sum(map(len, self.files.values())))
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write the tree below `folder`; the first path is the file that stands highest and first by name."""
+        """Write the tree below `folder`; the first path is the topmost file, first by name."""
         folder = Path(folder)
         written = []
         for name in sorted(self.files, key=_depth):
@@ -308,7 +308,7 @@ class Folder(Artifact):
 
     @classmethod
     def restore(cls, key: str, get: Get, folder: Path, stem: str) -> list[Path]:
-        """Write the tree from the store, file by file and in parallel; nothing of it is held in memory."""
+        """Write the tree from the store, file by file and in parallel, without holding it in memory."""
         place = getattr(get, "place", None)
         if place is None:
             return super().restore(key, get, folder, stem)

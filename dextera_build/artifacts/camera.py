@@ -43,9 +43,9 @@ class Transform(Artifact):
     """A rigid motion between two named frames: X_parent = matrix @ X_child."""
 
     parent: str
-    """Frame that coordinates come out in."""
+    """Frame of the resulting coordinates."""
     child: str
-    """Frame that coordinates go in from."""
+    """Frame of the given coordinates."""
     matrix: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="parent")]
     """T_parent_child, homogeneous."""
 
@@ -78,7 +78,7 @@ class Transform(Artifact):
 
 
 class Capture(Artifact):
-    """What one RGB-D camera saw of a workspace."""
+    """One RGB-D picture of a workspace."""
 
     rgb: Image
     """The photograph."""

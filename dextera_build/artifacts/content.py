@@ -1,8 +1,8 @@
-"""Bytes that stay where they are until someone asks for them: a file on the disk, or a blob of the store.
+"""Bytes that are read on demand: a file on disk, or a blob of the store.
 
-A function that puts or gets bytes may do more than that. `put.file(path)` stores a file without reading it whole,
-`put.has(digest, size)` says that nothing need be stored, `get.path(digest)` names a file with the bytes of a blob, and
-`get.place(digest, target)` writes them. Those that cannot get bytes, as in tests of rules.
+A `put` or `get` function may have further methods: `put.file(path)` stores a file without reading it whole,
+`put.has(digest, size)` tells whether a blob is already stored, `get.path(digest)` names a file with the bytes of a
+blob, and `get.place(digest, target)` writes them. Plain functions, as in tests of rules, pass bytes.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ SMALL = 1 << 20
 
 
 class Content(Protocol):
-    """Bytes that can be had in several ways."""
+    """Bytes that can be read, placed or stored."""
 
     def path(self) -> Path:
         """A file with these bytes, not to be written to."""
         ...
 
     def read(self) -> bytes:
-        """All of them."""
+        """All bytes."""
         ...
 
     def place(self, target: Path) -> None:
-        """Write them to `target`, which is the caller's own."""
+        """Write them to `target`, which belongs to the caller."""
         ...
 
     def store(self, put: Put) -> tuple[str, int]:
@@ -59,7 +59,7 @@ class OnDisk:
         shutil.copyfile(self.file, target)
 
     def store(self, put: Put) -> tuple[str, int]:
-        """Store it in pieces, where `put` can."""
+        """Store it in pieces, if `put` can."""
         stream = getattr(put, "file", None)
         if stream is None:
             data = self.read()
@@ -77,7 +77,7 @@ class Stored:
     size: int
 
     def path(self) -> Path:
-        """The blob, once its bytes were compared with its digest."""
+        """The file of the blob, after a check of its digest."""
         found: Path = self.get.path(self.digest)
         return found
 
@@ -87,11 +87,11 @@ class Stored:
         return data
 
     def place(self, target: Path) -> None:
-        """Copy it, sharing its blocks where the file system can."""
+        """Copy it, sharing its blocks if the file system can."""
         self.get.place(self.digest, target)
 
     def store(self, put: Put) -> tuple[str, int]:
-        """Nothing to do where it is stored already."""
+        """Store it, unless it is stored already."""
         has = getattr(put, "has", None)
         if has is not None and has(self.digest, self.size):
             return self.digest, self.size

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 _LONGEST = 110
-"""Characters of the facts in one line; further ones are left out."""
+"""Maximum length of the facts in one line [characters]; further facts are left out."""
 _MOST_NAMES = 6
 """Labels that are listed; more are only counted."""
 _DIGEST = re.compile("[0-9a-f]{64}")
@@ -29,7 +29,7 @@ def line(name: str, facts: Iterator[str]) -> str:
 
 
 def facts(fields: Mapping[str, Any], specs: Mapping[str, Array]) -> Iterator[str]:
-    """Counts, sizes, extents and units of fields; nothing of those that are empty.
+    """Counts, sizes, extents and units of fields; empty fields are skipped.
 
     Args:
         fields: Name -> value.
@@ -94,7 +94,7 @@ def _labels(names: Iterator[object]) -> str:
 
 
 def size(count: int) -> str:
-    """Bytes as people say them: `1.2 MB`."""
+    """Bytes as text: `1.2 MB`."""
     for unit, factor in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if count >= factor:
             return f"{count / factor:.1f} {unit}"
@@ -105,11 +105,11 @@ def page(said: str, picture: bytes | None, more: str = "") -> str:
     """HTML for a notebook.
 
     Args:
-        said: The value in one line.
+        said: The value as one line of text.
         picture: PNG bytes, or None.
-        more: HTML that stands below.
+        more: HTML to add below.
     """
-    import base64  # with the first page: rules wait for this module, and show no pages
+    import base64  # local imports: rules import this module, and show no pages
     import html
 
     shown = ""

@@ -1,7 +1,7 @@
 """Differences between two stored artifacts, found in their headers and blobs without knowing a type.
 
-Both are walked side by side; what has one digest is not looked into. An array says its form, how many numbers differ
-and by how much at most; a table is compared by its rows and columns.
+Both are walked side by side, skipping parts with equal digests. A difference of arrays gives their forms, how many
+numbers differ and by how much at most; tables are compared by rows and columns.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Difference:
     old: str
     new: str
     largest: float | None = None
-    """Largest absolute difference of two numbers, infinite where one of them is not finite; None where forms differ."""
+    """Largest absolute difference of two numbers, infinite if one of them is not finite; None if forms differ."""
     changed: int = 0
     """How many numbers differ."""
     total: int = 0
@@ -73,7 +73,7 @@ def _spelled(value: Any) -> str:
 
 
 def _inside(path: str, old: Any, new: Any, get: Get) -> _Triples | None:
-    """The parts of two things of one form, or None where they are compared as they are."""
+    """The parts of two values of one form, or None if they are compared as a whole."""
     tag = _tag(old)
     if _GONE in (old, new) or tag != _tag(new):
         return None
@@ -99,7 +99,7 @@ def _pairs(old: Mapping[Any, Any], new: Mapping[Any, Any], name: Callable[[Any],
 
 
 def _table(path: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> _Triples:
-    """Cells by the names of row and column, where the first cells tell rows apart."""
+    """Cells by the names of row and column; rows are named by their first cells if these are unique."""
     plain = [{name: value for name, value in side.items() if name != "rows"} for side in (old, new)]
     found = _pairs(plain[0], plain[1], lambda name: f"{path}.{name}" if path else name)
     sides = [_rows(side) for side in (old, new)]
@@ -147,7 +147,7 @@ def _arrays(path: str, old: Sequence[Any], new: Sequence[Any], get: Get) -> Diff
 
 
 def distance(one: np.ndarray, two: np.ndarray) -> np.ndarray:
-    """Absolute difference of each number; infinite where only one is NaN, zero where both are."""
+    """Absolute difference of each number; infinite if only one is NaN, zero if both are."""
     with np.errstate(invalid="ignore", over="ignore"):
         apart = np.abs(one.astype(np.float64) - two.astype(np.float64))
     # Also equal infinities, and long integers that a float cannot tell apart.
@@ -166,7 +166,7 @@ def _other_bytes(one: np.ndarray, two: np.ndarray) -> int:
 
 
 def _bounds(points: np.ndarray) -> str:
-    """Bounds of points, where it looks like points."""
+    """Bounds of an array that looks like points."""
     if points.ndim != 2 or points.shape[1] not in (2, 3) or points.dtype.kind != "f" or not len(points):
         return ""
     low, high = (", ".join(f"{value:.4g}" for value in edge) for edge in (points.min(axis=0), points.max(axis=0)))
@@ -198,7 +198,7 @@ def _short(value: Any) -> str:
 
 
 def by_field(found: Sequence[Difference]) -> dict[str, float | None]:
-    """Field -> largest difference in it, over all labels; None where the forms differ."""
+    """Field -> largest difference in it, over all labels; None if the forms differ."""
     fields: dict[str, float | None] = {}
     for difference in found:
         known = fields.get(difference.field, 0.0)

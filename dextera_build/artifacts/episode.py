@@ -15,7 +15,7 @@ _MOST = 1 << 30
 """Largest film of one episode [bytes]: 24 min of 128 x 96 px at 20 Hz."""
 
 Origin = Literal["operator", "synthesis", "policy", "replay"]
-"""Who acted."""
+"""Source of the actions."""
 
 
 class Start(Artifact):
@@ -47,16 +47,16 @@ class Segment(Value):
     frame: str
     """The body that end-effector poses are kept relative to; empty: free motion that connects two segments."""
     contact: bool
-    """Whether the hand is meant to touch the task's object here."""
+    """Whether the hand should touch the task's object in this segment."""
 
 
 class Episode(Artifact):
-    """One try. Arrays are sampled at control rate: row t is the observation, then the command."""
+    """One attempt. Arrays are sampled at control rate: row t is the observation, then the command."""
 
     start: Start
-    """Where it began."""
+    """Its initial state."""
     origin: Origin
-    """Who acted."""
+    """Source of the actions."""
     success: bool
     """Verdict of the task's success predicate."""
     reason: str
@@ -64,9 +64,9 @@ class Episode(Artifact):
     segments: tuple[Segment, ...] = ()
     """Parts of a demonstration; they cover all steps."""
     action: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]
-    """Joint targets as they were meant: the label to learn from."""
+    """Intended joint targets: the label to learn from."""
     executed: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]
-    """Joint targets that were sent, with the noise that was added to `action`."""
+    """Joint targets that were sent: `action` with added noise."""
     joints: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]
     """Measured positions of the robot's joints."""
     hand: Annotated[np.ndarray, Array("T 7", "float32", frame="base")]
@@ -86,11 +86,11 @@ class Episodes(Artifact):
     """Episodes of one task, readable without the task's model."""
 
     items: dict[str, Episode]
-    """Index -> episode that counts, in order."""
+    """Index -> accepted episode, in order."""
     failures: dict[str, Episode]
     """Index of the attempt -> discarded episode, with its reason."""
     attempts: int
-    """Tries that `items` and `failures` came from."""
+    """Number of attempts behind `items` and `failures`."""
     task: str
     """Name of the task."""
     embodiment: str
@@ -107,17 +107,17 @@ class Episodes(Artifact):
     """Fingertips of `Episode.contact`."""
 
     def in_order(self) -> list[tuple[str, Episode]]:
-        """Episodes that count with their indices, `2` before `10`; the store keeps dictionaries by spelling."""
+        """Accepted episodes with their indices, `2` before `10`; the store sorts keys of dictionaries as text."""
         return sorted(self.items.items(), key=lambda item: (len(item[0]), item[0]))
 
 
 class Shard(Artifact):
-    """A part of a data set that one node makes: shards run side by side, and a finished one is never made again."""
+    """A part of a data set that one node makes: shards run in parallel, and a finished one is never remade."""
 
     first: int
     """Index of its first episode."""
     count: int
-    """Episodes that it has to bring."""
+    """Number of episodes to provide."""
     seed: int
     """Seed of the whole data set."""
 
@@ -136,7 +136,7 @@ class Film(Artifact):
     def packed(pixels: np.ndarray) -> bytes:
         """Frames (T, H, W, 3) uint8 as a zlib stream of differences to the frame before, modulo 256.
 
-        What stands still costs next to nothing: a fifteenth of a PNG of the same frames, and quicker both ways.
+        Static regions cost almost nothing: a fifteenth of a PNG of the same frames, and faster both ways.
         """
         changes = pixels.copy()
         changes[1:] -= pixels[:-1]

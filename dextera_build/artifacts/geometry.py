@@ -43,7 +43,7 @@ class Mesh(Artifact):
 
     @property
     def is_closed(self) -> bool:
-        """Every edge is shared by exactly two faces with opposite directions (vertices merged by position)."""
+        """Whether every edge is shared by exactly two faces in opposite directions (vertices merged by position)."""
         edges = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]).astype(np.int64)
         if not len(edges):
             return False
@@ -86,7 +86,7 @@ class Hull(Artifact):
     """A convex piece, given by its corner points."""
 
     vertices: Annotated[np.ndarray, Array("V 3", "float32", unit="m", frame="object")]
-    """Points whose convex hull the piece is; at least four, not in one plane."""
+    """Points whose convex hull is the piece; at least four, not in one plane."""
 
 
 def obj_text(mesh: Mesh, material_file: str | None = None) -> str:

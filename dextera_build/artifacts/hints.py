@@ -11,7 +11,7 @@ from dextera_build.errors import ArtifactError
 
 @cache
 def arguments(hint: Any) -> list[Any]:
-    """The types that the first tuple, list or dict of a declaration holds; none where it has no such choice."""
+    """The types that the first tuple, list or dict of a declaration holds; none if it has no such choice."""
     for choice in _choices(hint):
         if get_origin(choice) in (tuple, list, dict):
             return list(get_args(choice))

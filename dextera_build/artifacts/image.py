@@ -18,7 +18,7 @@ class Image(Artifact):
     """Red, green, blue (never BGR), 0..255."""
 
     def picture(self) -> bytes:
-        """The picture itself, of large ones every second pixel, every third, and so on."""
+        """The picture itself; a large one with every second pixel only, every third, and so on."""
         return png(smaller(self.pixels))
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
@@ -60,7 +60,7 @@ class LabelImage(Artifact):
 
 
 def smaller(pixels: np.ndarray, longest: int = 640) -> np.ndarray:
-    """Every n-th pixel, so that no side is longer than `longest`."""
+    """Every n-th pixel, with n chosen to make no side longer than `longest`."""
     step = -(-max(pixels.shape[:2]) // longest) or 1
     return pixels[::step, ::step]
 

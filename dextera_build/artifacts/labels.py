@@ -1,4 +1,4 @@
-"""Labels of collections and folders: every one must be able to name a file."""
+"""Labels of collections and folders: each must be usable as a file name."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from collections.abc import Iterable
 from dextera_build.errors import ArtifactError
 
 _LONGEST, _LONGEST_PATH = 255, 2000
-"""Bytes of a file name and of a path that every usual file system takes."""
+"""Maximum length of a file name and of a path on all common file systems [bytes]."""
 _ROOM = 55
-"""Bytes that exported files add to the label of a collection: the name of the node and the ending."""
+"""Length that exported files add to the label of a collection, with the node's name and a suffix [bytes]."""
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
-"""Control characters, line separators and overrides of the direction of text."""
+"""Control characters, line separators and overrides of the text direction."""
 
 
 def check_labels(kind: str, labels: Iterable[str]) -> None:
     """Refuse labels of a collection that cannot be part of a file name.
 
     Raises:
-        ArtifactError: Names the label and what is wrong with it.
+        ArtifactError: A label is invalid; the error names the label and the reason.
     """
     for label in labels:
         wrong = "it holds a `/`" if "/" in label else _fault(label, _LONGEST - _ROOM)
@@ -31,7 +31,7 @@ def check_paths(kind: str, paths: Iterable[str]) -> None:
     """Refuse paths of a folder's files that cannot be written below one folder.
 
     Raises:
-        ArtifactError: Names the path and what is wrong with it.
+        ArtifactError: A path is invalid; the error names the path and the reason.
     """
     known = set(paths)
     for path in known:

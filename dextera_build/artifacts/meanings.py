@@ -1,6 +1,6 @@
-"""What fields mean: the docstrings below them, read from the source when somebody asks.
+"""The docstrings of fields, read from the source on demand.
 
-Pydantic can do that for every class as it is made; a process that runs rules never needs them, and would wait.
+Pydantic can read them when a class is made, but that would slow down processes that run rules and never need them.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from pydantic.fields import FieldInfo
 
 
 def meanings(kind: type[BaseModel]) -> dict[str, str]:
-    """Field -> its docstring, for fields that have one; the field's own `description` takes precedence."""
+    """Field -> its docstring, if it has one; a `description` of the field takes precedence."""
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         if issubclass(base, BaseModel) and base is not BaseModel:
-            with suppress(OSError, TypeError):  # a generic with its parameters has no source, nor what a program made
+            with suppress(OSError, TypeError):  # generics with parameters and generated classes have no source
                 found |= _below(inspect.getsource(base))
     said = {name: field.description for name, field in kind.model_fields.items() if field.description}
     return {name: text for name, text in (found | said).items() if name in kind.model_fields}
 
 
 def bounds(field: FieldInfo) -> str:
-    """The bounds of an option as people write them, `> 0, <= 1`, those of a tuple's numbers included; "" without."""
+    """The bounds of an option as text, `> 0, <= 1`, including those of a tuple's numbers; "" without bounds."""
     signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
     marks = dict.fromkeys([*field.metadata, *_marks(field.annotation)])
     return ", ".join(

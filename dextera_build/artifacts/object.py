@@ -18,9 +18,9 @@ class Element(Value):
     """One thing that parsing found in the photograph."""
 
     name: str
-    """Unique, lower case, words joined by `_`: the label of everything that is made of it."""
+    """Unique, lower case, words joined by `_`: the label of everything made from it."""
     category: str
-    """What kind of thing it is: `box`, `cylinder`, `bowl`, `mug`, `laptop`, `support`, `robot`, `room`, `object`."""
+    """Kind of thing: `box`, `cylinder`, `bowl`, `mug`, `laptop`, `support`, `robot`, `room`, `object`."""
     phrase: str
     """A short noun phrase for grounding: `blue mug`."""
     body_type: Literal["rigid", "articulated"] = "rigid"
@@ -34,7 +34,7 @@ class Element(Value):
 
 
 class Elements(Artifact):
-    """What parsing found."""
+    """The result of parsing."""
 
     elements: tuple[Element, ...]
     """Every element, interactive and static."""
@@ -56,7 +56,7 @@ class Support(Artifact):
     residual_m: float
     """Root mean square distance of the inliers to the plane [m]."""
     inlier_fraction: float
-    """Part of the valid depth pixels that lie on the plane."""
+    """Fraction of the valid depth pixels that are on the plane."""
 
 
 class ObjectView(Artifact):
@@ -86,7 +86,7 @@ class Segmentation(Artifact):
     """Every object's view and the label map that they were cut from."""
 
     items: dict[str, ObjectView]
-    """Element name -> view; what `each` opens."""
+    """Element name -> view; opened by `each`."""
     names: tuple[str, ...]
     """Name of label 1, 2, ... of `labels`."""
     labels: LabelImage
@@ -99,13 +99,13 @@ class Shape(Artifact):
     """A closed, textured mesh of one object, and how well it explains the photograph."""
 
     mesh: Mesh
-    """Object frame: origin at the middle of the base, z up as it stands, closed."""
+    """Closed, in the object frame: origin at the middle of the base, z up in its resting pose."""
     walls: tuple[Hull, ...] = ()
-    """Exact convex pieces where the hypothesis knows them (walls of a hollow body), object frame; else empty."""
+    """Exact convex pieces if the hypothesis knows them (walls of a hollow body), object frame; else empty."""
     world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
     """First guess of the pose, T_world_object; `align.object` refines it."""
     hypothesis: str
-    """The one that won: `box`, `cylinder`, `revolved`, `extruded`, `mirrored`, ..."""
+    """The best hypothesis: `box`, `cylinder`, `revolved`, `extruded`, `mirrored`, ..."""
     hollow: bool
     """Whether the mesh has a cavity that is open upwards."""
     residual_m: float
@@ -113,13 +113,13 @@ class Shape(Artifact):
     mask_iou: float
     """Intersection over union of the rendered and the seen mask (occluded pixels left out)."""
     unseen_fraction: float
-    """Part of the surface area that the camera did not see."""
+    """Fraction of the surface area that the camera did not see."""
     scores: dict[str, float]
     """Hypothesis -> render score, higher is better."""
     unobserved: tuple[str, ...] = ()
     """Sizes that the view does not determine and that were guessed: `x`, `y` or `z` of the mesh."""
     source: Literal["rgb", "rgbd"] = "rgbd"
-    """Source of the geometry: the photograph alone, as in the paper, or with its depth."""
+    """Source of the geometry: only the photograph, as in the paper, or also its depth."""
 
 
 class Joint(Value):
@@ -142,7 +142,7 @@ class Joint(Value):
     upper: float
     """Upper limit [rad or m]."""
     position: float
-    """Where it stands in the photograph [rad or m]."""
+    """Position in the photograph [rad or m]."""
 
 
 class Link(Artifact):
@@ -169,7 +169,7 @@ class Body(Artifact):
     """See `Shape.source`."""
 
     def picture(self) -> bytes:
-        """All links as they stood in the photograph."""
+        """All links, posed as in the photograph."""
         poses = kinematics.link_poses(self)
         meshes = ((poses[name], link.mesh) for name, link in self.links.items())
         parts = [(transforms.apply(pose, mesh.vertices)[mesh.faces], mesh.paint) for pose, mesh in meshes]
@@ -218,7 +218,7 @@ class Pieces(Artifact):
     method: str
     """`walls`, `hull`, `wedges` (a container cut across its walls), `coacd`."""
     cavity_fill: float | None = None
-    """Part of the cavity's volume that the pieces fill wrongly; None without a cavity."""
+    """Fraction of the cavity's volume that the pieces fill wrongly; None without a cavity."""
 
 
 class Collision(Artifact):
@@ -229,7 +229,7 @@ class Collision(Artifact):
 
 
 class Placement(Artifact):
-    """Where and how large a body is."""
+    """Pose and scale of a body."""
 
     world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
     """T_world_object of the scaled body (root link)."""
@@ -238,15 +238,15 @@ class Placement(Artifact):
     residual_m: float
     """Trimmed mean distance of the seen points to the placed surface [m]."""
     overlap: float
-    """Part of the seen points within 5 mm of the placed surface."""
+    """Fraction of the seen points within 5 mm of the placed surface."""
     method: str
-    """How it was found."""
+    """Method that found it."""
     ambiguous: bool = False
-    """True where the shape's symmetry leaves the rotation about an axis undetermined."""
+    """True if the shape's symmetry leaves the rotation about an axis undetermined."""
 
 
 class Asset(Artifact):
-    """A simulation-ready object: everything scaled to metres and placed."""
+    """A simulation-ready object, scaled to metres and placed."""
 
     body: Body
     """Links and joints, scaled."""

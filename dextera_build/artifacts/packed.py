@@ -22,7 +22,7 @@ _MOST = 1 << 30
 _UNREADABLE = (
     zipfile.BadZipFile,
     KeyError,
-    ValueError,  # of offsets beyond the file, too
+    ValueError,  # also for offsets beyond the file
     NotImplementedError,
     RuntimeError,
     EOFError,
@@ -65,7 +65,7 @@ def unpack(kind: type[A], data: bytes) -> A:
 def _forbid_bombs(archive: zipfile.ZipFile) -> None:
     if any(member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for member in archive.infolist()):
         raise zipfile.BadZipFile("a member is compressed by another method than deflate")
-    # No more is read of a member than it declares.
+    # A member is never read beyond its declared size.
     size = sum(member.file_size for member in archive.infolist())
     if size > _MOST:
         facts = {"bytes": f"{size:,}", "most": f"{_MOST:,}"}

@@ -1,4 +1,4 @@
-"""Trained policies: weights, and the contract that says where they may run."""
+"""Trained policies: weights, and the contract that decides whether they may run in a world."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class Channel(Value):
 
 
 class PolicyContract(Value):
-    """The inputs and outputs of a policy. A policy refuses to load where one of them differs."""
+    """The inputs and outputs of a policy. A policy refuses to load if one of them differs."""
 
     algorithm: Literal["act", "ppo"]
-    """How it was trained, and which network reads the weights."""
+    """Training algorithm, which also decides the network that reads the weights."""
     task: str
     """Name of the task."""
     embodiment: str
@@ -57,10 +57,10 @@ class Checkpoint(Artifact):
     weights: bytes
     """safetensors; never a pickle."""
     contract: PolicyContract
-    """Where it may run."""
+    """Inputs, outputs and embodiment that it needs."""
     steps: Annotated[np.ndarray, Array("L", "int64")]
     """Optimiser steps (imitation) or environment steps (reinforcement) of `curve`."""
     curve: Annotated[np.ndarray, Array("L", "float32")]
     """Training loss (imitation) or mean episode reward (reinforcement) at `steps`."""
     curve_name: str
-    """What `curve` is."""
+    """Name of the quantity in `curve`."""

@@ -1,4 +1,4 @@
-"""Robots: a kinematic model that loads in MuJoCo, and what people need to know of it."""
+"""Robots: a kinematic model that loads in MuJoCo, with its joints, frames and grips."""
 
 from __future__ import annotations
 
@@ -44,16 +44,16 @@ class Follower(Value):
     ratio: float
     """Its motion per motion of the leader."""
     offset: float = 0.0
-    """Its position where the leader is at 0 [rad or m]."""
+    """Its position when the leader is at 0 [rad or m]."""
 
 
 class Grip(Value):
-    """A way to use the hand, as data: finger postures by joint, and which way the hand faces in its frame `palm`."""
+    """A way to use the hand, as data: finger postures by joint, and directions of the hand in its frame `palm`."""
 
     against: Literal["thumb", "palm", "nothing"]
     """The opposing side of the grip; `nothing`: the fingers push with their tips."""
     open: dict[str, float]
-    """Joint -> position at its widest [rad]; joints left out stand at home."""
+    """Joint -> position at its widest [rad]; joints left out are at home."""
     closed: dict[str, float] = Field(default_factory=dict)
     """Joint -> position with nothing in the hand [rad]; joints left out stay as in `open`."""
     facing: tuple[float, float, float] = (0.0, 0.0, -1.0)
@@ -78,7 +78,7 @@ class RobotModel(Artifact):
     frames: dict[str, str]
     """Role -> MJCF site: `flange`, `palm`, a fingertip per finger; of two arms also as `left_...` and `right_...`."""
     source: str
-    """Where kinematics, masses and limits come from."""
+    """Source of kinematics, masses and limits."""
     grips: dict[str, Grip] = Field(default_factory=dict)
     """Name -> a way to use the hand: `pinch`, `wrap`, `point`."""
     followers: tuple[Follower, ...] = ()

@@ -27,7 +27,7 @@ class SupportBox(Value):
 
 
 class Background(Artifact):
-    """The static scene with the objects taken out."""
+    """The static scene with the objects removed."""
 
     image: Image
     """The photograph with the objects filled in."""
@@ -57,7 +57,7 @@ class Scene(Artifact):
 
 
 class Settled(Value):
-    """What one body did when the scene was let go."""
+    """Motion of one body after the scene was released."""
 
     name: str
     """Body."""
@@ -70,7 +70,7 @@ class Settled(Value):
     joint_drift: float = 0.0
     """Largest change of one of its joints' positions [rad or m]."""
     resting: bool
-    """At rest at the end, upright as it stood, and still above the support."""
+    """At rest at the end, as upright as at the start, and still above the support."""
 
 
 class SettleReport(Artifact):

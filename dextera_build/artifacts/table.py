@@ -34,12 +34,12 @@ class Table(Artifact):
     columns: tuple[Column, ...]
     """Headings."""
     rows: tuple[tuple[Cell, ...], ...]
-    """Cells, one tuple a row, as long as `columns`."""
+    """Cells, one tuple per row, as long as `columns`."""
     notes: tuple[str, ...] = ()
     """Definitions, tolerances and counts that a reader needs to trust the numbers."""
 
     def text(self, value: Cell, column: Column) -> str:
-        """One cell as people read it."""
+        """One cell as text."""
         if value is None:
             return "-"
         return f"{value:.{column.digits}f}" if isinstance(value, float) else str(value)

@@ -17,7 +17,7 @@ Primitive = Literal["lift", "articulate"]
 """Kind of objective; its success and reward are stated in `dextera_build.sim.primitives`."""
 WorldKind = Literal["twin", "reference", "perturbed"]
 """`twin`: built from the capture. `reference`: a simulated world with its own truth and physics, the stand-in for
-hardware. `perturbed`: the twin with geometry and physics disturbed, where no reference world exists. None is real."""
+hardware. `perturbed`: the twin with disturbed geometry and physics, if no reference world exists. None is real."""
 
 
 class Reset(Value):
@@ -47,7 +47,7 @@ class TaskSpec(Value):
     object: str
     """Root body that the task is about."""
     height_m: float = 0.0
-    """lift: how far the object's origin must rise above where it stood [m]."""
+    """lift: required rise of the object's origin above its start [m]."""
     joints: dict[str, float] = Field(default_factory=dict)
     """articulate: joint in the model -> commanded position [rad or m]."""
     tolerance: float = 0.0
@@ -55,7 +55,7 @@ class TaskSpec(Value):
     hold_s: float = 0.5
     """The condition must hold without a break for this long at the end [s]; the same in every world."""
     timeout_s: float = 8.0
-    """An episode that has not succeeded by then failed [s]."""
+    """Time limit: an episode without success by then has failed [s]."""
     control_hz: float = 20.0
     """Rate of observations and actions [Hz]."""
     reset: Reset = Reset()
@@ -89,8 +89,8 @@ class TaskObject(Artifact):
 class TaskBundle(Artifact):
     """A task that can be simulated. The world frame is the twin's: z up, the support is z = 0.
 
-    In a reference or perturbed world every body and joint has the name and frame that it has in the twin, as if the
-    twin's assets were tracked there, so that states, actions and success mean the same.
+    In a reference or perturbed world every body and joint has its name and frame from the twin, as if the twin's
+    assets were tracked there: states, actions and success have the same meaning.
     """
 
     model: Folder
@@ -104,10 +104,10 @@ class TaskBundle(Artifact):
     objects: dict[str, TaskObject]
     """Root body -> object, all movable ones."""
     kind: WorldKind = "twin"
-    """What this world is."""
+    """Kind of this world."""
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write every part in its own format, and all of it as `stem.bundle`, which `gymnasium.make` takes."""
+        """Write every part in its own format, and the whole as `stem.bundle`, which `gymnasium.make` accepts."""
         folder = Path(folder)
         written = super().export(folder, stem)
         written.append(folder / f"{stem}.bundle")
@@ -124,11 +124,11 @@ class TaskBundle(Artifact):
 
 
 class View(Artifact):
-    """A camera that policies and films look through."""
+    """A camera of policies and films."""
 
     camera: Camera
     """Intrinsics at the size that is rendered."""
     world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
     """T_world_camera, OpenCV axes."""
     samples: int = 1
-    """Samples per pixel that a picture through it is made of."""
+    """Samples per pixel of its pictures."""

@@ -1,4 +1,4 @@
-"""Trials: how one policy, or the replay of demonstrations, did in one task of one world."""
+"""Trials: results of one policy, or of replayed demonstrations, in one task of one world."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Actor = Literal["policy", "replay"]
 
 
 class Trial(Value):
-    """One try from one start."""
+    """One attempt from one start."""
 
     seed: int
     """Seed of the start; the same seed means the same start for every policy in a world."""
@@ -34,11 +34,11 @@ class Trials(Artifact):
     """Trials of one actor in one task of one world. Equal seeds give equal starts."""
 
     actor: Actor
-    """How actions came about."""
+    """Source of the actions."""
     label: str
-    """What tables call it: `ACT`, `PPO`, `replay`."""
+    """Its name in tables: `ACT`, `PPO`, `replay`."""
     algorithm: str
-    """How the policy was trained, `act` or `ppo`; empty for a replay."""
+    """Training algorithm of the policy, `act` or `ppo`; empty for a replay."""
     source: str
     """Digest of the checkpoint, or of the demonstrations that were replayed."""
     task: TaskSpec
@@ -50,26 +50,26 @@ class Trials(Artifact):
     world: WorldKind
     """Kind of world; none is real."""
     items: tuple[Trial, ...]
-    """Tries that count, in order."""
+    """Valid attempts, in order."""
     placed: Annotated[np.ndarray, Array("N O 7", "float32", frame="base")]
-    """Poses of the bundle's objects at the start of each try: position [m], unit quaternion w x y z."""
+    """Poses of the bundle's objects at the start of each attempt: position [m], unit quaternion w x y z."""
     excluded: dict[str, int]
-    """Reason -> seeds that brought no try: no start without collisions, no rollout that succeeds in the twin."""
+    """Reason -> seeds without an attempt: no start without collisions, no rollout that succeeds in the twin."""
     examples: Episodes
     """The first success and the first failure, by their number in `items`."""
 
     @property
     def successes(self) -> int:
-        """Tries that succeeded."""
+        """Number of attempts that succeeded."""
         return sum(trial.success for trial in self.items)
 
     @property
     def reasons(self) -> dict[str, int]:
-        """Reason of failure -> how often, the most frequent first."""
+        """Reason of failure -> count, most frequent first."""
         return dict(Counter(trial.reason for trial in self.items if not trial.success).most_common())
 
     @property
     def mean_time_s(self) -> float | None:
-        """Mean time of the successes until the verdict [s], the time that it had to hold included; None without one."""
+        """Mean time of the successes until the verdict [s], including the hold time; None without successes."""
         steps = [trial.steps for trial in self.items if trial.success]
         return float(np.mean(steps)) / self.task.control_hz if steps else None

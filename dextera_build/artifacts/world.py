@@ -15,7 +15,7 @@ class Lamp(Value):
     """A light that shines on the whole world from one direction."""
 
     direction: tuple[float, float, float]
-    """Where the light goes."""
+    """Direction in which the light travels."""
     strength: float
     """Diffuse intensity, 1 lights a facing white surface fully."""
     shadow: bool = False
@@ -30,7 +30,7 @@ class Part(Artifact):
     gloss: float = 0.0
     """Strength of highlights, 0..1."""
     pieces: tuple[Hull, ...] = ()
-    """Convex pieces that together fill it, in the thing's frame; what others bump into."""
+    """Convex pieces that together fill it, in the thing's frame; used for contact."""
 
 
 class Matter(Value):
@@ -39,16 +39,16 @@ class Matter(Value):
     mass_kg: float
     """Mass of the whole thing [kg]; the density is even over each rigid piece."""
     friction: float
-    """Sliding friction coefficient against whatever it touches."""
+    """Sliding friction coefficient against any surface."""
     restitution: float = 0.1
     """Coefficient of restitution of a slow impact on the table."""
 
 
 class Hinge(Value):
-    """A hinge of a thing, in the thing's frame. The parts are stored as they stand at `position`."""
+    """A hinge of a thing, in the thing's frame. The parts are stored as posed at `position`."""
 
     parts: tuple[str, ...]
-    """Those that move against the others."""
+    """The parts that move against the others."""
     origin: tuple[float, float, float]
     """A point on the axis [m]."""
     axis: tuple[float, float, float]
@@ -58,7 +58,7 @@ class Hinge(Value):
     upper: float
     """Upper limit [rad]."""
     position: float
-    """Where it stands in the photograph [rad]."""
+    """Position in the photograph [rad]."""
     friction_nm: float
     """Dry friction [N m]."""
     damping_nms_rad: float
@@ -71,7 +71,7 @@ class Thing(Artifact):
     """A thing of a reference world."""
 
     parts: dict[str, Part]
-    """Textured pieces; they may overlap where one is fastened to another."""
+    """Textured pieces; they may overlap at joints between them."""
     surface: Mesh
     """The closed outer surface of all pieces together, in the thing's frame."""
     world_from_thing: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
@@ -83,14 +83,14 @@ class Thing(Artifact):
 
 
 class RobotStand(Value):
-    """Where a robot stands and how it holds itself."""
+    """Place and posture of a robot."""
 
     position: tuple[float, float, float]
     """Origin of the robot's base [m]."""
     yaw: float
     """Rotation of the base about world z [rad]."""
     joints: dict[str, float]
-    """Joint -> position [rad or m]; joints left out stand at home."""
+    """Joint -> position [rad or m]; joints left out are at home."""
 
     def matrix(self) -> np.ndarray:
         """T_world_base, (4, 4) float64 [m]."""
@@ -105,13 +105,13 @@ class World(Artifact):
     """A reference world. Its frame: z up, the table's top is z = 0."""
 
     objects: dict[str, Thing]
-    """What stands on the table, by name; the truth knows these."""
+    """Things on the table, by name; the truth includes these."""
     fixtures: dict[str, Thing]
-    """Table, pedestal, floor, wall: everything else but the robot."""
+    """Table, pedestal, floor, wall: everything else except the robot."""
     lamps: tuple[Lamp, ...]
     """Lights."""
     ambient: float
-    """Intensity of the light that comes from everywhere, 0..1."""
+    """Intensity of ambient light, 0..1."""
     stand: RobotStand | None = None
     """The robot's place; None without a robot."""
     camera: Camera

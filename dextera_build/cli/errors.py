@@ -1,4 +1,4 @@
-"""How an error looks on a terminal: what, where, the facts, and a next step."""
+"""Errors as text for a terminal: message, place, facts, and a hint."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from dextera_build.runs.events import NodeFinished
 _RED, _CYAN, _DIM, _BOLD = "31;1", "36", "2", "1"
 _WORD = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,{}\[\]]+")
 _UNSEEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff]")
-"""What steers a terminal, or turns the order of what it shows."""
+"""Control characters, and characters that change the direction of text."""
 _LONGEST = 1000
-"""Characters of a message, a hint or a place; files that others wrote may make them as long as they like."""
+"""Longest message, hint or place [characters]; untrusted files can make them arbitrarily long."""
 _LONGEST_FACT = 8000
 _LONGEST_LINE = 300
 
 
 def read_lines(file: str) -> list[str] | None:
-    """Lines of a text file, or None where it cannot be read."""
+    """Lines of a text file, or None if it cannot be read."""
     try:
         return Path(file).read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError, ValueError):
@@ -32,12 +32,12 @@ def read_lines(file: str) -> list[str] | None:
 
 
 def wants_colour(stream: TextIO) -> bool:
-    """Whether `stream` is a terminal and nobody asked for no colour (https://no-color.org)."""
+    """Whether `stream` is a terminal and colour is not disabled (https://no-color.org)."""
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
 def paint(text: str, style: str, colour: bool) -> str:
-    """`text` in an ANSI style (`31;1`), or as it is."""
+    """`text` in an ANSI style (`31;1`), or unchanged without `colour`."""
     return f"\x1b[{style}m{text}\x1b[0m" if colour and text else text
 
 
@@ -45,7 +45,7 @@ def render(error: DxbError, *, colour: bool = False) -> str:
     """An error as text without a final newline.
 
     Args:
-        error: What happened.
+        error: The error.
         colour: Use ANSI colours.
     """
     head = f"{paint(f'error[{error.code}]', _RED, colour)}: {paint(_clean(error.message), _BOLD, colour)}"
@@ -90,7 +90,7 @@ def _quoted(error: DxbError, where: Place, colour: bool) -> list[str]:
         bar = paint("|", _CYAN, colour)
         out += [f"{gutter} {bar}", f"{paint(str(where.line).rjust(len(gutter)), _CYAN, colour)} {bar} {text}".rstrip()]
         if column:
-            # Tabs stand in the blank part too, so that the marks sit under the word whatever a tab is worth.
+            # Tabs are kept in the padding, which aligns the marks with the word at any tab width.
             blank = re.sub(r"[^\t]", " ", text[: column - 1])
             marks = "^" * _length(text, column, error.message)
             out.append(f"{gutter} {bar} {blank}{paint(marks, _RED, colour)}")
@@ -102,20 +102,20 @@ def _quoted(error: DxbError, where: Place, colour: bool) -> list[str]:
 
 
 def _window(text: str, column: int) -> tuple[str, int]:
-    """The part of a line around a column, and where the column is in it; each character takes one place."""
+    """The part of a line around a column, and the column within it; every character becomes one cell wide."""
     start = max(column - _LONGEST_LINE // 2, 0) if len(text) > _LONGEST_LINE else 0
     return _UNSEEN.sub("\ufffd", text[start : start + _LONGEST_LINE]), max(column - start, 0)
 
 
 def _clean(text: str, longest: int = _LONGEST) -> str:
-    """Text that a terminal shows and does nothing else with, shortened where it is too long to be read."""
+    """`text` with control characters escaped, shortened to about `longest` characters."""
     if len(text) > longest:
         text = f"{text[: longest // 2]} ... {text[-longest // 2 :]}"
     return _UNSEEN.sub(lambda found: found.group().encode("unicode_escape").decode(), text)
 
 
 def _line(where: Place) -> str | None:
-    """The source line; None where the file cannot be read."""
+    """The source line; None if the file cannot be read."""
     found = read_lines(where.file) if where.line else None
     if not found or where.line > len(found):
         return None
@@ -123,7 +123,7 @@ def _line(where: Place) -> str | None:
 
 
 def _length(text: str, column: int, message: str) -> int:
-    """Characters to underline: a literal of the message that stands there, else the word."""
+    """Number of characters to underline: a literal of the message if one starts at the column, else the word."""
     rest = text[column - 1 :]
     literals = sorted(re.findall(r"`([^`]+)`", message), key=len, reverse=True)
     for literal in literals:

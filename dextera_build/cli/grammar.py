@@ -15,7 +15,7 @@ _FOOT = "`dxb help VERB`, `dxb help CODE` and `dxb help RULE` say more; verbs th
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in the form of every other error."""
+    """A parser that raises `UsageError` for wrong arguments."""
 
     def error(self, message: str) -> NoReturn:
         hint: str | None = f"`{self.prog} --help` lists its arguments"
@@ -28,10 +28,10 @@ class _Parser(argparse.ArgumentParser):
 
 
 class _Top(_Parser):
-    """The whole command line."""
+    """The parser of the whole command line."""
 
     def format_help(self) -> str:
-        """The verbs in their groups."""
+        """List the verbs by group."""
         width = max(map(len, VERBS)) + 2
         lines = ["usage: dxb VERB [ARGUMENT ...]", "", str(self.description)]
         for group, verbs in GROUPS.items():
@@ -40,7 +40,7 @@ class _Top(_Parser):
 
 
 def parser(verb: str | None = None) -> argparse.ArgumentParser:
-    """The command line's grammar; with `verb`, only that verb's arguments are filled in, so that start-up is quick."""
+    """Build the command-line parser; with `verb`, add only that verb's arguments, for a quick start-up."""
     top = _Top(prog="dxb", description="A content-addressed build system for robot digital twins.")
     top.add_argument("--version", action="version", version=f"dxb {__version__}")
     verbs = top.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=_Parser)
@@ -52,10 +52,10 @@ def parser(verb: str | None = None) -> argparse.ArgumentParser:
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
-    """The arguments of a command line, without `dxb`.
+    """Parse a command line, without `dxb`.
 
     Raises:
-        UsageError: They are not in the grammar.
+        UsageError: The arguments are wrong.
     """
     verb = next((word for word in words if not word.startswith("-")), "")
     top = parser(verb)

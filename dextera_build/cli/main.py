@@ -1,8 +1,8 @@
-"""`dxb`: reads the command line, calls one verb, prints errors, and gives the exit code.
+"""`dxb`: reads the command line, runs one verb, prints errors, and returns the exit code.
 
 Exit codes: 0 done, 1 a node failed, 2 command line or recipe wrong, 3 stale under `--check` or
 not as locked under `--locked`, 4 the machine lacks something, 70 a fault in dxb, 130 interrupted,
-141 the reader of a stream went away.
+141 broken pipe.
 """
 
 import os
@@ -11,7 +11,7 @@ import sys
 from dextera_build.cli import streams
 from dextera_build.runs import snapshot
 
-# A build that does nothing ends before anything else of dxb is loaded, so all of that is imported where it is used.
+# A no-op build ends before the rest of dxb is needed, so all other imports are local.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from dextera_build.errors import DxbError
 
 _YOUNG = 20_000
-"""So many new objects are there before those that nobody reaches are looked for."""
+"""Number of new objects that triggers Python's garbage collector."""
 
 
 def main(argv: "Sequence[str] | None" = None) -> int:
     """Run one command and return its exit code.
 
     Args:
-        argv: The command line; None is that of this process.
+        argv: The command line; None: that of this process.
     """
     words = list(sys.argv[1:] if argv is None else argv)
     if "_ARGCOMPLETE" in os.environ:
@@ -53,13 +53,13 @@ def entry() -> "NoReturn":
 
 
 def _guarded(words: "list[str]") -> int:
-    """Run one command and say what went wrong; only a stream that cannot be written is left to the caller."""
+    """Run one command and print its error, if any; only failed writes to a stream are left to the caller."""
     try:
         return 0 if snapshot.answer(words) else _run(words)
     except KeyboardInterrupt:
         print("interrupted; finished results are kept, and the next build continues from there", file=sys.stderr)
         return 130
-    except Exception as error:  # the one place that must not let a traceback out unexplained
+    except Exception as error:  # the last resort: a traceback is never shown unexplained
         from dextera_build.errors import DxbError
 
         if streams.is_lost():
@@ -76,7 +76,7 @@ def _run(words: list[str]) -> int:
 
     args = parse(words or ["--help"])
     args.words = words
-    # What a command makes it keeps. To look for circles in it at every 700 objects takes a tenth of a small build.
+    # A command keeps most of its objects; a search for cycles every 700 objects takes a tenth of a small build.
     gc.set_threshold(_YOUNG)
     try:
         code: int = importlib.import_module(MODULES[args.verb]).run(args)
@@ -107,7 +107,7 @@ def _fault(error: Exception, words: list[str]) -> int:
     file = f"{folder}/fault.txt"
     try:
         os.makedirs(folder, exist_ok=True)
-        with open(file, "w") as opened:  # the last one is enough
+        with open(file, "w") as opened:  # only the last fault is kept
             opened.write(text)
     except OSError:
         file = "below"

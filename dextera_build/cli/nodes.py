@@ -1,4 +1,4 @@
-"""The nodes of a recipe as a build would find them now, for `dxb ls`, `dxb plan` and `dxb show --graph`."""
+"""The current state of a recipe's nodes, for `dxb ls`, `dxb plan` and `dxb show --graph`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def planned(session: Session, graph: Graph, wanted: Sequence[Address] = ()) -> dict[str, Planned]:
-    """What a build of `wanted`, or of everything, would do with each node that it needs, by address."""
+    """Address -> what a build of `wanted` (default: all nodes) would do with the node, for each node needed."""
     from dextera_build.engine.dry import plan
     from dextera_build.engine.graph import Address
 
@@ -41,7 +41,7 @@ def planned(session: Session, graph: Graph, wanted: Sequence[Address] = ()) -> d
 
 
 def row(node: Planned, status: str = "") -> Row:
-    """Address, status, rule, backend, seconds of the last time."""
+    """Address, status, rule, backend, duration of the last run [s]."""
     return {
         "node": node.address,
         "status": status or ("bare" if node.bare and node.status == "cached" else node.status),
@@ -52,10 +52,10 @@ def row(node: Planned, status: str = "") -> Row:
 
 
 def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:
-    """One row a node that a glob names, or that those depend on, or that depends on them.
+    """One row per node that matches a glob, or per node that these depend on, or that depends on these.
 
     Raises:
-        UsageError: Nothing is called so.
+        UsageError: No node matches.
     """
     from dextera_build.cli import options
     from dextera_build.explain.upstream import Upstream
@@ -72,7 +72,7 @@ def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:
         try:
             graph = session.plan().graph
         except UsageError as error:
-            # Of many recipes one may need an input that is not given.
+            # If the glob matches several recipes, skip those that need an input.
             if len(chosen) > 1 and error.code == "DXB-U105":
                 continue
             raise
@@ -97,7 +97,7 @@ def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:
 
 
 def _reached(nodes: Mapping[str, Planned], upstream: Upstream, start: Sequence[str], *, readers: bool) -> list[str]:
-    """What `start` reads, or what reads it, nearest first; those of `start` only where one leads to another."""
+    """Dependencies of `start`, or its dependents, nearest first; nodes of `start` only if another one leads there."""
     ahead = {name: upstream.all_read_by(name) for name in nodes}
     if readers:
         ahead = {name: [reader for reader in nodes if name in ahead[reader]] for name in nodes}
@@ -110,11 +110,11 @@ def _reached(nodes: Mapping[str, Planned], upstream: Upstream, start: Sequence[s
 
 
 def _pattern(glob: str) -> re.Pattern[str]:
-    """A glob as a regular expression: `*` is any characters, `?` one; brackets stand for themselves."""
+    """A glob as a regular expression: `*` matches any characters, `?` one; brackets are literal."""
     return re.compile("".join({"*": ".*", "?": "."}.get(c, re.escape(c)) for c in glob))
 
 
 def _matches(address: str, glob: str) -> bool:
-    """Whether a glob names a node; one without labels names every copy: `body.mesh`."""
+    """Whether a glob matches a node; a glob without labels matches every copy: `body.mesh`."""
     wanted = _pattern(glob)
     return bool(wanted.fullmatch(address) or wanted.fullmatch(_LABEL.sub("", address)))

@@ -1,4 +1,4 @@
-"""Arguments that several verbs share, and what they turn into."""
+"""Arguments that several verbs share, and their conversion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def by_recipe(texts: Iterable[str]) -> dict[str, list[str]]:
-    """Recipe -> its targets, in the order in which they are named."""
+    """Recipe -> its targets, in the order given."""
     wanted: dict[str, list[str]] = {}
     for text in texts:
         named = parse_target(text)
@@ -24,7 +24,7 @@ def by_recipe(texts: Iterable[str]) -> dict[str, list[str]]:
 
 
 def build_arguments(parser: argparse.ArgumentParser) -> None:
-    """How to go about a build."""
+    """Add the arguments of verbs that build."""
     parser.add_argument(
         "-k", "--keep-going", action="store_true", help="continue with nodes that do not depend on a failed one"
     )
@@ -32,7 +32,7 @@ def build_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def project_arguments(parser: argparse.ArgumentParser) -> None:
-    """Where to work."""
+    """Add the arguments that choose the store and the profile."""
     parser.add_argument(
         "--cache",
         metavar="DIR|LIST",
@@ -42,7 +42,7 @@ def project_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def request_arguments(parser: argparse.ArgumentParser) -> None:
-    """What to add to a recipe."""
+    """Add the arguments that change a recipe."""
     group = parser.add_argument_group("changes to the recipe")
     group.add_argument("--input", metavar="NAME=PATH", action="append", default=[], help="bind an input of the recipe")
     group.add_argument(
@@ -59,7 +59,7 @@ def request_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def json_argument(parser: argparse.ArgumentParser) -> None:
-    """For verbs that read."""
+    """Add `--json`."""
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
@@ -80,7 +80,7 @@ def project(args: argparse.Namespace) -> Project:
 def session(
     args: argparse.Namespace, target: str, of: Project | None = None, *, last: bool = False, makes: bool = False
 ) -> tuple[Session, str]:
-    """The recipe of `RECIPE:NODE` with what the arguments add to it, and the node; see `Session`."""
+    """A session of the recipe in `RECIPE:NODE`, changed by the arguments, and the node; see `Session`."""
     from dextera_build.session import Session
 
     named = parse_target(target)
@@ -88,7 +88,7 @@ def session(
 
 
 def added(args: argparse.Namespace) -> Added:
-    """What the arguments add to a recipe."""
+    """The changes to a recipe that the arguments ask for."""
     from dextera_build.session import Added
 
     inputs = dict(_pair(text, "--input NAME=PATH") for text in args.input)
@@ -96,7 +96,7 @@ def added(args: argparse.Namespace) -> Added:
 
 
 def again(args: argparse.Namespace) -> list[str]:
-    """The words that add the same to a recipe."""
+    """The command-line words for the same changes to a recipe."""
     told = (("--input", args.input), ("--set", args.settings), ("--backend", args.backends))
     words = [word for flag, texts in told for text in texts for word in (flag, text)]
     return [*words, "--profile", args.profile] if args.profile else words

@@ -1,4 +1,4 @@
-"""Standard output and standard error, and how a command ends that can no longer write to one of them."""
+"""Failed writes to standard output and standard error, and the exit code of a command after one."""
 
 import errno
 import os
@@ -10,23 +10,23 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 BROKEN_PIPE = 141
-"""Exit code where the reader went away: what a shell says of a program that SIGPIPE ended."""
+"""Exit code after a broken pipe, as shells report for a program that SIGPIPE ended."""
 _CANNOT_WRITE = 1
 
 
 _faults: dict[str, OSError] = {}
-"""Stream -> what the system said against writing to it."""
+"""Stream -> the error of a failed write."""
 
 
 class StreamError(Exception):
-    """A stream cannot be written. Not an `OSError`: the engine would take that for one of a worker or of the store."""
+    """A stream cannot be written. Not an `OSError`, which the engine would attribute to a worker or to the store."""
 
 
 def watch() -> None:
-    """Notice what cannot be written, and fill the place of a closed stream: no file opened later gets its number."""
+    """Record failed writes, and replace closed streams: no file opened later gets their descriptors."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
-            os.set_inheritable(os.open(os.devnull, os.O_RDONLY), True)  # which cannot be written
+            os.set_inheritable(os.open(os.devnull, os.O_RDONLY), True)  # read-only, writes fail
             if number:
                 stream = open(number, "w", buffering=1, closefd=False, errors="backslashreplace")  # noqa: SIM115
                 setattr(sys, name, stream)
@@ -35,7 +35,7 @@ def watch() -> None:
 
 
 def give_up() -> "int | None":
-    """The exit code of a command that can no longer write to a stream, said on the other one; None where it can."""
+    """Report a failed write on the other stream and return the exit code; None if no write failed."""
     for name in ("stdout", "stderr"):
         try:
             getattr(sys, name).flush()
@@ -43,21 +43,21 @@ def give_up() -> "int | None":
             _faults.setdefault(name, error)
     for name, other in (("stdout", "stderr"), ("stderr", "stdout")):
         fault = _faults.get(name)
-        # That the reader of results has enough (`| head`) is no news.
+        # A reader that stops early (`| head`) is not reported.
         if fault is not None and (name, fault.errno) != ("stdout", errno.EPIPE):
             what = "output" if name == "stdout" else "error"
             with suppress(OSError):
                 print(
                     f"error: standard {what} cannot be written: {fault.strerror}", file=getattr(sys, other), flush=True
                 )
-    for name in _faults:  # or Python complains of the same when it ends
+    for name in _faults:  # otherwise Python reports the same error at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), getattr(sys, name).fileno())
     broken = any(fault.errno == errno.EPIPE for fault in _faults.values())
     return None if not _faults else BROKEN_PIPE if broken else _CANNOT_WRITE
 
 
 def is_lost() -> bool:
-    """Whether something could not be written."""
+    """Whether a write failed."""
     return bool(_faults)
 
 

@@ -19,11 +19,11 @@ HEADERS = {
     "last_seconds": "last run [s]",
     "seconds": "time [s]",
 }
-"""Column -> what stands above it, where that is more than its name."""
+"""Column -> its heading, if other than its name."""
 
 
 def give(rows: Any, *, as_json: bool, cells: Sequence[Mapping[str, str]] | None = None) -> int:
-    """Print rows as JSON, or as a table, of `cells` where a person reads other texts; the exit code."""
+    """Print rows as JSON, or `cells` (default: the rows) as a table; return the exit code."""
     if as_json:
         print(json.dumps(rows, indent=1))
     else:
@@ -32,7 +32,7 @@ def give(rows: Any, *, as_json: bool, cells: Sequence[Mapping[str, str]] | None 
 
 
 def show(rows: Sequence[Mapping[str, str]]) -> None:
-    """Print rows, all with the same columns; the last column of a table is cut where the terminal ends."""
+    """Print rows, all with the same columns; the last column of a table is cut at the width of the terminal."""
     if not rows:
         return
     if not sys.stdout.isatty():
@@ -58,7 +58,7 @@ def _is_number(text: str) -> bool:
 
 
 def give_text(project: Project, text: str, out: str | None) -> int:
-    """Print `text`, or write it to `out` and print the path; the exit code.
+    """Print `text`, or write it to `out` and print the path; return the exit code.
 
     Raises:
         UsageError: The file cannot be written.
@@ -75,7 +75,7 @@ def give_text(project: Project, text: str, out: str | None) -> int:
 
 @contextmanager
 def writing(path: Path, hint: str | None = None) -> Iterator[None]:
-    """Say well what goes wrong while `path` is written.
+    """Turn a system error while `path` is written into a `UsageError`.
 
     Raises:
         UsageError: The file cannot be written.

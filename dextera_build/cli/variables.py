@@ -1,4 +1,4 @@
-"""Variables of the environment that dxb reads, and a word about those that look like one of them and are none."""
+"""Environment variables that dxb reads, and warnings about unknown variables with its prefix."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SETTINGS = {
     "DXB_TRUSTED_KEYS": "a file or folder with the public keys of trusted signers",
     "DXB_REQUIRE_SIGNED": "whether unsigned results from elsewhere are refused",
 }
-"""Those that stand for a setting of `dxb.toml`; `dxb show --config` names the ones in force."""
+"""Variables that override a setting of `dxb.toml`; `dxb show --config` lists those in force."""
 OTHERS = {
     "DXB_KEY_PASSPHRASE": "opens the private key that `--sign` names",
     "DXB_SERVE_SECRET": "the password that `dxb cache serve` asks for, of the user `dxb`",
@@ -39,18 +39,18 @@ OTHERS = {
 
 
 def warn(project: Project) -> None:
-    """Note which `DXB_*` variables nothing reads, with the nearest name."""
+    """Warn of unknown `DXB_*` variables, with the nearest known name."""
     addresses = [spec.address for spec in project.remotes.known.values()] if project.config else []
     for name in strangers(os.environ, addresses):
         warnings[f"nothing reads the variable `{name}`; {meant(name)}"] = None
 
 
 def strangers(environment: Mapping[str, str], addresses: Iterable[str]) -> list[str]:
-    """Variables that are named like dxb's own and are none; what the address of a remote names is the user's."""
+    """Unknown variables with dxb's prefix; those named in the address of a remote are the user's."""
     known = {*SETTINGS, *OTHERS, *(name for address in addresses for name in re.findall(r"\$\{(\w+)\}", address))}
     return sorted(name for name in environment if name.startswith(PREFIX) and name not in known)
 
 
 def meant(name: str) -> str:
-    """The nearest variable that stands for a setting."""
+    """A hint with the nearest variable of a setting."""
     return did_you_mean(name, SETTINGS) or "`dxb show --config` names every setting"

@@ -1,4 +1,4 @@
-"""The verbs of `dxb` in their groups, each with one line, and the names that verbs had before."""
+"""The verbs of `dxb` by group, each with a one-line summary, and former names of verbs."""
 
 GROUPS = {
     "build": {
@@ -29,7 +29,7 @@ GROUPS = {
         "completion": "print a script that completes command lines in bash, zsh or fish",
     },
 }
-"""Group -> verb -> what it does."""
+"""Group -> verb -> summary."""
 MODULES = {verb: f"dextera_build.cli.{group}.{verb}" for group, verbs in GROUPS.items() for verb in verbs}
 """Verb -> its module."""
 VERBS = {verb: text for group in GROUPS.values() for verb, text in group.items()}
@@ -43,4 +43,4 @@ MOVED = {
     "serve": "cache serve",
     "verify": "cache verify",
 }
-"""What is not a verb of its own, or no longer -> how it is written."""
+"""Former or alternative name -> the current verb."""

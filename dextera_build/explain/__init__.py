@@ -1,1 +1,1 @@
-"""Answers about what was built: why a node is stale, who made what, what was read."""
+"""Answers about past builds: causes of staleness, origins of inputs, discovered reads."""

@@ -1,4 +1,4 @@
-"""Recorded calls as `dxb ls calls`, `dxb show CALL` and the lineage of a node show them."""
+"""Recorded calls, as shown by `dxb ls calls`, `dxb show CALL` and the lineage of a node."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from dextera_build.store.store import Store
 
 _DIGEST = re.compile(r"[0-9a-f]{8,64}")
 _MOST_SHOWN = 2000
-"""Characters of an answer."""
+"""Maximum length of an answer [characters]."""
 
 
 def is_call(text: str) -> bool:
-    """Whether an operand is a digest, or the beginning of one, rather than a recipe."""
+    """Whether an operand is a digest or a digest prefix, rather than a recipe."""
     return _DIGEST.fullmatch(text) is not None
 
 
 def rows(project: Project) -> Iterator[dict[str, Any]]:
-    """Every recorded call of the store, the newest first."""
+    """Every recorded call of the store, newest first."""
     found = [(key, *known) for key, known in _all(reading(project))]
     for key, document, result in sorted(found, key=lambda row: -_amount(row[2], "asked")):
         yield {
@@ -52,7 +52,7 @@ def show(project: Project, text: str) -> dict[str, Any]:
     """Request, answer and amounts of the call whose digest begins with `text`.
 
     Raises:
-        UsageError: There is none, or more than one.
+        UsageError: No call matches, or more than one.
     """
     from dextera_build.calls import recorder
 
@@ -73,7 +73,7 @@ def show(project: Project, text: str) -> dict[str, Any]:
 
 
 def of_result(store: Store, result: ActionResult) -> list[dict[str, Any]]:
-    """The calls that a node's result came of."""
+    """The recorded calls behind a node's result."""
     from dextera_build.calls import recorder
 
     found = []
@@ -89,7 +89,7 @@ def _all(store: Store) -> Iterator[tuple[str, tuple[Any, ActionResult]]]:
 
     for key, _, _ in listing(store.actions.root):
         result = store.actions.known(key)
-        # Other entries are not looked into further: a store holds many more nodes than calls.
+        # Other entries are skipped early: a store holds many more nodes than calls.
         if result is not None and result.line.startswith("call ") and (known := recorder.of(store, key)):
             yield key, known
 

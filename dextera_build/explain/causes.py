@@ -1,8 +1,8 @@
 """Why a node is stale, followed from reader to source down to the option, function or file that changed.
 
-A node whose inputs are known has a key document, and that of its last build tells what changed. Where an input changed,
-the question goes on to the nodes that made it: their documents now, against those that the log of that build names. A
-node whose inputs are not known yet waits, and the question goes on to what it waits for.
+A node whose inputs are known has a key document; comparison with that of its last build shows the changes. A changed
+input leads to the nodes that made it: their current documents are compared with those named in the log of that build.
+A node whose inputs are not known yet is waiting, and the search continues with the nodes that it waits for.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ _OPEN = "depends on its inputs"
 
 @dataclass
 class Cause:
-    """One reason; what stands behind it follows with a greater depth."""
+    """One cause; the causes behind it follow at a greater depth."""
 
     kind: str
-    """Of `key.Kind`, or `waits for`, `node`, `file`, `lost`."""
+    """One of `key.Kind`, or `waits for`, `node`, `file`, `lost`."""
     name: str
     change: str
     place: str = ""
     depth: int = 0
     behind: _Question | None = field(default=None, repr=False)
     inside: list[Cause] = field(default_factory=list, repr=False)
-    """What stands behind it and is known already."""
+    """Causes behind it that are known already."""
 
     def to_json(self) -> dict[str, Any]:
-        """Without what is not asked yet."""
+        """As plain data, without open questions."""
         return {name: getattr(self, name) for name in ("kind", "name", "change", "place", "depth")}
 
 
 @dataclass(frozen=True)
 class _Question:
-    """Why the document of `node` is not what it was under `old`, which `run` had; no `old`: what does it wait for?"""
+    """Why the document of `node` differs from `old`, its key in `run`; without `old`, why the node waits."""
 
     node: str
     old: str = ""
@@ -60,8 +60,8 @@ class Causes:
 
     Args:
         session: The recipe.
-        graph: It, resolved.
-        states: What the dry run found, by address.
+        graph: The resolved recipe.
+        states: Address -> result of the dry run.
     """
 
     def __init__(self, session: Session, graph: Graph, states: Mapping[str, Planned]) -> None:
@@ -71,15 +71,15 @@ class Causes:
         self._reads = Reads(session)
 
     def of(self, node: str) -> list[Cause]:
-        """All causes of one node, each followed by what stands behind it."""
+        """All causes of one node, each followed by the causes behind it."""
         return self._followed(self._question(node))
 
     def since(self, node: str, key: str) -> list[Cause]:
-        """The same, against the document of `key` instead of the last build's."""
+        """The same, compared with the document of `key` instead of the last build's."""
         return self._followed(_Question(node, key))
 
     def direct(self, node: str) -> list[Cause]:
-        """What changed of one node itself, without what stands behind it."""
+        """The changes of one node itself, without the causes behind them."""
         return self._answer(self._question(node))
 
     def _followed(self, asking: _Question) -> list[Cause]:
@@ -101,7 +101,7 @@ class Causes:
         return _telling(found)
 
     def _question(self, node: str) -> _Question:
-        """The question of a node that is not up to date; one that was never built waits at most."""
+        """The question about a node that is not up to date; a node that was never built can only wait."""
         entry, state = self._session.past_builds.get(node), self._states.get(node)
         if entry is None or state is None or not state.key_document:
             return _Question(node)
@@ -120,7 +120,7 @@ class Causes:
         return [self._cause(question, old, change) for change in compare(old, self._document(state, old))]
 
     def _document(self, state: Planned, old: Mapping[str, Any]) -> dict[str, Any]:
-        """The key document of a node now; where it is not known what a stale one would read, it asks what it asked."""
+        """The current key document of a node; a stale node is assumed to read the same things as in `old`."""
         now: dict[str, Any] = json.loads(state.key_document)
         return now if state.status == "cached" or READ not in now else self._reads.asked_now(now, old)
 
@@ -144,7 +144,7 @@ class Causes:
         return cause
 
     def _follow(self, cause: Cause, question: _Question, call: Call, change: Change) -> None:
-        """Say where a changed input comes from, and ask on there."""
+        """Add the origin of a changed input, and the next questions about it."""
         source = call.inputs.get(change.name)
         if isinstance(source, Leaf):
             cause.place = self._session.project.shown(source.path)
@@ -171,7 +171,7 @@ class Causes:
             cause.inside = [Cause("node", _names(group), "changed", behind=group[0]) for group in groups]
 
     def _alike(self, questions: Sequence[_Question]) -> list[list[_Question]]:
-        """Copies of one call for which the same things changed stand together."""
+        """Group the copies of one call that have the same changes."""
         groups: dict[tuple[object, ...], list[_Question]] = {}
         for question in questions:
             state, old = (
@@ -185,7 +185,7 @@ class Causes:
         return list(groups.values())
 
     def _waits(self, node: str) -> Iterator[Cause]:
-        """What a node waits for: its inputs, and what says which copies its group has."""
+        """The nodes that a node waits for: its inputs, and the nodes that open its groups."""
         read = {f"input `{slot}`": sources for slot, sources in self._upstream.read_by(node).items()}
         told: set[str] = set()
         for place, sources in (read | {"its group": self._upstream.openers(node)}).items():
@@ -204,7 +204,7 @@ class Causes:
 
 
 def _telling(causes: Sequence[Cause]) -> list[Cause]:
-    """Without nodes that wait for nothing but what was told before."""
+    """Drop waiting nodes that lead to no further cause."""
     kept: list[Cause] = []
     for cause in reversed(causes):
         leads_on = bool(kept) and cause.depth < kept[-1].depth
@@ -214,7 +214,7 @@ def _telling(causes: Sequence[Cause]) -> list[Cause]:
 
 
 def _files(old: Mapping[str, str], new: Mapping[str, str], folder: str) -> Iterator[Cause]:
-    """What changed in a folder."""
+    """The changed files of a folder."""
     for name in sorted({*old, *new}):
         if old.get(name) != new.get(name):
             change = f"{short(old[name])} -> {short(new[name])}" if name in old and name in new else ""
@@ -222,7 +222,7 @@ def _files(old: Mapping[str, str], new: Mapping[str, str], folder: str) -> Itera
 
 
 def _copies(now: Iterable[str], before: Iterable[str], source: Gather) -> str:
-    """Which copies a gathered input has now and had not, or the other way round."""
+    """The copies that a gathered input gained or lost."""
     fresh, then = ({node for node in nodes if parse_address(node).call == source.call} for nodes in (now, before))
     told = {"new": sorted(fresh - then), "gone": sorted(then - fresh)} if then else {}
     return "".join(f"; {word}: {some(nodes, 3)}" for word, nodes in told.items() if nodes)
@@ -234,7 +234,7 @@ def _names(questions: Sequence[_Question]) -> str:
 
 
 def short(value: object) -> str:
-    """A value of a key document as one cell: eight digits of a digest, sixty characters of all else."""
+    """A value of a key document as one cell: eight digits of a digest, sixty characters of anything else."""
     text = value if isinstance(value, str) else json.dumps(value)
     is_digest = isinstance(value, str) and len(value) >= 16 and not set(value) - set("0123456789abcdef")
     return text[:8] if is_digest else text if len(text) <= 60 else f"{text[:57]}..."

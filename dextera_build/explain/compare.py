@@ -1,4 +1,4 @@
-"""What is different between two results, or between all results of two runs."""
+"""Differences between two results, or between all results of two runs."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Side:
-    """One result: what it was made under, and what it is."""
+    """One result: its key and its output."""
 
     name: str
-    """As messages show it."""
+    """Its name in messages."""
     key: str | None = None
     output: str | None = None
     status: str = ""
-    """What became of the node in its run; "" outside a run."""
+    """Status of the node in its run; "" outside a run."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One thing that differs."""
+    """One difference."""
 
     kind: str
     """A kind of `engine.key`, or `key`, `output`, `metric`, `status`, `only`, `lost`."""
     name: str
     change: str
     output: Difference | None = field(default=None, repr=False)
-    """What of the output it is."""
+    """Details of a difference in the output."""
 
     def to_json(self) -> dict[str, Any]:
         """As plain data."""
@@ -50,13 +50,13 @@ class Row:
 
 
 def rows(store: Store, old: Side, new: Side) -> list[Row]:
-    """Everything that differs between two results: what they were made of, what came out, what was measured."""
+    """All differences between two results: status, key documents, outputs, metrics."""
     found = [Row("status", "status", f"{old.status} -> {new.status}")] if _ended(old) != _ended(new) else []
     return [*found, *_keys(store, old, new), *_outputs(store, old, new), *_metrics(store, old, new)]
 
 
 def run_rows(store: Store, old: Events, new: Events) -> dict[str, list[Row]]:
-    """Node -> what differs, for the nodes of two runs that are not the same."""
+    """Node -> its differences, for the nodes that differ between two runs."""
     before, after = _nodes(old), _nodes(new)
     found = {}
     for node in dict.fromkeys([*before, *after]):
@@ -68,7 +68,7 @@ def run_rows(store: Store, old: Events, new: Events) -> dict[str, list[Row]]:
 
 
 def _nodes(events: Events) -> dict[str, Side]:
-    """The last word on each node of a run."""
+    """Address -> final state of each node of a run."""
     return {
         event["node"]: Side(event["node"], event["key"], event["output"], event["status"])
         for event in events
@@ -77,7 +77,7 @@ def _nodes(events: Events) -> dict[str, Side]:
 
 
 def _ended(side: Side) -> str:
-    """Where a result came from is no difference."""
+    """The status to compare: the origin of a result makes no difference."""
     return "" if side.status in ("", "ran", "cached", "fetched") else side.status
 
 

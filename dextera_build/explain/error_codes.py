@@ -1,4 +1,4 @@
-"""What error codes mean, read from the places in the code that make the errors; nothing else lists them."""
+"""The meaning of error codes, extracted from the code that makes the errors; there is no other list."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from dextera_build.code.loader import PACKAGE, bundled
 
 @dataclass(frozen=True)
 class ErrorSite:
-    """An error as one place in the code makes it; an ellipsis stands for what is filled in."""
+    """An error as one place in the code makes it; an ellipsis replaces each inserted value."""
 
     code: str
     message: str
     facts: tuple[str, ...] = ()
-    """Names of what it says beside its message."""
+    """Names of its facts."""
     hint: str = ""
 
 
@@ -51,7 +51,7 @@ def _read(tree: ast.Module) -> Iterator[ErrorSite]:
             names = tuple(_text(key) for key in facts.keys if key) if isinstance(facts, ast.Dict) else ()
             hint = _text(said["hint"]) if "hint" in said else ""
             hint = hint if re.search(r"\w", hint) else ""
-            # Where all of a message is filled in, what the function says of itself stands instead.
+            # If the whole message is an inserted value, use the summary of the function instead.
             message = text if re.search(r"\w", text) else about
             if isinstance(code, ast.Constant) and str(code.value).startswith("DXB-"):
                 yield ErrorSite(str(code.value), message, names, hint)

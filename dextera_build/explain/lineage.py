@@ -1,4 +1,4 @@
-"""Everything that a result came from: nodes with rule, options, code and packages, down to project files."""
+"""The lineage of a result: nodes with rule, options, code and packages, down to project files."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from dextera_build.session import Session
 Row = dict[str, Any]
 _SHORT = 12
 _WIDE = 120
-"""Characters of an option's value in the text; `--json` has all of it."""
+"""Maximum length of an option's value in the text [characters]; `--json` has all of it."""
 
 
 def trace(session: Session, targets: Sequence[str]) -> Row:
-    """The lineage of what `targets` returned when they were built last, as plain data.
+    """The lineage of the last outputs of `targets`, as plain data.
 
-    `roots` are the ids of what was asked for. `nodes` are nodes and files, each once; `id` is a key, or the digest of a
-    file. Of the `edges`, `from` is read by `to` as its input `slot`; `part` leads to it in what `from` returned.
+    `roots` are the ids of the targets. `nodes` are nodes and files, each once; `id` is a key, or the digest of a
+    file. In `edges`, `to` reads `from` as its input `slot`; `part` is the path to it in the output of `from`.
 
     Raises:
         UsageError: A target was never built.
@@ -50,7 +50,7 @@ def trace(session: Session, targets: Sequence[str]) -> Row:
 
 
 def lines(lineage: Row, recipe: str) -> Iterator[str]:
-    """Indented text, cells separated by tabs; what was printed before is named and not printed again."""
+    """Indented text, cells separated by tabs; repeated items are only named."""
     inputs: dict[str, list[Row]] = {}
     nodes = {row["id"]: row for row in lineage["nodes"]}
     for edge in lineage["edges"]:
@@ -73,7 +73,7 @@ def lines(lineage: Row, recipe: str) -> Iterator[str]:
 
 
 def _unlogged(session: Session, node: str, key: str) -> Event:
-    """A node of which no log tells; its key document has what it read, but not from where."""
+    """A node that is in no log; its key document has its inputs, but not their origins."""
     read = dict((document(session.store, key) or {}).get("inputs", ()))
     return {"node": node, "key": key, "output": None, "run": "", "inputs": read, "depends_on": [], "files": {}}
 
@@ -105,7 +105,7 @@ def _leaf(session: Session, origin: Origin, files: Mapping[str, str], reader: st
 
 
 def _head(row: Row) -> list[str]:
-    """The cells of a line: the name, then what it is."""
+    """The cells of a line: the name, then details."""
     if row["kind"] == "unknown":
         return ["?", f"digest {row['digest'][:_SHORT]}", row["missing"]]
     if row["kind"] == "file":

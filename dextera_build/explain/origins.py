@@ -1,6 +1,6 @@
-"""Where the bytes that a node read came from, by the log of the run that built it.
+"""Origins of a node's inputs, from the log of the run that built it.
 
-A collection of garbage keeps the logs of the runs that built what a store holds.
+Garbage collection keeps the logs of the runs that built the results in a store.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ _DEEP = 40
 
 @dataclass(frozen=True)
 class Origin:
-    """What one digest among the inputs of a node was."""
+    """The origin of one digest among the inputs of a node."""
 
     slot: str
     """`texts`, or `texts[mug]` for an item of a collection."""
     digest: str
     maker: Event | None = None
-    """How the node ended that returned it, or what it is a part of; None for files, and where nothing is known."""
+    """Final event of the node that returned it, or a value that contains it; None for files, and if unknown."""
     part: str = ""
-    """Where in what that node returned: `.camera`, `.items[mug]`; "" for the whole."""
+    """Path in the output of that node: `.camera`, `.items[mug]`; "" for the whole."""
     path: str = ""
-    """The project file or folder that it was."""
+    """The project file or folder, if it was one."""
 
 
 class Origins:
@@ -47,7 +47,7 @@ class Origins:
         self._headers: dict[str, dict[str, Any]] = {}
 
     def event(self, key: str, run: str = "") -> Event | None:
-        """How a node with this key ended in `run`, or else in the newest run that knows it; `run` says which."""
+        """Final event of the node with this key in `run`, else in the newest run that has it; its `run` says which."""
         known = log.runs(self._store)
         for name in dict.fromkeys([*([run] if run in known else []), *reversed(known)]):
             for event in self._nodes(name).values():
@@ -56,12 +56,12 @@ class Origins:
         return None
 
     def made_for(self, event: Event) -> dict[str, Event]:
-        """Address -> how the node ended, for the nodes that a node waited for."""
+        """Address -> final event, for the nodes that a node depended on."""
         known = self._nodes(event["run"])
         return {node: known[node] for node in event["depends_on"] if node in known}
 
     def of(self, event: Event) -> Iterator[Origin]:
-        """Where each input of a node came from."""
+        """The origins of all inputs of a node."""
         for slot, digest in event["inputs"].items():
             yield from self._of_slot(event, slot, digest)
 
@@ -87,7 +87,7 @@ class Origins:
             yield Origin(slot, digest)
 
     def _maker(self, event: Event, digest: str) -> tuple[Event, str] | None:
-        """The node that returned a digest, or what it is a part of, and the way to that part."""
+        """The node whose output is or contains `digest`, and the path to it in that output."""
         read = self.made_for(event).values()
         whole = next((made for made in read if made["output"] == digest), None)
         if whole is not None:
@@ -96,7 +96,7 @@ class Origins:
         return min(parts, key=lambda found: len(found[1]), default=None)
 
     def _nodes(self, run: str) -> dict[str, Event]:
-        """Address -> the last word on each node that a run brought up to date."""
+        """Address -> final event of each node that a run brought up to date."""
         if run not in self._runs:
             told = log.lines(self._store, run) if run else ()
             ended = [event for event in told if event["event"] == "node_finished"]
@@ -109,7 +109,7 @@ class Origins:
         return self._headers[digest]
 
     def _way(self, output: str, digest: str) -> str:
-        """The fields that lead from an output to one of its parts, `.items[mug].mesh`; "" where it is none."""
+        """The fields that lead from an output to one of its parts, `.items[mug].mesh`; "" if it is not one."""
         stack, seen = [(output, "")], {output}
         while stack:
             here, way = stack.pop(0)
@@ -123,7 +123,7 @@ class Origins:
 
 
 def document(store: Store, key: str) -> dict[str, Any] | None:
-    """The key document of a key, whose digest the key is, or a header; None where the store lacks it."""
+    """A key document (the key is its digest) or a header; None if the store lacks it."""
     try:
         loaded: dict[str, Any] = json.loads(store.blobs.get(key))
     except MissingBlob:
@@ -132,9 +132,9 @@ def document(store: Store, key: str) -> dict[str, Any] | None:
 
 
 def margin(depth: int) -> str:
-    """The indent of a line of a tree: two spaces a level, and beyond `_DEEP` levels the number of the rest.
+    """The indent of a line in a tree: two spaces per level, and beyond `_DEEP` levels the number of further levels.
 
-    A chain of ten thousand nodes would be mostly spaces.
+    A chain of ten thousand nodes would otherwise be mostly spaces.
     """
     return "  " * min(depth, _DEEP) + (f"+{depth - _DEEP} " if depth > _DEEP else "")
 

@@ -1,4 +1,4 @@
-"""What a node read by itself, in words: for `why`, `show` and lineage."""
+"""The discovered reads of a node as text, for `why`, `show` and lineage."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 class Reads:
-    """Tells of what calls asked the project's folder.
+    """Describes the reads that calls made in the project's folder.
 
     Args:
-        session: Of the project.
+        session: A session of the project.
     """
 
     def __init__(self, session: Session) -> None:
@@ -28,12 +28,12 @@ class Reads:
         self._look = Look(session.project.root, session.store.leaves, session.store.root)
 
     def asked_now(self, document: Mapping[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
-        """A key document as it would be if its call asked what the call of another one did."""
+        """A key document with the reads of `old` as they would be answered now."""
         steps = [[kind, name, self._look.answer_or_unknown(kind, name)] for kind, name, _ in old.get(READ) or ()]
         return {**document, READ: steps}
 
     def change(self, named: str, document: Mapping[str, Any], old: object, new: object) -> tuple[str, dict[str, str]]:
-        """What became of an answer of the call of a document, and for a pattern each file that came or went."""
+        """How the answer to a read changed, and, for a pattern, each file that was added or removed."""
         step = next((step for step in (document.get(READ) or ()) if label(*step[:2]) == named), None)
         if step is None or new is None:
             return "not read now" if new is None else "not read before", {}
@@ -48,11 +48,11 @@ class Reads:
         return " -> ".join(told), {}
 
     def rows(self, document: Mapping[str, Any]) -> dict[str, str]:
-        """Question -> what the call of a document was told."""
+        """Read -> its answer in a document."""
         return {label(kind, name): self._told(kind, answer) for kind, name, answer in (document.get(READ) or ())}
 
     def listing(self, digest: str) -> list[str] | None:
-        """Files that a pattern matched, or None where the store does not hold the list."""
+        """Files that a pattern matched, or None if the store does not hold the list."""
         try:
             found: list[str] = json.loads(self._store.blobs.get(digest))
         except MissingBlob:

@@ -1,4 +1,4 @@
-"""What a rule takes and gives: inputs, options with bounds and defaults, backends with their needs."""
+"""The interface of a rule: inputs, options with bounds and defaults, backends with their needs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Option:
     type: str
     bounds: str
     default: str
-    """`required` where there is none, "" for a group."""
+    """`required` if there is none, "" for a group."""
     meaning: str
     """With its unit."""
 
@@ -60,7 +60,7 @@ def _row(kind: str, name: str, form: str, default: str = "", limits: str = "", m
 
 
 def _needs(backend: BackendFile) -> str:
-    """Profiles that choose a backend, and what it needs to run."""
+    """Profiles that select a backend, and its requirements."""
     facts, missing = backend.facts, backend.missing()
     told = [", ".join(facts.profiles) or "no profile"]
     told += [f"extra {facts.extra}"] if facts.extra else []
@@ -71,7 +71,7 @@ def _needs(backend: BackendFile) -> str:
 
 
 def options(kind: type[BaseModel], prefix: str = "") -> Iterator[Option]:
-    """An options class; fields of nested groups stand below them as `group.field`."""
+    """The fields of an options class; those of nested groups follow the group as `group.field`."""
     said = meanings(kind)
     for name, field in kind.model_fields.items():
         form, limits = type_name(field.annotation), bounds(field)
@@ -81,7 +81,7 @@ def options(kind: type[BaseModel], prefix: str = "") -> Iterator[Option]:
 
 
 def type_name(annotation: Any) -> str:
-    """A type as a recipe's author reads it: `Collection[Asset]`, `tuple[float, ...]`."""
+    """A type as shown to the author of a recipe: `Collection[Asset]`, `tuple[float, ...]`."""
     if isinstance(annotation, type) and not get_args(annotation):
         return annotation.__name__
     if hasattr(annotation, "__metadata__"):

@@ -14,7 +14,7 @@ Events = list[dict[str, Any]]
 
 
 def runs(project: Project) -> Iterator[dict[str, str]]:
-    """One row per run, the newest first."""
+    """One row per run, newest first."""
     from dextera_build.runs import log
 
     store = reading(project)
@@ -50,14 +50,14 @@ def find(project: Project, text: str | None) -> tuple[str, Events]:
 
 
 def of_last_built(project: Project, text: str | None, added: Added) -> Events:
-    """The events of a run named by its id, or of the last run of the request of a recipe that was built last.
+    """The events of a run named by its id, or of the last run of a recipe's most recently built request.
 
-    That build may have found everything cached, so the run may be older than others of the recipe.
+    That build may have found everything cached, so its run may be older than others of the recipe.
 
     Args:
-        project: Where to look.
+        project: The project.
         text: A run's id, a recipe, or None for the recipe of the last run.
-        added: With it, the request that adds this to the recipe.
+        added: Changes to the recipe; if there are any, use the request with these changes.
 
     Raises:
         UsageError: There is none.

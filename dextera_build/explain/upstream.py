@@ -1,4 +1,4 @@
-"""Which nodes of a plan an input comes from."""
+"""The nodes of a plan that an input comes from."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from dextera_build.engine.graph import (
 
 
 class Upstream:
-    """One step up in a graph.
+    """Direct dependencies in a graph.
 
     Args:
-        graph: The recipe, resolved.
-        nodes: The addresses of a dry run; `body.mesh` stands for copies that are not known yet.
+        graph: The resolved recipe.
+        nodes: The addresses of a dry run; `body.mesh` means copies that are not known yet.
     """
 
     def __init__(self, graph: Graph, nodes: Iterable[str]) -> None:
@@ -40,7 +40,7 @@ class Upstream:
         return self._graph.copy(address.call, address.labels or ())
 
     def read_by(self, node: str) -> dict[str, list[str]]:
-        """Slot -> the nodes that this input comes from; those that say which copies a collection has come first."""
+        """Slot -> the nodes that this input comes from; nodes that open the group of a collection come first."""
         return {slot: self.nodes(node, source) for slot, source in self.call(node).inputs.items()}
 
     def all_read_by(self, node: str) -> list[str]:
@@ -53,7 +53,7 @@ class Upstream:
         return list(dict.fromkeys(found for part in parts_of(source) for found in self._of_part(reader, part)))
 
     def openers(self, node: str) -> list[str]:
-        """The nodes whose outputs say which copies the groups around `node` have."""
+        """The nodes whose outputs open the groups around `node`."""
         reader = parse_address(node)
         return list(dict.fromkeys(self._opening(reader, reader.call, 1)))
 
@@ -75,6 +75,6 @@ class Upstream:
 
 
 def _shared(reader: tuple[str, ...], source: tuple[str, ...]) -> int:
-    """How many groups enclose both calls."""
+    """Number of groups that enclose both calls."""
     depth = min(len(reader), len(source)) - 1
     return next((level for level in range(depth) if reader[level] != source[level]), depth)

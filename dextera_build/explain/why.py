@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def explain(session: Session, node: str) -> tuple[str, list[Cause]]:
-    """A sentence about a node, and what changed.
+    """A sentence about a node, and the causes of its staleness.
 
     Raises:
         UsageError: `node` is not known yet.
@@ -36,7 +36,7 @@ def explain(session: Session, node: str) -> tuple[str, list[Cause]]:
         )
     when = f"run {entry.run} ({_ago(entry.time)})" if entry else ""
     if state is not None and (state.status == "cached" or state.bare):
-        # The run in which it got this key: there it ran, was fetched, or was in the store already.
+        # The run in which the node got this key: it ran, was fetched, or was in the store already.
         since = f"since {when}" if entry and entry.key == state.key else "built by an earlier run or another recipe"
         key = (state.key or "")[:12]
         if state.status != "cached":

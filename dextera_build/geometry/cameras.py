@@ -12,7 +12,7 @@ GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def backproject(depth: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Points (H, W, 3) float64 in the camera frame [m] of a (H, W) z-depth [m]; rows with depth 0 come out as 0."""
+    """Points (H, W, 3) float64 in the camera frame [m] of a (H, W) z-depth [m]; 0 where the depth is 0."""
     rows, columns = np.indices(depth.shape, dtype=np.float64)
     z = depth.astype(np.float64)
     x = (columns - k[0, 2]) / k[0, 0] * z
@@ -34,7 +34,7 @@ def look_at(eye: np.ndarray, target: np.ndarray) -> np.ndarray:
     """T_world_camera (4, 4) of a camera at `eye` that looks at `target`, (3,) each [m]; image right is horizontal.
 
     Raises:
-        ArtifactError: One is straight above the other, where image right is not defined.
+        ArtifactError: One is straight above the other, so image right is not defined.
     """
     forward = np.asarray(target, np.float64) - eye
     right = np.cross(forward, [0.0, 0.0, 1.0])

@@ -26,7 +26,7 @@ def surface(points: np.ndarray, thinnest: float = THINNEST_M) -> tuple[np.ndarra
     faces = hull.simplices.astype(np.int64)
     corners = solid[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    # Qhull leaves the order of a facet's corners open, but its plane equations point outwards.
+    # Qhull does not define the order of a facet's corners, but its plane equations point outwards.
     inward = (normals * hull.equations[:, :3]).sum(axis=1) < 0
     faces[inward] = faces[inward][:, ::-1]
     used, compact = np.unique(faces, return_inverse=True)

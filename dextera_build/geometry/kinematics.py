@@ -57,7 +57,7 @@ def joint_motion(joint: JointLike, position: float) -> np.ndarray:
 
 
 def link_poses(body: BodyLike, positions: Mapping[str, float] | None = None) -> dict[str, np.ndarray]:
-    """Link -> (4, 4) T_object_link that takes the link's stored geometry (joints at 0) to where the joints put it.
+    """Link -> (4, 4) T_object_link that takes the link's stored geometry (joints at 0) to its posed location.
 
     Args:
         body: Links and joints; geometry and axes in the object frame with every joint at 0.

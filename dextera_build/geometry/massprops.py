@@ -16,15 +16,15 @@ class MassProperties:
     inertia: np.ndarray  # (3, 3) float64, about the centre, for density 1 kg/m^3 [kg m^2]
 
     def scaled(self, scale: float) -> MassProperties:
-        """The same solid `scale` times as large: volume goes with the cube, inertia with the fifth power."""
+        """The same solid `scale` times as large: volume scales with the cube, inertia with the fifth power."""
         return MassProperties(self.volume * scale**3, self.centre * scale, self.inertia * scale**5)
 
 
 def of_mesh(vertices: np.ndarray, faces: np.ndarray) -> MassProperties:
     """Integrate over the solid that a closed, outward oriented mesh bounds.
 
-    The mesh is cut into tetrahedra from the middle of its vertices, so that a mesh far from the origin loses no
-    digits. Overlapping components count twice.
+    The mesh is cut into tetrahedra from the middle of its vertices, which avoids a loss of digits far from the
+    origin. Overlapping components count twice.
 
     Args:
         vertices: (V, 3) [m].

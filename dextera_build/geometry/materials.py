@@ -1,4 +1,4 @@
-"""The material table: properties that are assumed of a material from its look alone."""
+"""The material table: properties that are assumed for a material from its appearance alone."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Material:
     restitution_sigma: float
     """Standard deviation of `restitution`."""
     source: str
-    """Where the densities come from."""
+    """Source of the densities."""
 
 
 _YCB = "YCB object set, published masses and sizes"
@@ -82,4 +82,4 @@ TABLE: dict[str, Material] = {
     "rubber": Material(1150.0, 0.15, 900.0, 0.40, 0.80, 0.20, 0.60, 0.15, "natural and synthetic rubber 920-1400"),
     "wood": Material(650.0, 0.25, 600.0, 0.30, 0.45, 0.12, 0.30, 0.10, "spruce 450 to oak 750"),
 }
-"""Key -> material; the keys are what `Element.material` may say."""
+"""Key -> material; the keys are the valid values of `Element.material`."""

@@ -16,7 +16,7 @@ RGB_TO_XYZ = np.array(
 
 
 def mask_iou(one: np.ndarray, other: np.ndarray) -> float:
-    """Intersection over union of two masks; 0 where both are empty."""
+    """Intersection over union of two masks; 0 if both are empty."""
     either = int((one | other).sum())
     return int((one & other).sum()) / either if either else 0.0
 
@@ -77,7 +77,7 @@ def delta_e76(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float | 
 
 
 def depth_mae(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float | None:
-    """Mean absolute depth difference [m] over `where`, where both are valid (not 0); None where nothing is."""
+    """Mean absolute depth difference [m] over `where`, where both are valid (not 0); None if there is no such pixel."""
     both = where & (one > 0) & (other > 0)
     return float(np.abs(one[both].astype(np.float64) - other[both].astype(np.float64)).mean()) if both.any() else None
 
@@ -98,7 +98,7 @@ def sample_surface(vertices: np.ndarray, faces: np.ndarray, count: int, seed: in
     """Points (count, 3) float64 spread over a surface uniformly by area."""
     rng = np.random.default_rng(seed)
     edges = np.cumsum(face_areas(vertices, faces))
-    # Stratified: one point in each of `count` equal shares of the area, so that small faces are not missed by chance.
+    # Stratified: one point in each of `count` equal shares of the area, which never misses small faces by chance.
     spots = (np.arange(count) + rng.uniform(size=count)) / count * edges[-1]
     corners = vertices[faces[np.minimum(np.searchsorted(edges, spots), len(faces) - 1)]]
     root, second = np.sqrt(rng.uniform(size=(count, 1))), rng.uniform(size=(count, 1))

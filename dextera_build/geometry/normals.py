@@ -28,7 +28,7 @@ class LocalPlanes:
         )
 
     def normals(self, k: np.ndarray) -> np.ndarray:
-        """Unit normals (H, W, 3) towards the camera, camera frame; 0 where no plane is.
+        """Unit normals (H, W, 3) towards the camera, camera frame; 0 where there is no plane.
 
         Args:
             k: (3, 3) intrinsics of this (sub-)image [px].
@@ -43,7 +43,7 @@ class LocalPlanes:
 
 
 def fit(inverse: np.ndarray, tolerance: np.ndarray, radius: int = 4) -> LocalPlanes:
-    """Fit a plane to the window around each pixel, twice: to all that is near, then to what lies on that plane.
+    """Fit a plane to the window around each pixel, twice: to all near pixels, then to those on that plane.
 
     Args:
         inverse: (H, W) inverse depth [1/m]; 0 where nothing was measured.
@@ -59,7 +59,7 @@ def fit(inverse: np.ndarray, tolerance: np.ndarray, radius: int = 4) -> LocalPla
 def sharpen(planes: LocalPlanes, inverse: np.ndarray, tolerance: np.ndarray, reach: int = 4) -> LocalPlanes:
     """Near creases, take the plane of a neighbour whose window does not cross the crease.
 
-    A pixel keeps its own plane where that explains its window within the noise, so curved surfaces stay smooth.
+    A pixel keeps its own plane if that explains its window within the noise, so curved surfaces stay smooth.
     """
     best = {name: getattr(planes, name).copy() for name in ("a", "b", "c", "residual", "count")}
     cost = np.where(planes.count >= 6, planes.residual - 0.5 * tolerance, np.inf)

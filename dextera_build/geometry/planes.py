@@ -14,7 +14,7 @@ def depth_sigma(z: np.ndarray) -> np.ndarray:
     """Standard deviation of a depth camera's z at depth `z`, both [m].
 
     Triangulating cameras (structured light, active stereo) lose accuracy with z^2. 1.5 mm/m^2 is the random error of
-    the first Kinect (Khoshelham and Oude Elberink 2012: 1.42e-3); the constant is the millimetre that most store.
+    the first Kinect (Khoshelham and Oude Elberink 2012: 1.42e-3); the constant is the 1 mm step of stored depth.
     """
     return np.asarray(0.001 + 0.0015 * np.square(z))
 

@@ -14,13 +14,13 @@ def from_matrix(rotation: np.ndarray) -> np.ndarray:
     k[0, 1:] = k[1:, 0] = vector
     k[1:, 1:] = m + m.T - np.trace(m) * np.eye(3)
     quaternion = np.linalg.eigh(k / 3.0)[1][:, -1]
-    # Half turns have w = 0: the first clear component decides the sign, so that equal rotations give equal bytes.
+    # Half turns have w = 0: the first clear component decides the sign, which gives equal rotations equal bytes.
     leading = quaternion[int(np.argmax(np.abs(quaternion) > 1e-9))]
     return np.asarray(quaternion if leading > 0 else -quaternion)
 
 
 def to_matrix(quaternion: np.ndarray) -> np.ndarray:
-    """(3, 3) rotation of a (4,) quaternion of any length but 0."""
+    """(3, 3) rotation of a (4,) quaternion of any nonzero length."""
     w, x, y, z = quaternion / np.linalg.norm(quaternion)
     return np.array(
         [

@@ -30,11 +30,11 @@ class Surface:
 class Render:
     """Surfaces as a camera sees them."""
 
-    depth: np.ndarray  # (H, W) float64, image-plane z [m]; 0 where no surface is
-    index: np.ndarray  # (H, W) int32, position in the list of surfaces; -1 where none is
-    face: np.ndarray  # (H, W) int64, face of that surface; -1 where none is
+    depth: np.ndarray  # (H, W) float64, image-plane z [m]; 0 without a surface
+    index: np.ndarray  # (H, W) int32, position in the list of surfaces; -1 without one
+    face: np.ndarray  # (H, W) int64, face of that surface; -1 without one
     corner: np.ndarray  # (H, W, 3) float64, barycentric weights of the face's corners
-    normal: np.ndarray  # (H, W, 3) float64, unit face normal in the world frame; 0 where none is
+    normal: np.ndarray  # (H, W, 3) float64, unit face normal in the world frame; 0 without a surface
 
 
 def render(
@@ -89,7 +89,7 @@ def cast(surfaces: Sequence[Surface], rays: np.ndarray) -> Render:
 
 
 def shade(surfaces: Sequence[Surface], seen: Render) -> np.ndarray:
-    """Unlit colours (H, W, 3) uint8 of a render: nearest texel, or the plain colour; black where nothing is."""
+    """Unlit colours (H, W, 3) uint8 of a render: nearest texel, or the plain colour; black without a surface."""
     pixels = np.zeros((*seen.index.shape, 3), np.uint8)
     for number, surface in enumerate(surfaces):
         here = seen.index == number

@@ -69,7 +69,7 @@ def inside_convex(points: np.ndarray, polygon: np.ndarray, margin: float = 0.0) 
 
 
 def _outer(points: np.ndarray) -> np.ndarray:
-    """The points that do not lie inside the polygon of the extreme ones (Akl and Toussaint 1978)."""
+    """The points outside the polygon of the extreme ones (Akl and Toussaint 1978)."""
     angle = np.arange(32) * np.pi / 16
     extremes = np.argmax(points @ np.stack([np.cos(angle), np.sin(angle)]), axis=0)
     polygon = points[extremes]

@@ -52,10 +52,10 @@ class Search:
     scale: float  # centre of the scale prior
     scale_sigma: float  # its relative standard deviation
     iterations: int = 30
-    keep: float = 0.98  # part of the pairs that stay after trimming
+    keep: float = 0.98  # fraction of the pairs that remain after trimming
     point_weight: float = 0.15  # of the point-to-point term beside point-to-plane; holds flat faces in place
     noise_m: float = 0.002  # standard deviation of a pair [m]
-    samples: float = 50.0  # independent measurements that all pairs together are worth
+    samples: float = 50.0  # number of independent measurements equivalent to all pairs
 
 
 def icp(start: Similarity, visible: Visible, seen: np.ndarray, search: Search) -> Similarity:
@@ -68,7 +68,7 @@ def icp(start: Similarity, visible: Visible, seen: np.ndarray, search: Search) -
         search: See `Search`.
 
     Returns:
-        The refined similarity; the start where the model is out of the camera's sight.
+        The refined similarity, or the start if the model is out of the camera's sight.
     """
     from scipy.spatial import KDTree
 
@@ -172,7 +172,7 @@ def robust_extent(points: np.ndarray, tail: float = 0.01) -> np.ndarray:
 
 
 def extent_scale(model: np.ndarray, seen: np.ndarray, whole: np.ndarray, tail: float = 0.01) -> float | None:
-    """Median ratio of seen to model extents over the axes of which both ends were seen.
+    """Median ratio of seen to model extents over the axes whose two ends were seen.
 
     Args:
         model: (N, 3) model points that the camera would see, axes as in `seen`.
@@ -181,7 +181,7 @@ def extent_scale(model: np.ndarray, seen: np.ndarray, whole: np.ndarray, tail: f
         tail: See `robust_extent`.
 
     Returns:
-        The scale, or None where no axis is whole.
+        The scale, or None if no axis is whole.
     """
     extents = robust_extent(model, tail)
     usable = whole & (extents > 1e-9)

@@ -28,7 +28,7 @@ class Solid:
 
     @property
     def volume(self) -> float:
-        """Enclosed volume [m^3], by the divergence theorem; negative where the surface is inside out."""
+        """Enclosed volume [m^3], by the divergence theorem; negative if the surface is inside out."""
         a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
         return float((a * np.cross(b, c)).sum() / 6.0)
 
@@ -92,7 +92,7 @@ def extrude_rings(outlines: Sequence[np.ndarray], low: float, high: float) -> So
 
 
 def union(parts: Sequence[Solid]) -> Solid:
-    """The body that all parts fill together."""
+    """The union of all parts."""
     import manifold3d as m3
 
     return _from_manifold(m3.Manifold.batch_boolean([_to_manifold(part) for part in parts], m3.OpType.Add))

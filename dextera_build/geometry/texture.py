@@ -12,7 +12,7 @@ import numpy as np
 from dextera_build.geometry import raycast
 
 GUTTER_PX = 3
-"""Texels around every chart that repeat its border, so that filters do not mix charts [px]."""
+"""Texels around every chart that repeat its border, to keep filters from mixing charts [px]."""
 SIDES = np.array(
     [
         [[0, 1, 0], [0, 0, 1]],
@@ -29,7 +29,7 @@ SIDES = np.array(
 
 @dataclass(frozen=True)
 class Atlas:
-    """Where every face lies on a picture."""
+    """The location of every face in a picture."""
 
     uv: np.ndarray  # (F, 3, 2) float64, origin at the lower left, v up
     width: int  # [px]
@@ -52,7 +52,7 @@ def unwrap(vertices: np.ndarray, faces: np.ndarray, texel_m: float, most_px: int
     Args:
         vertices: (V, 3) [m].
         faces: (F, 3).
-        texel_m: Wanted size of a texel [m]; larger where the picture would be too large.
+        texel_m: Wanted size of a texel [m]; larger if the picture would be too large.
         most_px: Largest width and height [px].
     """
     side, chart = _charts(vertices, faces)
@@ -104,7 +104,7 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _charts(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Side 0..5 that each face looks to, and the number of its connected chart."""
+    """Side 0..5 that each face looks towards, and the number of its connected chart."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

@@ -57,7 +57,7 @@ def _points(
     area = np.linalg.norm(cross, axis=1)
     count = max(int(_SAMPLES * area.sum() / total), 1)
     face = np.searchsorted(np.cumsum(area), (np.arange(count) + 0.5) / count * area.sum()).clip(0, len(area) - 1)
-    # The same points in every call, so that the picture of a value never changes.
+    # The same points in every call: the picture of a value never changes.
     weight = np.random.default_rng(0).dirichlet(np.ones(3), count)
     points = (corners[face] * weight[..., None]).sum(axis=1) @ pose[:3, :3]
     facing = np.abs(cross[face] @ pose[:3, 2]) / np.maximum(area[face], 1e-18)

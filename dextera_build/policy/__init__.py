@@ -1,1 +1,1 @@
-"""The one interface of policies: what they see, the contract of a checkpoint, how they run. Knows no simulator."""
+"""The interface of policies: observations, contracts of checkpoints, execution. Independent of any simulator."""

@@ -11,7 +11,7 @@ from dextera_build.policy.layout import Layout, of_bundle, of_episodes
 VECTORS = ("joints", "objects", "displacement", "goal", "previous_action")
 """Channels of numbers, in the order in which networks get them."""
 CHANNELS = (*VECTORS, "rgb")
-"""All channels that a policy may take; the privileged ones are not among them."""
+"""All channels that a policy may take, none of them privileged."""
 
 
 def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> Channel:
@@ -47,13 +47,13 @@ def offered(layout: Layout) -> tuple[str, ...]:
 
 
 def check(contract: PolicyContract, bundle: TaskBundle, rate_hz: float | None = None, view: View | None = None) -> None:
-    """Refuse a policy that was made for something else.
+    """Refuse a policy that was trained for something else.
 
     Args:
         contract: Inputs and outputs of the policy.
         bundle: World that it will run in.
-        rate_hz: Rate at which it will be asked [Hz]; None: the bundle's.
-        view: The camera that it will see through.
+        rate_hz: Rate at which it will be called [Hz]; None: the bundle's.
+        view: The camera of its pictures.
 
     Raises:
         RuleError: Something differs; the error names all of it.
@@ -151,6 +151,6 @@ def _compare_view(found: dict[str, str], wanted: Channel, here: Layout) -> None:
 
 
 def _listed(names: tuple[str, ...]) -> str:
-    """Names in their order, shortened, with how many they are."""
+    """Names in their order, shortened, with their number."""
     shown = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
     return f"{len(names)} ({shown})" if names else "none"

@@ -1,4 +1,4 @@
-"""From observation fields to the numbers that networks take; one way for training and for running.
+"""Conversion of observation fields to the inputs of networks, shared by training and execution.
 
 `recorded` reads the fields out of an episode, `observed` out of a live observation; a `Reader` makes inputs of either.
 """
@@ -55,11 +55,11 @@ def observed(observation: DeployableObservation) -> Fields:
 class Reader:
     """Reads the vector inputs of a policy out of observation fields.
 
-    Components are picked by name, so objects that the policy does not know may stand among those that it does.
+    Components are picked by name, so objects that the policy does not know are allowed among those that it does.
 
     Args:
         channels: Inputs of the policy, of which pictures are left out.
-        layout: Where the fields come from.
+        layout: Layout of the source of the fields.
     """
 
     def __init__(self, channels: tuple[Channel, ...], layout: Layout) -> None:

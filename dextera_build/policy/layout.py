@@ -13,7 +13,7 @@ from dextera_build.artifacts.task import TaskBundle, View
 
 @dataclass(frozen=True)
 class Layout:
-    """The two sides of a policy as one world, or one data set, has them."""
+    """The inputs and outputs of policies in one world or one data set."""
 
     task: str
     """Name of the task."""
@@ -65,7 +65,7 @@ def of_bundle(bundle: TaskBundle, view: View | None = None, rate_hz: float | Non
 
 
 def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | None = None) -> Layout:
-    """The layout of a data set; the meaning of its goal, `goal`, is known to the task alone."""
+    """The layout of a data set; only the task knows the components of its goal, `goal`."""
     return Layout(
         task=episodes.task,
         embodiment=episodes.embodiment,
@@ -81,13 +81,13 @@ def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | None = N
 def gathered(
     bundle: TaskBundle, items: Mapping[str, Episode], failures: Mapping[str, Episode], attempts: int
 ) -> Episodes:
-    """Episodes of a task bundle with the names that go with their arrays.
+    """Episodes of a task bundle with the names of the components of their arrays.
 
     Args:
         bundle: The task that they were made in.
-        items: Index -> episode that counts.
+        items: Index -> accepted episode.
         failures: Index -> discarded episode.
-        attempts: Tries that both came from.
+        attempts: Number of attempts behind both.
     """
     here = of_bundle(bundle)
     return Episodes(

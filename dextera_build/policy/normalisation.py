@@ -1,4 +1,4 @@
-"""Mean and scale of channels, from training data alone, kept in the contract."""
+"""Mean and scale of channels, computed from training data only and stored in the contract."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.policy import Channel
 
 FLOOR = 0.02
-"""Smallest scale [m, rad, or 1]: what hardly moved in the data is not magnified to noise when it moves at run time."""
+"""Smallest scale [m, rad, or 1]: a nearly constant component is not magnified to noise when it moves at run time."""
 
 
 def fitted(channel: Channel, domains: Sequence[np.ndarray], weights: Sequence[float] | None = None) -> Channel:
@@ -18,7 +18,7 @@ def fitted(channel: Channel, domains: Sequence[np.ndarray], weights: Sequence[fl
     Args:
         channel: A vector channel, or the action.
         domains: Encoded samples (N, ...) per domain: simulated, recorded on hardware.
-        weights: Share of each domain in the mixture that is trained on, whatever their sizes; None: equal shares.
+        weights: Share of each domain in the training mixture, regardless of size; None: equal shares.
     """
     shares = np.full(len(domains), 1.0) if weights is None else np.array(weights, np.float64)
     shares = shares / shares.sum()
@@ -30,5 +30,5 @@ def fitted(channel: Channel, domains: Sequence[np.ndarray], weights: Sequence[fl
 
 
 def _plain(values: np.ndarray) -> tuple[float, ...]:
-    """Numbers that survive float32, so that training and loading compute with the same ones."""
+    """Numbers rounded to float32, which makes them the same in training and after loading."""
     return tuple(float(value) for value in values.astype(np.float32))

@@ -1,7 +1,7 @@
-"""What policies may see, and what only a simulator knows: two types, so that one cannot pass for the other.
+"""Deployable and privileged observations: two types, so one cannot be mistaken for the other.
 
-Table I of the paper. `Deployable` holds what sensors and a tracker of objects give on hardware too; `Privileged` is
-read off the simulator's state and goes to teachers and critics alone. Poses and forces are
+Table I of the paper. `Deployable` holds values that sensors and an object tracker also provide on hardware;
+`Privileged` is read from the simulator's state, for teachers and critics only. Poses and forces are
 expressed in the robot's base frame, which hardware knows without a world.
 """
 
@@ -23,12 +23,12 @@ class Measurement:
     displacement: np.ndarray
     """Positions of the objects' joints (K,) [rad or m]."""
     rgb: np.ndarray | None = None
-    """Picture (H, W, 3) uint8 sRGB, or None where the task has no view."""
+    """Picture (H, W, 3) uint8 sRGB, or None if the task has no view."""
 
 
 @dataclass(frozen=True)
 class DeployableObservation:
-    """Everything that a policy may be given. It is made of a `Measurement`, never of a simulator's state."""
+    """All inputs that a policy may get, made from a `Measurement`, never from a simulator's state."""
 
     previous_action: np.ndarray
     """Joint targets that were sent last (A,) float32 [rad]."""
@@ -46,7 +46,7 @@ class DeployableObservation:
 
 @dataclass(frozen=True)
 class PrivilegedObservation:
-    """What only a simulator knows."""
+    """Values that only a simulator knows."""
 
     contact: np.ndarray
     """Force on each fingertip (F, 3) float32 [N] in the base frame."""

@@ -18,7 +18,7 @@ as (1, H, W, 3) uint8, the others as `Reader` gives them."""
 
 
 class PolicyFault(RuleError):  # noqa: N818 - the fault is the policy's, not dxb's
-    """A policy gave something that cannot be sent to a robot; the trial has failed, the evaluation goes on."""
+    """A policy's output cannot be sent to a robot; the trial has failed, the evaluation continues."""
 
 
 class Ensemble:
@@ -27,7 +27,7 @@ class Ensemble:
     All chunks that reach the present step are averaged with weights exp(-forget * i), i = 0 for the oldest.
 
     Args:
-        every: A new chunk is asked for after this many steps; 1: at every step.
+        every: Number of steps between new chunks; 1: a chunk at every step.
         forget: How much more the oldest chunk counts; 0: all alike, below 0: the newest counts most.
     """
 
@@ -41,11 +41,11 @@ class Ensemble:
         return step % self.every == 0 or not self._chunks
 
     def add(self, chunk: np.ndarray) -> None:
-        """A new chunk (C, A) that begins at the present step."""
+        """Add a chunk (C, A) that begins at the present step."""
         self._chunks.append(chunk)
 
     def take(self) -> np.ndarray:
-        """Targets (A,) for the present step; the chunks move on by one."""
+        """Return the targets (A,) for the present step, and advance the chunks by one."""
         weights = np.exp(-self.forget * np.arange(len(self._chunks)))
         mean = np.einsum("n,na->a", weights, np.stack([chunk[0] for chunk in self._chunks])) / weights.sum()
         self._chunks = [chunk[1:] for chunk in self._chunks if len(chunk) > 1]
@@ -57,7 +57,7 @@ class Policy:
 
     Args:
         contract: Inputs and outputs.
-        layout: The layout of the world, which fits the contract.
+        layout: The layout of the world, which matches the contract.
         predict: The network.
         limits: Joint limits (A, 2) [rad].
     """
@@ -71,7 +71,7 @@ class Policy:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the episode before."""
+        """Forget the previous episode."""
         settings = self.contract.settings
         self._step = 0
         self._ensemble = Ensemble(int(settings.get("every", 1)), float(settings.get("forget", 0.0)))

@@ -1,6 +1,6 @@
-"""`dxb.lock`: which key and which output each target of a project has, in a file that git keeps.
+"""`dxb.lock`: the key and the output of each target of a project, in a file under version control.
 
-The file is TOML, sorted, one block a target, so that two branches which pin different targets merge without a conflict:
+The file is sorted TOML with one block per target; branches that pin different targets merge without a conflict:
 
     version = 1
 
@@ -32,25 +32,25 @@ _CONFLICT = re.compile(r"^(<{7}|={7}|>{7}|\|{7})( |$)", re.MULTILINE)
 
 @dataclass(frozen=True)
 class Pin:
-    """What a target was when it was locked."""
+    """The state of a target when it was locked."""
 
     key: str
     output: str
     """Digest of the output's header."""
     size: int
-    """Of the output with all that it refers to [bytes]."""
+    """Of the output with all artifacts that it refers to [bytes]."""
 
 
 @dataclass(frozen=True)
 class Name:
-    """Whose pin it is; names sort as their blocks stand in the file."""
+    """The target of a pin; names sort in the order of their blocks in the file."""
 
     profile: str
     recipe: str
     node: str
 
     def __str__(self) -> str:
-        """The target as the command line takes it."""
+        """The target as written on the command line."""
         return f"{self.recipe}:{self.node}"
 
 
@@ -58,7 +58,7 @@ Pins = Mapping[Name, Pin]
 
 
 def read(path: Path, shown: str | None = None) -> dict[Name, Pin] | None:
-    """The pins of a lock file, or None where there is no file.
+    """The pins of a lock file, or None if the file does not exist.
 
     Args:
         path: The file.
@@ -97,7 +97,7 @@ def read(path: Path, shown: str | None = None) -> dict[Name, Pin] | None:
 
 
 def write(path: Path, pins: Pins) -> bool:
-    """Write the file, all or nothing, unless it holds this already; returns whether it was written.
+    """Write the file atomically if its content differs; return whether it was written.
 
     Raises:
         StoreError: It cannot be written.
@@ -126,7 +126,7 @@ def spell(pins: Pins) -> str:
     blocks = [f"{_HEAD}\nversion = {_VERSION}\n"]
     for name in sorted(pins, key=lambda name: (name.profile, str(name))):
         pin = pins[name]
-        # What JSON escapes TOML escapes alike, but for DEL, which TOML refuses as it stands.
+        # TOML has the same escapes as JSON, except for DEL, which must be escaped in TOML.
         quoted = json.dumps(str(name), ensure_ascii=False).replace("\x7f", "\\u007f")
         blocks.append(f'[{name.profile}.{quoted}]\nkey = "{pin.key}"\noutput = "{pin.output}"\nsize = {pin.size}\n')
     return "\n".join(blocks)

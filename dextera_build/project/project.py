@@ -1,4 +1,4 @@
-"""The folder that dxb works in: its recipes, its rules, its store, and where each setting comes from."""
+"""The project folder: its recipes, its rules, its store, and its settings with their origins."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from dextera_build.project.remotes_table import Choice
 from dextera_build.remotes.spec import Spec
 
 if TYPE_CHECKING:
-    # A build that does nothing reads the settings and no recipe; it need not wait for these.
+    # A no-op build reads settings but no recipe, and must not wait for these imports.
     from dextera_build.code.loader import Library
     from dextera_build.recipe.schema import Recipe
     from dextera_build.workers.capacity import Capacity
 
 MARKER = "dxb.toml"
 LOCK = "dxb.lock"
-_OVER = ("environment", "command line")  # origins of settings that are no file's
+_OVER = ("environment", "command line")  # origins that are not files
 _BARE = "settings stand here without `tool.dxb`: `[resources]`, not `[tool.dxb.resources]`"
 
 
@@ -39,8 +39,8 @@ class Project:
 
     Args:
         root: The folder that holds `dxb.toml`, or a `pyproject.toml` with `[tool.dxb]`.
-        flags: Settings from the command line; they win over all else.
-        declared: False where no project was found and the current folder stands in.
+        flags: Settings from the command line; they take precedence over everything else.
+        declared: False if no project was found and the current folder is used instead.
     """
 
     def __init__(self, root: str | Path, flags: Mapping[str, Any] | None = None, *, declared: bool = True) -> None:
@@ -49,7 +49,7 @@ class Project:
         self._recipes: dict[tuple[Path, int, int, int], Recipe] = {}
         self._looked_at: set[str] = set()
         self.remotes = Choice(self.root)
-        """The remotes; known when `config` is."""
+        """The remotes; filled in by `config`."""
         self._flags = {name: value for name, value in (flags or {}).items() if value is not None}
 
     @cached_property
@@ -78,7 +78,7 @@ class Project:
 
     @staticmethod
     def _over(found: Mapping[str, Setting], name: str, value: Any, origin: str) -> Any:
-        """The value of a setting over that of lower layers; resources add up by name."""
+        """A setting's value merged over that of lower layers; resources are merged by name."""
         if name != "resources":
             return value
         from dextera_build.workers.capacity import parse
@@ -97,7 +97,7 @@ class Project:
 
     @property
     def own_profile(self) -> str:
-        """The profile of the files, whatever the environment and the command line say."""
+        """The profile set in files, regardless of the environment and the command line."""
         if self.config["profile"].origin not in _OVER:
             return self.profile
         named = [values["profile"] for origin, values in self._layers() if "profile" in values and origin not in _OVER]
@@ -105,7 +105,7 @@ class Project:
 
     @property
     def jobs(self) -> int:
-        """Cores to share out among nodes; 0 in the settings means all that this process may use."""
+        """Cores for nodes; 0 in the settings means all that this process may use."""
         return int(self.config["jobs"].value) or len(os.sched_getaffinity(0))
 
     @property
@@ -115,11 +115,11 @@ class Project:
 
     @property
     def console(self) -> str:
-        """What a build shows, or `auto`, which chooses between `live` and `plain`."""
+        """The console of a build; `auto` chooses between `live` and `plain`."""
         return str(self.config["console"].value)
 
     def capacity(self, *, gpus: bool) -> Capacity:
-        """What this machine has to share out, or what the settings say that it has; `gpus`: look for devices."""
+        """Resources of this machine, measured or from the settings; `gpus`: look for devices."""
         from dextera_build.workers.capacity import measure
 
         said = dict(self.config["resources"].value)
@@ -129,7 +129,7 @@ class Project:
 
     @property
     def durable(self) -> bool:
-        """Whether a build waits until what it made is on the disk."""
+        """Whether a build waits until its results are flushed to disk."""
         return settings.is_on(self.config["durable"].value)
 
     @property
@@ -139,7 +139,7 @@ class Project:
 
     @property
     def asks_again(self) -> bool:
-        """Whether nodes with recorded calls run although nothing changed."""
+        """Whether nodes with recorded calls run even if nothing changed."""
         return self.calls in ("refresh", "replace")
 
     @property
@@ -147,7 +147,7 @@ class Project:
         """Files and folders with the public keys of trusted signers.
 
         Raises:
-            UsageError: The settings name what is not there.
+            UsageError: A path in the settings does not exist.
         """
         setting = self.config["trusted_keys"]
         named = setting.value if isinstance(setting.value, list) else [setting.value] if setting.value else []
@@ -165,19 +165,19 @@ class Project:
 
     @property
     def require_signed(self) -> bool:
-        """Whether results from elsewhere are refused that no trusted key signed."""
+        """Whether results from elsewhere are refused unless a trusted key signed them."""
         return settings.is_on(self.config["require_signed"].value)
 
     @property
     def used_remotes(self) -> list[Spec]:
-        """The remotes that a build uses, in the order in which they are asked; raises what `allowed` raises."""
+        """The remotes that a build uses, in lookup order; raises the errors of `allowed`."""
         return self.allowed(self.remotes.used if self.config else [])
 
     def allowed(self, remotes: list[Spec]) -> list[Spec]:
-        """The same remotes, where the settings allow to use them.
+        """Return `remotes` if the settings allow their use.
 
         Raises:
-            UsageError: Signatures are required, and results of one of them, which have none, would be read.
+            UsageError: Signatures are required, and unsigned results of one of the remotes would be read.
         """
         read = [spec.name for spec in remotes if "r" in spec.mode]
         if read and self.require_signed:
@@ -198,10 +198,10 @@ class Project:
         return Library(self.root)
 
     def recipe(self, address: str, extending: tuple[str, ...] = ()) -> Recipe | None:
-        """The recipe of an address with all that it extends, the project's own first, or None.
+        """The recipe of an address with the recipes that it extends, or None; the project's own come first.
 
         Raises:
-            RecipeError: It is wrong, or extends what does not exist, or itself.
+            RecipeError: It is wrong, or extends itself or a recipe that does not exist.
         """
         from dextera_build.recipe.schema import refuse_deep
 
@@ -222,16 +222,16 @@ class Project:
     def _read(self, address: str) -> Recipe | None:
         from dextera_build.recipe.schema import read
 
-        # Targets are written below a folder of the recipe's address, so that has one spelling.
+        # Targets are written to a folder named by the address, so each recipe has only one spelling.
         if {"", ".", ".."} & set(address.split("/")) or not address.isprintable():
             return None
         for folder in self.recipe_folders():
             file = folder / f"{address}.yaml"
             self._looked_at.add(str(file))
-            # `Path.is_file` raises where a name is too long.
+            # `Path.is_file` raises if a name is too long.
             if os.path.isfile(file) and file.resolve().is_relative_to(folder.resolve()):
                 state = file.stat()
-                # A recipe is asked for several times in one command; it is read once.
+                # One command looks a recipe up several times; it is read once.
                 place = (file, state.st_mtime_ns, state.st_size, state.st_ino)
                 if place not in self._recipes:
                     self._recipes[place] = read(file, address, self.shown(file))
@@ -239,12 +239,12 @@ class Project:
         return None
 
     def looked_at(self) -> set[str]:
-        """Files and folders that decided what its recipes mean; some of them are not there."""
+        """Files and folders that determined the meaning of its recipes, including ones that do not exist."""
         configuration = (settings.PYPROJECT, MARKER, "dxb.local.toml")
         return {*(str(self.root / name) for name in configuration), *self._looked_at, *self.library.looked_at()}
 
     def forget_recipes(self) -> None:
-        """Let go of what was read: a plan holds all that a build needs, and a large recipe is large in memory."""
+        """Free the recipes read: a plan holds everything that a build needs, and large recipes take much memory."""
         self._recipes.clear()
 
     def recipes(self) -> Iterator[tuple[str, Path]]:
@@ -254,16 +254,16 @@ class Project:
         yield from ((address, Path(file)) for address, file in addresses(map(str, self.recipe_folders())))
 
     def shown(self, path: Path) -> str:
-        """A path as messages show it: relative where it lies below the current folder."""
+        """A path as messages show it: relative if it is below the current folder."""
         here = Path.cwd()
         return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
 
     def _path(self, text: str) -> Path:
-        """A path of the settings; unlike `Path.expanduser`, one of an unknown user is a name like any other."""
+        """A path from the settings; unlike in `Path.expanduser`, `~` with an unknown user is kept as a plain name."""
         return (self.root / os.path.expanduser(text)).absolute()
 
     def recipe_folders(self) -> list[Path]:
-        """Where recipes lie, there or not; the project's own come first."""
+        """Folders of recipes, existing or not, the project's own first."""
         from dextera_build.code.loader import bundled
 
         return list(dict.fromkeys((self.root / "recipes", bundled("recipes"))))
@@ -279,10 +279,10 @@ class Project:
 
 
 def find(start: Path | None = None, flags: Mapping[str, Any] | None = None) -> Project:
-    """The project that `start` (the current folder) lies in; the folder itself where there is none.
+    """The project that contains `start` (the current folder); the folder itself if there is none.
 
     Raises:
-        UsageError: The folder's path is not UTF-8, so that no log or record could name what lies there.
+        UsageError: The folder's path is not UTF-8, so logs and records could not name its files.
     """
     here = (start or Path.cwd()).absolute()
     try:
@@ -298,7 +298,7 @@ def find(start: Path | None = None, flags: Mapping[str, Any] | None = None) -> P
 
 
 def deciding_files() -> list[str]:
-    """Files that say to which project the current folder belongs and what its settings and pins are, there or not."""
+    """Files, existing or not, that determine the project of the current folder, its settings and its pins."""
     here = Path.cwd()
     found = [os.fspath(settings.user_folder() / "config.toml")]
     for folder in (here, *here.parents):

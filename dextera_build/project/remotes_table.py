@@ -1,4 +1,4 @@
-"""Which stores a build uses, and for what: lists such as `local:rw,lab:r` over the table `remotes` of the settings."""
+"""The stores that a build uses, with modes: lists such as `local:rw,lab:r` of remotes from the settings."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _USE = re.compile(rf"(?P<what>.+):(?P<mode>{'|'.join(MODES)})")
 
 
 class Choice:
-    """Collects what the layers of the settings say of remotes, the strongest last.
+    """Collects the remotes from the layers of the settings, in ascending precedence.
 
     Args:
-        root: Folders in the settings are relative to it, those in a list to the current folder.
+        root: Base of relative folders in the settings; folders in a list are relative to the current folder.
     """
 
     def __init__(self, root: Path) -> None:
@@ -30,7 +30,7 @@ class Choice:
         self._list: tuple[str, str] | None = None
 
     def take(self, values: Mapping[str, Any], origin: str) -> dict[str, Any]:
-        """Take what one layer says of remotes, and return the rest of it.
+        """Take the remotes out of one layer, and return its other settings.
 
         Raises:
             UsageError: A remote's name, address or mode is wrong.
@@ -49,19 +49,19 @@ class Choice:
 
     @property
     def local(self) -> str:
-        """Mode of the store: `rw`, or `r` where nothing may run.
+        """Mode of the store: `rw`, or `r` if nothing may run.
 
         Raises:
-            UsageError: The list is malformed, or names what is not known.
+            UsageError: The list is malformed, or names an unknown remote.
         """
         return self._chosen()[0]
 
     @property
     def used(self) -> list[Spec]:
-        """The remotes that are used, in the order in which they are asked.
+        """The remotes that are used, in lookup order.
 
         Raises:
-            UsageError: The list is malformed, names what is not known, or would send a password in the clear.
+            UsageError: The list is malformed, names an unknown remote, or would send a password in the clear.
         """
         used = self._chosen()[1]
         for spec in used:
@@ -70,7 +70,7 @@ class Choice:
 
     @property
     def listed(self) -> str:
-        """The list in force, with its secrets; "" where there is none."""
+        """The list in force, with its secrets; "" if there is none."""
         return self._list[0] if self._list else ""
 
     def rows(self) -> dict[str, tuple[str, str]]:
@@ -83,7 +83,7 @@ class Choice:
     def _chosen(self) -> tuple[str, list[Spec]]:
         """The store's mode, and the remotes in the order of a list such as `local:rw,lab:r,https://host:w`.
 
-        A remote that is not in the list is not used; the store always is. `remote` stands for every configured one.
+        A remote that is not in the list is not used; the store always is. `remote` means every configured one.
         """
         if self._list is None:
             return "rw", [spec for spec in self.known.values() if spec.mode != "off"]
@@ -93,7 +93,7 @@ class Choice:
             match = _USE.fullmatch(part)
             if match is None:
                 name = part.rpartition(":")[0]
-                # A password with a comma is cut in two, and the halves do not look like secrets.
+                # A comma in a password splits it in two, and the halves do not look like secrets.
                 shown = part if redact(text) == text else redact(text)
                 use = name if name in (LOCAL, EVERY, *self.known) else shown
                 raise UsageError(

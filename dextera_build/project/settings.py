@@ -1,4 +1,4 @@
-"""Reads files of settings, `dxb.toml` and its like, whatever stands in them."""
+"""Reading and validation of settings files such as `dxb.toml`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ DEFAULTS: Mapping[str, Any] = {
 PROFILES = ("stub", "cpu", "gpu", "cloud")
 _ON = ("true", "1", "yes", "on")
 _SWITCH = (*_ON, "false", "0", "no", "off")
-"""What a setting that is true or false may be spelled as, in a file or in the environment."""
+"""Spellings of a boolean setting, in a file or in the environment."""
 _CHOICES = {
     "profile": PROFILES,
     "jobs": ("a number; 0: all cores",),
@@ -43,26 +43,26 @@ _CHOICES = {
     "require_signed": _SWITCH,
 }
 _PATTERNS = {"jobs": re.compile(r"[0-9]{1,6}"), "executor": re.compile(r"local|ray(:.+)?")}
-"""Of the settings whose choices are not words."""
+"""Setting -> pattern of its values, if these are not a list of words."""
 
 
 def user_folder() -> Path:
-    """Where settings of one person lie."""
+    """The folder of the user's own settings."""
     return Path(os.path.expanduser(os.environ.get("XDG_CONFIG_HOME", "~/.config")), "dxb")
 
 
 def declares(file: Path) -> bool:
-    """Whether a `pyproject.toml` is there and speaks of dxb."""
+    """Whether a `pyproject.toml` exists and has settings of dxb."""
     with suppress(OSError):
         return b"[tool.dxb]" in file.read_bytes()
     return False
 
 
 def read(file: Path) -> dict[str, Any]:
-    """The settings of a TOML file; those of a `pyproject.toml` stand in its table `tool.dxb`.
+    """The settings of a TOML file; in a `pyproject.toml` they are in the table `tool.dxb`.
 
     Raises:
-        RecipeError: It cannot be read, is not TOML, or has something else in place of a table.
+        RecipeError: It cannot be read, is not TOML, or has another value in place of a table.
     """
     where = Place(str(file))
     try:
@@ -84,20 +84,20 @@ def parse_toml(text: str, where: Place, wrong: Callable[[str, Place], RecipeErro
         return tomllib.loads(text)
     except RecursionError:
         raise wrong("not valid TOML: values are nested too deep", where) from None
-    except ValueError as error:  # no TOML, or a number of thousands of digits
+    except ValueError as error:  # not TOML, or a number of thousands of digits
         place = _PLACE.search(str(error))
         at = Place(where.file, int(place[1]), int(place[2])) if place else where
         raise wrong(f"not valid TOML: {_PLACE.sub('', str(error))}", at) from None
 
 
 def check(name: str, value: object, origin: str) -> None:
-    """Refuse what cannot be the value of a setting, wherever it was set.
+    """Refuse an invalid value of a setting, wherever it was set.
 
     Raises:
-        RecipeError: It is a list or a table where one value stands, or holds control characters.
+        RecipeError: It is a list or a table instead of a single value, or holds control characters.
     """
     if name in ("remotes", "resources"):
-        return  # those who read them look at each part
+        return  # their parts are checked when they are read
     parts = value if name == "trusted_keys" and isinstance(value, list) else [value]
     if not all(isinstance(part, bool | int | str) and str(part).isprintable() for part in parts):
         raise RecipeError(
@@ -109,10 +109,10 @@ def check(name: str, value: object, origin: str) -> None:
 
 
 def choose(name: str, value: object, origin: str) -> None:
-    """Refuse a value that is none of the choices of its setting.
+    """Refuse a value that is not one of the choices of its setting.
 
     Raises:
-        UsageError: It is none of them.
+        UsageError: It is not one of them.
     """
     choices, text = _CHOICES.get(name), str(value)
     if choices is None or (_PATTERNS[name].fullmatch(text) if name in _PATTERNS else text in choices):
@@ -128,7 +128,7 @@ def choose(name: str, value: object, origin: str) -> None:
 
 
 def is_on(value: object) -> bool:
-    """What a switch says."""
+    """The value of a boolean setting."""
     return str(value).lower() in _ON
 
 

@@ -1,1 +1,1 @@
-"""The report: a run's event log and the store become one offline HTML file."""
+"""The report: one offline HTML file from a run's event log and the store."""

@@ -1,4 +1,4 @@
-"""`build`: from an event log and the store to one HTML file that needs nothing else."""
+"""`build`: makes one self-contained HTML file from an event log and the store."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from dextera_build.report.tables import tables
 from dextera_build.runs.events import Event
 
 LIMIT = 5_000_000
-"""Bytes that a report may have; pictures are made coarser until it fits."""
+"""Maximum size of a report [bytes]; pictures are made coarser until it fits."""
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
@@ -44,13 +44,13 @@ def build(
     *,
     licences: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write the report of a run to `out`, whole or not at all, and return `out`.
+    """Write the report of a run to `out` atomically, and return `out`.
 
     Args:
         events: The run's events, as objects or as read from `events.jsonl`.
-        store: Where results, previews and headers are.
+        store: The store of results, previews and headers.
         out: The HTML file.
-        licences: `rule:backend` or distribution -> licence, as far as the caller knows them.
+        licences: `rule:backend` or distribution -> licence, if known to the caller.
     """
     run = read(events, store)
     extra = _adopt_images(run, store)
@@ -133,7 +133,7 @@ class _More:
 
 
 def _adopt_images(run: Run, store: Store) -> Store:
-    """Show `Image` results that came without a preview: their pixels become one."""
+    """Give `Image` results without a preview one made from their pixels."""
     blobs: dict[str, bytes] = {}
     for i, node in enumerate(run.nodes):
         pixels = None if node.previews else from_header(store, node.artifact, node.fields)

@@ -9,16 +9,16 @@ from dextera_build.report.run import Node
 from dextera_build.report.wording import count
 
 WAYS = ("node", "group", "rule", "recipe")
-"""The nodes that one box may represent; `group` is all copies of a call."""
+"""The nodes that one box represents; `group`: all copies of a call."""
 
 _LABEL = re.compile(r"\[[^\]]*\]")
 _WORST = ("failed", "waits", "cancelled", "stale", "unknown", "ran", "fetched", "cached", "")
 
 
 def collapse(nodes: Sequence[Node], way: str) -> list[Node]:
-    """One node for all nodes that are alike by one of `WAYS`: it has their inputs, and the worst of their states.
+    """Merge nodes that are alike by one of `WAYS` into one with all their inputs and the worst of their states.
 
-    Rules and recipes may read one another in a circle although nodes do not.
+    Rules and recipes may form cycles although nodes do not.
     """
     if way == "node":
         return list(nodes)

@@ -1,4 +1,4 @@
-"""Everything known of every node, folded; the graph and the timeline link here."""
+"""Details of every node, folded; the graph and the timeline link here."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LISTED = 4000  # nodes with a line at all; about 0.7 kB each
 
 
 def details(run: Run, pictures: Pictures) -> Html:
-    """The list of all nodes, with a field that filters it where scripts run."""
+    """The list of all nodes, with a filter field if scripts are enabled."""
     producers: dict[str | None, Node] = {node.output: node for node in run.nodes if node.output}
     field = tag(
         "input",
@@ -39,7 +39,7 @@ def details(run: Run, pictures: Pictures) -> Html:
 
 @dataclass(frozen=True)
 class _Known:
-    """What links in the details lead to."""
+    """Targets of links in the details."""
 
     by_address: Mapping[str, Node]
     producers: Mapping[str | None, Node]
@@ -47,7 +47,7 @@ class _Known:
 
 
 def _first(nodes: list[Node], most: int) -> list[Node]:
-    """The nodes that a reader of a huge run looks for: those that failed, then those that did something."""
+    """The most relevant nodes of a huge run: those that failed, then those that did something."""
     if len(nodes) <= most:
         return nodes
     order = ("failed", "ran", "fetched")
@@ -79,7 +79,7 @@ def _short(node: Node) -> Html:
 
 
 def _call(call: Mapping[str, Any]) -> str:
-    """`openai gpt-x, asked, cost 0.002, 3f2a...`: what of this the run knows."""
+    """`openai gpt-x, asked, cost 0.002, 3f2a...`: the parts of this that the run knows."""
     service = f"{call.get('service', '')} {call.get('model', '')}".strip()
     cost = f"cost {call['cost']:g}" if "cost" in call else ""
     return " ".join(part for part in (service, call.get("how", ""), cost, str(call["call"])[:12]) if part)

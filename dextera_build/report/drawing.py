@@ -1,4 +1,4 @@
-"""A graph as a file of its own: SVG that any browser and editor opens, and Graphviz DOT."""
+"""A graph as a separate file: SVG for any browser and editor, or Graphviz DOT."""
 
 from __future__ import annotations
 

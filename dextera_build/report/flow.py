@@ -14,25 +14,25 @@ _PAD = 10  # px above and below the boxes of a lane
 
 @dataclass(frozen=True)
 class Size:
-    """How large things are drawn [px]."""
+    """Sizes in a drawing [px]."""
 
     box: tuple[int, int] = (102, 38)
     step: tuple[int, int] = (118, 46)
-    """From box to box."""
+    """Distance from box to box."""
     left: int = 92
-    """Titles of lanes, for graphs with groups."""
+    """Width of lane titles, for graphs with groups."""
     label: int = 12
-    """Characters of a name."""
+    """Maximum length of a name [characters]."""
     sub: int = 14
-    """Characters of the line below it."""
+    """Maximum length of the line below it [characters]."""
 
 
 SMALL = Size()
-"""As the report draws it, beside much else."""
+"""Sizes in the report."""
 
 
 def graph(run: Run) -> Html:
-    """The figure, or a sentence where the log holds no nodes."""
+    """The figure, or a sentence if the log holds no nodes."""
     if not run.nodes:
         return tag("p", {"class": "quiet"}, "The event log of this run holds no nodes.")
     layout = lay_out(run)
@@ -112,7 +112,7 @@ def _edge(a: Node, b: Node, boxes: dict[int, tuple[int, int]], size: Size) -> Ht
     if x0 <= x1 <= x0 + gap:
         path = f"M{x0} {y0:g}C{x0 + gap / 2:g} {y0:g} {x1 - gap / 2:g} {y1:g} {x1} {y1:g}"
     else:
-        # A long edge, or one that leads back, runs between two rows of boxes, so that it passes under none.
+        # A long or backward edge runs between two rows of boxes, to pass under none.
         side = 1 if by >= ay else -1
         spread = (a.index % 5 - 2) * between / 8
         level = y0 + side * (size.box[1] + between) / 2 + spread

@@ -1,4 +1,4 @@
-"""A small HTML builder: text is escaped unless it is `Html` already, so nothing that a user named can become markup."""
+"""A small HTML builder: text is escaped unless it is `Html` already, so names given by users cannot become markup."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Child: TypeAlias = "str | int | Iterable[Child] | None"
 """Text, markup, nothing, or several of them."""
 
 Attributes: TypeAlias = Mapping[str, str | int | float | bool | None]
-"""Name -> value; None and False leave an attribute out, True writes its name alone."""
+"""Name -> value; None and False leave an attribute out, True writes only its name."""
 
 
 def tag(name: str, attributes: Attributes | None = None, *children: Child) -> Html:

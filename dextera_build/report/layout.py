@@ -1,4 +1,4 @@
-"""Where the nodes of a run are drawn: columns by dependency, one lane per copy of a group."""
+"""Positions of a run's nodes in the drawing: columns by dependency, one lane per copy of a group."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def lay_out(run: Run, most_lanes: int = 16) -> Layout:
 
 
 def reduced(nodes: Sequence[Node]) -> list[tuple[Node, Node]]:
-    """Edges without those that a longer path implies."""
+    """The edges that are not implied by a longer path."""
     order = topological(nodes)
     bit = {node.address: 1 << i for i, node in enumerate(order)}
     rank = {node.address: i for i, node in enumerate(order)}
@@ -78,13 +78,13 @@ def reduced(nodes: Sequence[Node]) -> list[tuple[Node, Node]]:
         for name in sorted({d for d in node.depends_on if d in rank}, key=lambda d: -rank[d]):
             if not seen & bit[name]:
                 edges.append((order[rank[name]], node))
-            seen |= above.get(name, 0) | bit[name]  # an edge of a circle leads back
+            seen |= above.get(name, 0) | bit[name]  # a cycle has a back edge
         above[node.address] = seen
     return edges
 
 
 def topological(nodes: Sequence[Node]) -> list[Node]:
-    """Nodes in topological order; iterative, and a broken log with a cycle still gives an order."""
+    """Nodes in topological order; iterative, and still an order if a broken log has a cycle."""
     known = {node.address: node for node in nodes}
     done: dict[str, Node] = {}
     for root in nodes:
@@ -103,7 +103,7 @@ def topological(nodes: Sequence[Node]) -> list[Node]:
 
 
 def _columns(run: Run) -> dict[Call, int]:
-    """Longest path over calls, so that copies line up."""
+    """Column of every call by the longest path over calls, which aligns copies."""
     column: dict[Call, int] = {}
     by_address = run.by_address()
     for node in topological(run.nodes):
@@ -114,7 +114,7 @@ def _columns(run: Run) -> dict[Call, int]:
 
 
 def _rows(run: Run, column: dict[Call, int]) -> tuple[dict[Call, int], dict[Call, int]]:
-    """Row of every call within its lane, and the lanes' heights by group: near what it depends on."""
+    """Row of every call within its lane, near its inputs, and the lanes' heights by group."""
     by_address = run.by_address()
     row: dict[Call, int] = {}
     height: dict[Call, int] = {}

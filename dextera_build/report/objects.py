@@ -1,4 +1,4 @@
-"""One card per copy of a group: its pictures in the order of the chain, what its rules said, its numbers."""
+"""One card per copy of a group: its pictures in build order, the lines of its rules, its metrics."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from dextera_build.report.sources import Store
 
 @dataclass(frozen=True)
 class Quality:
-    """How large and how fine pictures may be."""
+    """Size and compression of pictures."""
 
     hero: int
     """Longest side of the picture at the top [px]."""
@@ -50,13 +50,13 @@ class Pictures:
         """Digests of pictures that the page shows larger than a thumbnail."""
 
     def figure(self, digest: str, caption: str, *, size: str = "large", note: str = "", name: str = "") -> Html:
-        """A figure with its caption, or nothing where the store has no such picture.
+        """A figure with its caption, or nothing if the store has no such picture.
 
         Args:
             digest: Of a PNG.
             caption: Shown below.
             size: `hero`, `large` or `small`.
-            note: Where it comes from, in front of the caption.
+            note: The origin of the picture, shown before the caption.
             name: Node address, for the alternative text.
         """
         made = self.uri(digest, int(getattr(self._quality, size)))
@@ -85,7 +85,7 @@ class Pictures:
         from PIL import Image
 
         try:
-            # By format: Pillow's other readers may run programs, as the one of EPS runs Ghostscript.
+            # PNG only: Pillow's other readers may run programs (EPS runs Ghostscript).
             with Image.open(io.BytesIO(raw), formats=("PNG",)) as opened:
                 if opened.width * opened.height > _MOST_PIXELS:
                     return None

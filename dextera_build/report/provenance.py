@@ -1,4 +1,4 @@
-"""Where the result comes from: rules, backends, packages, licences, inputs; and how to make it again."""
+"""Provenance of the result: rules, backends, packages, licences, inputs; and the commands to reproduce it."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ def provenance(run: Run, licences: Mapping[str, str]) -> list[Html]:
 
     Args:
         run: The run.
-        licences: `rule:backend` or distribution -> licence, as far as the caller knows them.
+        licences: `rule:backend` or distribution -> licence, if known to the caller.
     """
     return [table for table in (_rules(run, licences), _packages(run, licences), _inputs(run), _code(run)) if table]
 
 
 def reproduce(run: Run) -> Html:
-    """The commands that make this result and look at it again."""
+    """The commands that reproduce this result and show it."""
     argv = ["dxb", *run.argv] if run.argv else ["dxb", "build", run.recipe]
     commands = [
         (f"pip install 'dextera_build-{run.dxb}-py3-none-any.whl[twin]'", "the same program, from its wheel"),
@@ -52,7 +52,7 @@ class Sources:
 
 
 def code_digest(node: Node) -> str:
-    """What tells nodes of different code apart; empty where the key document is not known."""
+    """Digest of a node's code; empty if the key document is not known."""
     code = node.document.get("code")
     return digests.of_value(code) if isinstance(code, Mapping) else ""
 
@@ -107,7 +107,7 @@ def _inputs(run: Run) -> Html | None:
     made = {node.output for node in run.nodes}
     found: dict[str, set[str]] = {}
     for node in run.nodes:
-        # A projection (`$capture.camera`) has a digest of its own, but not from outside: its node depends on another.
+        # A projection (`$capture.camera`) has its own digest but is not an external input: its node depends on another.
         if node.depends_on:
             continue
         for slot, digest in node.inputs.items():

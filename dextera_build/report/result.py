@@ -17,11 +17,11 @@ _MOST = 3  # pictures of one node in the strip
 
 
 def title(run: Run) -> Html:
-    """Recipe, verdict, when, how long, how many."""
+    """Recipe, verdict, date, duration, number of nodes."""
     verdict = ("ok", "✓ built") if run.ok else ("bad", "✗ failed")
     if run.interrupted:
         verdict = ("warn", "- stopped")
-    # Stub backends give shapes without meaning: such a page must not pass for a result.
+    # Stub backends give meaningless shapes: such a page must not be mistaken for a result.
     stub = tag("span", {"class": "verdict warn"}, "stub backends") if run.profile == "stub" else None
     when = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(run.started))
     facts = [
@@ -43,7 +43,7 @@ def title(run: Run) -> Html:
 
 
 def failures(run: Run) -> Html | None:
-    """What failed and what waits for it."""
+    """Failed nodes and the nodes that wait for them."""
     found = []
     for node in run.nodes:
         if node.status == "failed":
@@ -114,7 +114,7 @@ def strip(run: Run, pictures: Pictures, without: str) -> Html | None:
 def _hero(run: Run) -> tuple[Node, str, str] | None:
     needed = {address for node in run.nodes for address in node.depends_on}
     images = [n for n in run.nodes if n.artifact == "Image" and not n.labels and n.previews]
-    # A target is asked for, or nothing else is made of it.
+    # Prefer targets, then nodes that no other node reads.
     images.sort(key=lambda n: (n.address in run.targets, n.address not in needed, n.ended))
     shown = images or [n for n in topological(run.nodes) if n.previews and not n.labels]
     shown = shown or [n for n in topological(run.nodes) if n.previews]

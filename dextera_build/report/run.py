@@ -1,4 +1,4 @@
-"""A run read back from its events: what every view of it starts from."""
+"""A run read back from its events, the basis of every view of it."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ class Node:
     metrics: dict[str, tuple[float, str]] = field(default_factory=dict)
     log: str = ""
     first_seconds: float = 0.0
-    """How long it took when it ran, in this run or an earlier one [s]."""
+    """Its duration when it ran, in this run or an earlier one [s]."""
     document: dict[str, Any] = field(default_factory=dict)
     again: tuple[str, ...] = ()
-    """Digests of other outputs that its key gave when it ran again."""
+    """Digests of other outputs that reruns of its key gave."""
     artifact: str = ""
     fields: dict[str, Any] = field(default_factory=dict)
     usage: Mapping[str, float] = field(default_factory=dict)
     """Its resource usage in this run; see `Ended.usage`."""
     tries: int = 0
     calls: list[Mapping[str, Any]] = field(default_factory=list)
-    """Recorded calls that its result came of."""
+    """Recorded calls behind its result."""
 
     @property
     def seconds(self) -> float:
@@ -111,7 +111,7 @@ class Run:
 
 
 def read(events: Iterable[Event | Mapping[str, Any]], store: Store) -> Run:
-    """The run that `events` tell of, completed by what `store` has; an event log may end anywhere."""
+    """The run described by `events`, completed from `store`; an event log may be truncated."""
     run = Run()
     reader = _Reader(run)
     for event in events:
@@ -124,7 +124,7 @@ def read(events: Iterable[Event | Mapping[str, Any]], store: Store) -> Run:
 
 
 class _Reader:
-    """Fills a run from its events; kinds that it does not know are passed over."""
+    """Fills a run from its events; unknown kinds are ignored."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
@@ -135,7 +135,7 @@ class _Reader:
         self.last = 0.0
 
     def take(self, data: Mapping[str, Any]) -> None:
-        """Take note of one event."""
+        """Process one event."""
         self.last = max(self.last, float(data.get("time", 0.0)))
         kind = data["event"]
         if kind == "run_started":
@@ -147,14 +147,14 @@ class _Reader:
         elif kind == "node_log":
             self.logs.setdefault(data["node"], []).append(data["text"])
         elif kind == "node_finished":
-            # A node whose bytes were lost is made again: the last word counts.
+            # A node whose bytes were lost runs again: its last event counts.
             self.ended[data["node"]] = (data, self.begun.pop(data["node"], None))
             self.printed[data["node"]] = data.get("log")
         elif kind == "run_finished":
             _finish(self.run, data)
 
     def end(self) -> None:
-        """Nodes that began and did not end were cut off; without a last event, the nodes at hand are counted."""
+        """Mark unfinished nodes as cancelled; if the run's final event is missing, count the nodes seen."""
         run = self.run
         for data in self.begun.values():
             lost = {"status": "cancelled", "output": None, "time": self.last, "seconds": self.last - data["time"]}

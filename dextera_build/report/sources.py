@@ -11,7 +11,7 @@ class Blobs(Protocol):
     """Content-addressed bytes."""
 
     def get(self, digest: str, /) -> bytes:
-        """Bytes of `digest`; an exception where they are not there."""
+        """Bytes of `digest`; raises if they are missing."""
 
 
 class Result(Protocol):
@@ -31,7 +31,7 @@ class Result(Protocol):
 
     @property
     def seconds(self) -> float:
-        """How long the node took when it ran [s]."""
+        """Duration of the node when it ran [s]."""
 
     @property
     def log(self) -> str | None:
@@ -46,7 +46,7 @@ class Actions(Protocol):
     """Key -> result."""
 
     def known(self, key: str, /) -> Result | None:
-        """The result of `key` whether its bytes are there or not, or None."""
+        """The result of `key`, with or without its bytes, or None."""
 
 
 class Store(Protocol):
@@ -72,14 +72,14 @@ def result(store: Store, key: str | None) -> Result | None:
 
 
 def again(store: Store, key: str | None) -> tuple[str, ...]:
-    """Digests of the outputs that `key` gave later beside the one that stays."""
+    """Digests of other outputs that reruns of `key` gave."""
     known = getattr(store, "divergent", None)
     found = known.get(key) if known is not None and key is not None else None
     return found.again if found is not None else ()
 
 
 def blob(store: Store, digest: str | None) -> bytes | None:
-    """Bytes, or None where the store does not have them any more."""
+    """Bytes, or None if the store no longer has them."""
     if not digest:
         return None
     try:
@@ -89,7 +89,7 @@ def blob(store: Store, digest: str | None) -> bytes | None:
 
 
 def header(store: Store, digest: str | None) -> tuple[str, dict[str, Any]]:
-    """Type name and fields of an artifact; ("", {}) where they cannot be read."""
+    """Type name and fields of an artifact; ("", {}) if they cannot be read."""
     raw = blob(store, digest)
     try:
         data = json.loads(raw or b"null")

@@ -1,4 +1,4 @@
-"""Who worked when: one row per worker slot, the critical path marked."""
+"""The timeline of a run: one row per worker slot, the critical path marked."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dextera_build.report.wording import MARKS, duration
 
 _WIDTH = 1120  # px of the time axis
 _ROW = 26  # px
-_MOST = 800  # bars: the longest are drawn
+_MOST = 800  # bars; only the longest are drawn
 
 
 def timeline(run: Run) -> Html:
-    """The figure, or a sentence where nothing ran."""
+    """The figure, or a sentence if nothing ran."""
     worked = [node for node in run.nodes if node.worked]
     if not worked:
         return tag("p", {"class": "quiet"}, "Nothing ran: every result came from the store.")
@@ -47,7 +47,7 @@ def assign_slots(worked: list[Node]) -> dict[int, int]:
     free: list[float] = []
     slots: dict[int, int] = {}
     for node in sorted(worked, key=lambda n: (n.began, n.index)):
-        # The engine may begin the next node a moment before the log of the last one is written.
+        # The engine may begin the next node a moment before it logs the end of the previous one.
         row = next((i for i, end in enumerate(free) if end <= node.began + 1e-3), len(free))
         if row == len(free):
             free.append(0.0)
@@ -57,7 +57,7 @@ def assign_slots(worked: list[Node]) -> dict[int, int]:
 
 
 def critical_path(run: Run) -> list[Node]:
-    """The chain that decided when the run ended: from the last node back to the input that came last, in order."""
+    """The chain of nodes that determined the end of the run, in order: each is the latest input of the next."""
     by_address = run.by_address()
     worked = [node for node in run.nodes if node.worked]
     path = [max(worked, key=lambda n: n.ended)] if worked else []

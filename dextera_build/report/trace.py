@@ -1,7 +1,7 @@
-"""A run as a trace: what Perfetto, Chrome's `about:tracing` and speedscope open (Trace Event Format, JSON object form).
+"""A run as a trace for Perfetto, Chrome's `about:tracing` and speedscope (Trace Event Format, JSON object form).
 
 The process is dxb, a thread is a worker slot. A node is a complete event (`X`) with its key, rule, status and
-line; counters (`C`) say how many nodes ran and how much memory they took, flow events (`s`, `f`) join the critical
+line; counters (`C`) give the number of running nodes and their memory, flow events (`s`, `f`) join the critical
 path. Times are microseconds since the run began.
 """
 
@@ -61,7 +61,7 @@ def _slices(run: Run) -> Iterator[Event]:
 
 
 def _instants(run: Run) -> Iterator[Event]:
-    """Nodes that took no worker: an instant each."""
+    """One instant event for each node that took no worker."""
     for node in run.nodes:
         if not node.worked:
             yield {
@@ -92,7 +92,7 @@ def _args(node: Node) -> dict[str, Any]:
 
 
 def _counters(run: Run) -> Iterator[Event]:
-    """Steps where a node begins or ends: nodes that run, processors that they kept busy, memory at their peaks."""
+    """Counters at each start and end of a node: running nodes, processors in use, sum of their peak memory."""
     steps: dict[int, list[float]] = {}
     for node in _worked(run):
         busy = node.usage.get("cpu_seconds", 0.0) / max(node.seconds, 1e-6)
@@ -124,7 +124,7 @@ def _flows(run: Run) -> Iterator[Event]:
     path = critical_path(run)
     for number, (before, after) in enumerate(pairwise(path), start=1):
         common = {"name": "critical path", "cat": "critical path", "id": number, "pid": _PID}
-        # A flow binds to the slice that it lies in: a microsecond inside of both.
+        # A flow binds to the slice that contains it, so it starts and ends inside the slices.
         leaves = max(_micro(before.ended) - 1, _micro(before.began))
         yield {**common, "ph": "s", "ts": leaves, "tid": slots[before.index] + 1}
         arrives = max(_micro(after.began), leaves)

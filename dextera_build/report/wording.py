@@ -26,7 +26,7 @@ STATES: Mapping[str, tuple[str, str]] = {
 
 
 def duration(seconds: float) -> str:
-    """Seconds as people say them: `0.31 s`, `34.2 s`, `1 min 10 s`, `21 min`, `2 h 05 min`."""
+    """Seconds as text: `0.31 s`, `34.2 s`, `1 min 10 s`, `21 min`, `2 h 05 min`."""
     if seconds < 0.995:
         return f"{max(seconds, 0.0):.2f} s"
     if seconds < 99.95:
@@ -39,7 +39,7 @@ def duration(seconds: float) -> str:
 
 
 def count(number: int, noun: str, several: str = "") -> str:
-    """`1 node`, `1,204 nodes`; `several` is the plural where an `s` does not make it."""
+    """`1 node`, `1,204 nodes`; `several` is an irregular plural."""
     return f"{number:,} {noun if number == 1 else several or noun + 's'}"
 
 
@@ -75,7 +75,7 @@ def used(usage: Mapping[str, float]) -> str:
 
 
 def number(value: float) -> str:
-    """A measured number with four significant digits, without an exponent where people can read it."""
+    """A measured number with four significant digits, without an exponent in the usual range."""
     if value == 0 or 1e-4 <= abs(value) < 1e6:
         if value == int(value):
             return f"{int(value):,}"

@@ -1,1 +1,1 @@
-"""Artifacts to a viser scene."""
+"""Artifacts in a viser scene."""

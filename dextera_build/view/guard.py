@@ -1,8 +1,8 @@
-"""Which pages may talk to the viewer: checks of `Origin` and `Host` for every request, web sockets included.
+"""Access control of the viewer: checks of `Origin` and `Host` for every request, web sockets included.
 
-A browser lets any page open a web socket to this machine, so without these checks a page that is open meanwhile could
-read the scene. A page of another site is told by its `Origin`; a name that was made to point at this machine (DNS
-rebinding) by `Host`, which then is not one of its own names.
+Browsers let any page open a web socket to this machine, so without these checks any open page could read the scene.
+`Origin` identifies pages of other sites; `Host` exposes names that were made to point at this machine (DNS
+rebinding), because they are not its own names.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from dextera_build.errors import UsageError
 
 
 class Guard:
-    """Admits requests of pages that the viewer served itself, or that were allowed.
+    """Admits requests from the viewer's own pages and from allowed origins.
 
     Args:
         host: The address that the server listens on.
-        origins: Further origins, `https://hub.example.org`: a notebook's proxy, a tunnel.
+        origins: Further allowed origins, `https://hub.example.org`: a notebook's proxy, a tunnel.
 
     Raises:
         UsageError: One of `origins` is not an origin.
@@ -47,7 +47,7 @@ class Guard:
         return f"a page of {origin!a} asked for the scene; `--allow-origin ORIGIN` admits a page that you trust"
 
     def _is_own(self, host: str) -> bool:
-        """Whether a `Host` header names this server; an address does, since rebinding takes a name."""
+        """Whether a `Host` header names this server; an address does, because rebinding needs a name."""
         try:
             name = urlsplit(f"//{host}").hostname or ""
         except ValueError:
@@ -69,7 +69,7 @@ class Guard:
 
     @contextlib.contextmanager
     def installed(self) -> Iterator[None]:
-        """Let servers that are started meanwhile ask this guard; viser has no parameter for it."""
+        """Attach this guard to servers started in the meantime; viser has no parameter for it."""
         from websockets.asyncio import server
 
         serve: Any = server.serve

@@ -15,7 +15,7 @@ from dextera_build.geometry import kinematics, quaternions
 from dextera_build.view.show import PIECE_COLOURS, add_camera, add_frame, add_piece, show
 
 SWING_RAD = 0.6
-"""How far visitors start beside the photograph's camera, about the vertical [rad]."""
+"""Initial rotation of the viewpoint from the photograph's camera, about the vertical [rad]."""
 
 
 def show_scene(
@@ -55,7 +55,7 @@ def show_scene(
 
 
 def _object(server: Any, name: str, asset: Asset, pieces: list[Any]) -> dict[str, Any]:
-    """Add an object as it was seen; its collision pieces, hidden, are put into `pieces`. Returns link -> frame."""
+    """Add an object as it was seen, append its hidden collision pieces to `pieces`, and return link -> frame."""
     add_frame(server, name, asset.world_from_object, axes=0.04)
     frames = {}
     for link, pose in kinematics.link_poses(asset.body).items():
@@ -87,7 +87,7 @@ def _sliders(server: Any, label: str, asset: Asset, frames: Mapping[str, Any]) -
 
 
 def _slider(server: Any, joint: Joint) -> tuple[Any, float]:
-    """A slider in degrees or millimetres, and how many of them make a radian or metre."""
+    """A slider in degrees or millimetres, and the number of these per radian or metre."""
     turns = joint.type == "revolute"
     unit = float(np.degrees(1.0)) if turns else 1000.0
     low, high = (
@@ -119,7 +119,7 @@ def _switch(server: Any, title: str, handles: list[Any], visible: bool) -> None:
 
 
 def _greet(server: Any, assets: Mapping[str, Asset], world_from_camera: np.ndarray) -> None:
-    """Let visitors start where the photograph's camera stood, swung to its side, so that depth is seen at once."""
+    """Start the view at the photograph's camera, rotated to the side to make depth visible at once."""
     places = [asset.world_from_object[:3, 3] for asset in assets.values()]
     target = np.mean(places, axis=0) if places else np.zeros(3)
     c, s = np.cos(SWING_RAD), np.sin(SWING_RAD)

@@ -14,7 +14,7 @@ from dextera_build.view.guard import Guard
 
 
 def start(port: int = 8080, host: str = "127.0.0.1", origins: Sequence[str] = ()) -> tuple[Any, str]:
-    """Start a viser server with z up and return it with its URL; a taken port is replaced by the next free one.
+    """Start a viser server with z up and return it with its URL; if the port is in use, take the next free one.
 
     Args:
         port: Wanted TCP port.
@@ -34,7 +34,7 @@ def start(port: int = 8080, host: str = "127.0.0.1", origins: Sequence[str] = ()
             hint=install_extra("view"),
         ) from None
     _check_address(host)
-    # Its banner belongs to people, and standard output to data.
+    # viser prints a banner, and standard output is for data.
     with contextlib.redirect_stdout(sys.stderr), Guard(host, origins).installed():
         server = viser.ViserServer(host=host, port=port, label="dxb", verbose=False)
     server.scene.set_up_direction("+z")
@@ -48,7 +48,7 @@ def start(port: int = 8080, host: str = "127.0.0.1", origins: Sequence[str] = ()
 
 
 def _check_address(host: str) -> None:
-    """Listen on any port for a moment: viser takes every failure for a port in use and tries a thousand others."""
+    """Check `host` by listening on any port: viser takes every failure for a port in use and tries a thousand."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as probe:

@@ -25,7 +25,7 @@ def show(artifact: Artifact, server: Any, name: str) -> Any:
     """Add `artifact` to the viser `server` as scene node `name` and return its handle.
 
     Raises:
-        UsageError: There is nothing to see of this type.
+        UsageError: Artifacts of this type cannot be shown.
     """
     kinds = sorted(kind.__name__ for kind in show.registry if kind not in (object, Artifact))
     raise UsageError(f"a {artifact.name()} has no shape to view", code="DXB-U320", facts={"shapes": ", ".join(kinds)})
@@ -41,7 +41,7 @@ def _(mesh: Mesh, server: Any, name: str) -> Any:
         colour = tuple(round(255 * part) for part in mesh.colour)
         return server.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=colour, side="double")
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
-    # The photograph's light is in the texture already: it shines by itself and takes no other light.
+    # The texture already contains the light of the photograph: the material is purely emissive.
     material = trimesh.visual.material.PBRMaterial(
         baseColorFactor=[0, 0, 0, 255],
         emissiveTexture=Pillow.fromarray(mesh.texture.pixels),

@@ -44,7 +44,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Build every recipe that is named, one after the other."""
+    """Build the named recipes, one after the other."""
     from dextera_build.build.lock import Locking
     from dextera_build.project.project import deciding_files
     from dextera_build.store.signature import Watch
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     for path in deciding_files():
         watch.file(path)
     project, added = options.project(args), options.added(args)
-    _ = project.used_remotes  # wrong settings are refused also where nothing has to run
+    _ = project.used_remotes  # wrong settings are refused even if nothing has to run
     locking = Locking(project, lock=args.lock, locked=args.locked, added=added)
     keeps = not (args.force or args.lock or args.locked or args.check or project.asks_again)
     keeps = keeps and project.console != "jsonl"
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _said(session: Session, built: Built) -> Recipe:
-    """What a snapshot says of a recipe that was built."""
+    """A built recipe, as a snapshot records it."""
     nodes, root = built.result.nodes, session.store.actions.root
     keys = [nodes[node].key or "" for node in built.placed.paths]
     entries = [f"{root}/{key[:2]}/{key[2:]}" for key in keys]

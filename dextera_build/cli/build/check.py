@@ -1,4 +1,4 @@
-"""`dxb check`: recipes without building them, or one node built again and compared."""
+"""`dxb check`: validate recipes without building them, or rebuild one node and compare."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one line per recipe; 2 where one is wrong, 1 where a rebuilt node differs."""
+    """Print one line per recipe; return 2 if one is wrong, 1 if a rebuilt node differs."""
     project = options.project(args)
     code, rows = 0, []
     for target in args.targets or [address for address, _ in project.recipes()]:
@@ -60,7 +60,7 @@ def _resolve(session: Session) -> str:
 
 
 def _repeat(session: Session, node: str) -> str:
-    """Run one node on the inputs of its last build, beside the cache, and compare by the tolerance of its rule."""
+    """Run one node on the inputs of its last build, bypassing the cache, and compare within its rule's tolerance."""
     from dextera_build.build.runner import run_task
 
     project, recipe = session.project, session.recipe
@@ -111,7 +111,7 @@ def _repeat(session: Session, node: str) -> str:
 def _rows(
     session: Session, rule: str, key: str, before: str, reply: Mapping[str, Any]
 ) -> Iterator[tuple[str, float | None, float]]:
-    """Each field or metric that differs: its name, by how much (None: not a difference of numbers), what is allowed."""
+    """(name, difference, tolerance) of each field or metric that differs; difference None: not numeric."""
     from dextera_build.artifacts.difference import by_field, differences
 
     tolerance = session.project.library.find(rule).rule.tolerance

@@ -1,4 +1,4 @@
-"""`dxb plan`: what a build would do."""
+"""`dxb plan`: the effect of a build on every node, without running anything."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one node a line: address, status, rule, backend, seconds of the last time.
+    """Print one line per node: address, status, rule, backend, duration of the last run [s].
 
     `cached` is up to date, and so is `bare`, whose bytes are not in the store and are not needed; `stale` would run,
-    `remote` would be fetched, `unknown` reads what one of these will return.
+    `remote` would be fetched, `unknown` reads the output of one of these.
     """
     session, target = options.session(args, args.target)
     graph = session.plan().graph
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _sum(statuses: Sequence[str], nodes: Sequence[Planned]) -> str:
-    """`12 of 41 nodes would run, 3 may follow, about 25 s`; the time is that of the last runs, one after another."""
+    """`12 of 41 nodes would run, 3 may follow, about 25 s`; the time is the sum of the last runs."""
     counts = Counter(statuses)
     if not counts["stale"] + counts["remote"] + counts["unknown"]:
         return f"{count(len(statuses), 'node')}, all up to date"

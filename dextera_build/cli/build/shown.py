@@ -1,4 +1,4 @@
-"""What a verb that builds says beside what its console shows: what it placed, and warnings."""
+"""Output of verbs that build, besides that of the console: placed files, notices and warnings."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
 
 
 def tell(built: Built, *, quiet: bool = False) -> None:
-    """Say what a person has to know of a build beside what its console showed.
+    """Print the notices of a build that its console did not show.
 
     Args:
         built: The build.
-        quiet: The console is `none` or `jsonl`, so that what changed in `dxb.lock` is not said.
+        quiet: The console is `none` or `jsonl`: changes of `dxb.lock` are not reported.
     """
     from dextera_build.report.wording import count, some
 
@@ -32,7 +32,7 @@ def tell(built: Built, *, quiet: bool = False) -> None:
 
 
 def warn() -> None:
-    """Print what sessions found that a person has to know, once."""
+    """Print the warnings of all sessions, once."""
     from dextera_build.session import warnings
 
     for text in warnings:
@@ -41,10 +41,10 @@ def warn() -> None:
 
 
 def lines(paths: Mapping[str, str]) -> str:
-    """A line for each target: its address, a tab, the path of its main file."""
+    """One line per target: its address, a tab, the path of its main file."""
     return "".join([f"{node}\t{shown(path)}\n" for node, path in paths.items()])
 
 
 def shown(path: str) -> str:
-    """A path as messages show it: relative where it lies below the current folder."""
+    """A path as messages show it: relative if it is below the current folder."""
     return path.removeprefix(f"{os.getcwd()}/")

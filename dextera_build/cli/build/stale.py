@@ -1,4 +1,4 @@
-"""`dxb plan --check` and `dxb build --check`: what is stale and why, one line each; nothing runs."""
+"""`dxb plan --check` and `dxb build --check`: stale nodes with their causes, one line each; nothing runs."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 def check(
     session: Session, graph: Graph, wanted: Sequence[Address], *, as_json: bool = False, refuses: bool = True
 ) -> int:
-    """Print every stale node with what changed, and refuse where there is one, or only count them.
+    """Print every stale node with its cause; then, with `refuses`, raise if there is one, otherwise count them.
 
     Raises:
-        StaleError: Something that `wanted` needs would run.
+        StaleError: A node that `wanted` needs would run.
     """
     states = {node.address: node for node in dry(graph, wanted, session.store, history=session.past_builds)}
     stale = [name for name, node in states.items() if node.status == "stale"]
@@ -46,7 +46,7 @@ def check(
 
 
 def _reason(session: Session, states: Mapping[str, Planned], causes: Causes, node: str) -> str:
-    """Why a stale node is stale, in one line: the first thing that changed, and how many more."""
+    """Why a node is stale, in one line: the first change, and the number of further ones."""
     entry = session.past_builds.get(node)
     if states[node].bare:
         return f"its result is bare: {NO_BYTES}"

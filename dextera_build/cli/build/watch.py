@@ -1,4 +1,4 @@
-"""`dxb watch`: build, wait until something that the build read changes, build again."""
+"""`dxb watch`: build, wait until a file that the build read changes, build again."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from dextera_build.project.project import Project
 
 _STEP_MS = 80
-"""Changes are taken together until so long nothing more changed."""
+"""Changes are batched until there is none for this long [ms]."""
 _LOOK_MS = 300
-"""How soon after it began to wait it looks for what changed before that."""
+"""Delay before the check for changes that preceded the wait [ms]."""
 _RACY_S = 0.1
 _FIRST = "first build"
 
@@ -49,14 +49,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one line a round on stderr; end with 0 when Ctrl-C comes while it waits, with 130 when it stops a build."""
+    """Print one line per round on stderr; return 0 if Ctrl-C interrupts the wait, 130 if it interrupts a build."""
     if args.once:
         return _once(args, *args.once)
     because = _FIRST
     while True:
         code, watch = _round(args.words[1:], because)
         if code == 130 or (code == 2 and because == _FIRST):
-            return code  # an unknown name is not a recipe that an edit could repair
+            return code  # an edit cannot fix an unknown name
         try:
             because = _wait(watch)
         except KeyboardInterrupt:
@@ -65,13 +65,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _round(words: Sequence[str], because: str) -> tuple[int, Watch]:
-    """A build in a process of its own, so that an edited rule is imported anew: its exit code, and what it read."""
+    """Build in a subprocess, which imports edited rules afresh; return its exit code, and the files it read."""
     watch = Watch()
-    # A file without a name, so that nothing is left where this process is killed.
+    # An anonymous file: nothing is left behind if this process is killed.
     with os.fdopen(os.memfd_create("report")) as opened:
         report = f"/dev/fd/{opened.fileno()}"
         command = [sys.executable, "-m", "dextera_build", "watch", "--once", report, because, *words]
-        # In a session of its own, so that Ctrl-C reaches it once: from here.
+        # In a new session: Ctrl-C reaches it only once, through this process.
         child = subprocess.Popen(command, start_new_session=True, pass_fds=[opened.fileno()])
         try:
             code = child.wait()
@@ -95,7 +95,7 @@ def _round(words: Sequence[str], because: str) -> tuple[int, Watch]:
 
 
 def _wait(watch: Watch) -> str:
-    """Return, once something that was read has changed, why to build again."""
+    """Wait until a file that was read changes, and return the reason to build again."""
     try:
         import watchfiles
     except ImportError:
@@ -119,7 +119,7 @@ def _wait(watch: Watch) -> str:
     )
     looked = False
     for events in rounds:
-        # The first time in any case: what changed between the build and the start of the watch gave no event.
+        # Always check once: changes between the build and the start of the watch gave no event.
         if (events or not looked) and (changed := _changed(watch)) is not None:
             return f"{shown(changed)} changed"
         looked = True
@@ -127,12 +127,12 @@ def _wait(watch: Watch) -> str:
 
 
 def _places(watch: Watch) -> set[Path]:
-    """Folders in which something must happen before `_changed` can find anything."""
+    """Folders to watch: every change that `_changed` can find causes an event in one of them."""
     return {_nearest(Path(name)) for name in {*map(os.path.dirname, watch.files), *watch.folders, *watch.paths}}
 
 
 def _changed(watch: Watch) -> str | None:
-    """A file or folder that is not what it was, or None."""
+    """A file or folder that has changed, or None."""
     files = (path for path, known in watch.files.items() if signature.look(path) != known)
     folders = (path for path, known in watch.folders.items() if signature.names(path) != known)
     paths = (path for path, known in watch.paths.items() if signature.modules(path) != known)
@@ -140,8 +140,8 @@ def _changed(watch: Watch) -> str | None:
 
 
 def _once(args: argparse.Namespace, report: str, because: str) -> int:
-    """Build, write what was read to `report` as JSON, and print the line of the round."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # also where the parent ignores it
+    """Build, write the files read to `report` as JSON, and print the line of the round."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # even if the parent ignores it
     began, watch = time.strftime("%H:%M:%S"), Watch()
     lines, code = [], 0
     for recipe, targets in options.by_recipe(args.targets).items():
@@ -162,7 +162,7 @@ def _build(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch:
 
     project = None
     try:
-        # Anew for each recipe, because an error leaves things half read.
+        # Opened anew for each recipe, because an error leaves a project half loaded.
         project, added = options.project(args), options.added(args)
         session = Session(project, recipe, added, makes=True)
         locking = Locking(project, lock=False, locked=False, added=added)
@@ -178,7 +178,7 @@ def _build(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch:
 
 
 def _note_mends(project: Project | None, error: DxbError, watch: Watch) -> None:
-    """Watch everything that the mend of an error could lie in."""
+    """Watch every file whose edit could fix an error."""
     from dextera_build.build.build import note_packages
     from dextera_build.project.project import deciding_files
 

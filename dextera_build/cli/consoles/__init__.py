@@ -1,4 +1,4 @@
-"""What a build shows while it runs. Every console is a listener of the event stream and writes to one stream."""
+"""Progress output of builds. Every console listens to the event stream and writes to one stream."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from dextera_build.cli.errors import wants_colour
 from dextera_build.cli.streams import StreamError
 from dextera_build.runs.events import Event, RunFinished
 
-_NARROW = 40  # columns below which a foot that moves has no room for a name, a clock and a bar
+_NARROW = 40  # columns; a narrower terminal has no room for a live footer
 
 
 class Console:
-    """A listener that may hold the terminal until it is closed; used as a context manager, which closes it.
+    """A listener that may control the terminal until it is closed; also a context manager, which closes it.
 
-    Alone it is the console `none`, which says nothing of a build that succeeds.
+    The base class is the console `none`, which prints failures only.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -39,7 +39,7 @@ class Console:
             raise StreamError(str(error)) from error
 
     def close(self) -> None:
-        """Write what is held back and leave the terminal as it was; may be called twice."""
+        """Flush held lines and restore the terminal; may be called twice."""
 
     def __enter__(self) -> Self:
         return self
@@ -62,7 +62,7 @@ class Console:
 
 
 class JsonlConsole(Console):
-    """Writes events as they are, one JSON object a line."""
+    """Writes events unchanged, one JSON object per line."""
 
     def _show(self, event: Event) -> None:
         with self._lock:
@@ -71,12 +71,12 @@ class JsonlConsole(Console):
 
 
 def console(kind: str, stream: TextIO, *, verbose: bool = False) -> Console:
-    """The console called `kind`; `live` and `auto` become `plain` where `stream` cannot show a foot that moves.
+    """Create the console `kind`; `live` and `auto` fall back to `plain` if `stream` cannot redraw lines.
 
     Args:
         kind: A value of the setting `console`.
-        stream: Standard error, as a rule; standard output is for results.
-        verbose: Show the lines that nodes log, too.
+        stream: Usually standard error; standard output is for results.
+        verbose: Also show the lines that nodes log.
     """
     if kind in ("none", "jsonl"):
         return JsonlConsole(stream) if kind == "jsonl" else Console(stream)
@@ -90,7 +90,7 @@ def console(kind: str, stream: TextIO, *, verbose: bool = False) -> Console:
 
 
 def can_move(stream: TextIO) -> bool:
-    """Whether lines at the foot of `stream` can be drawn again: a terminal with room, and nobody asked for none."""
+    """Whether `stream` can redraw lines: a terminal that is wide enough and not `dumb`."""
     if not stream.isatty() or os.environ.get("TERM") == "dumb":
         return False
     try:

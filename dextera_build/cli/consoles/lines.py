@@ -38,13 +38,13 @@ STYLES: dict[str, str] = {
 }
 """Style -> ANSI codes."""
 
-_NAME, _BACKEND = 26, 10  # characters: the widths of columns
+_NAME, _BACKEND = 26, 10  # column widths [characters]
 
-_FOLD = 4  # more nodes of one state in a row than this become one line
+_FOLD = 4  # larger groups of nodes in one state are folded into one line
 
 
 def line(event: Event, *, verbose: bool) -> Line | None:
-    """What a log says of an event at once; None of those that are told together or not at all."""
+    """The log line of an event; None if it is summarised later or not shown."""
     if isinstance(event, NodeFinished):
         return node(event) if event.status not in ("waits", "cancelled", "cached") else None
     if isinstance(event, NodeLog):
@@ -63,12 +63,12 @@ def node(event: NodeFinished) -> Line:
         said = f"for {some(event.blocked_by, 3)}"
     if event.status == "fetched":
         said = said or "remote"
-    # What it ran with elsewhere tells less here than where it came from.
+    # For a fetched node, its remote is more informative than the backend that it ran with.
     return _row(event.status, event.node, time, event.remote or event.backend or "", said)
 
 
 def left_over(events: Sequence[NodeFinished]) -> list[Line]:
-    """Nodes that never ran: by what they wait for, then those that were cancelled; many alike are one line."""
+    """Lines for nodes that never ran: waiting ones by blocker, then cancelled ones; large groups are folded."""
     groups: dict[tuple[str, ...], list[NodeFinished]] = {}
     for event in sorted(events, key=lambda e: e.status != "waits"):
         groups.setdefault((event.status, *event.blocked_by), []).append(event)
@@ -98,12 +98,12 @@ def _row(status: str, name: str, time: str, backend: str, said: str) -> Line:
 
 
 def plain(line: Line, *, colour: bool = False) -> str:
-    """The line's characters, with ANSI codes where `colour` is wanted."""
+    """The line's text, with ANSI codes if `colour` is true."""
     return "".join(paint(text, STYLES[style], colour and bool(STYLES[style])) for text, style in line)
 
 
 def plan(event: RunStarted) -> Line:
-    """`plan   17 calls, 1 open group`; how many nodes they become is known when the group opens."""
+    """`plan   17 calls, 1 open group`; the number of nodes is known once the group opens."""
     groups = f", {count(event.groups, 'open group')}" if event.groups else ""
     return [("plan   ", "name"), (f"{count(event.calls, 'call')}{groups}", "")]
 
@@ -120,13 +120,13 @@ def logged(node: str, text: str) -> Line:
 
 
 def missed(event: BytesMissed) -> Line:
-    """Why a node whose result is known is fetched or runs: `loud: its bytes are not here, and all reads them`."""
+    """Why a node with a known result is fetched or runs: `loud: its bytes are not here, and all reads them`."""
     because = "its bytes are requested" if event.reader == event.node else f"{event.reader} reads its bytes"
     return [(f"       {event.node}: its result is bare (bytes not in the store), and {because}", "dim")]
 
 
 def retried(event: NodeRetried) -> Line:
-    """A node that is tried again: `~  film   try 2 in 1.4 s: worker died (signal 9)`."""
+    """A node that is retried: `~  film   try 2 in 1.4 s: worker died (signal 9)`."""
     message = _first(str(event.error.get("message", "")))
     return [
         ("  ~  ", "waits"),
@@ -154,11 +154,11 @@ _GIVEN_UP = {
     "read": ("nothing more is read from {} in this build: {}", "`--cache local:rw` builds without remotes"),
     "write": ("nothing more is sent to {} in this build: {}", "mode `r` stops uploads"),
 }
-"""What is given up -> what to say of it, and what to do."""
+"""Mode that is given up -> message and hint."""
 
 
 def given_up(event: RemoteGivenUp) -> Line:
-    """One line: which remote, why, what to do."""
+    """A remote that is no longer used, the reason, and a hint."""
     named = event.remote if event.remote == event.address else f"{event.remote} ({event.address})"
     said, todo = _GIVEN_UP[event.doing]
     return [("warning: ", "waits"), (f"{said.format(f'remote {named}', printable(event.reason))}; {todo}", "")]
@@ -179,7 +179,7 @@ def uploading(event: Uploading) -> Line:
 
 
 def uploaded(event: Uploaded) -> list[Line]:
-    """What was uploaded, and what was not, with the reason."""
+    """The results uploaded to a remote, and those not uploaded, with the reason."""
     found: list[Line] = []
     if event.results:
         found.append([(f"  {event.remote}: {count(event.results, 'result')} uploaded, {size(event.octets)}", "dim")])
@@ -200,7 +200,7 @@ def pulled(recipe: str, event: RunFinished) -> Line:
 
 
 def next_steps(recipe: str) -> Line:
-    """What to look at after a build."""
+    """Commands that show the result of a build."""
     return [("  view: ", "dim"), (f"dxb view {recipe}", "path"), ("      report: ", "dim"), ("dxb report", "path")]
 
 
@@ -209,5 +209,5 @@ def _first(text: str) -> str:
 
 
 def printable(text: str) -> str:
-    """Without what moves the cursor or rings a bell: rules and their libraries print what they like."""
+    """`text` with unprintable characters as spaces: output of rules and libraries may hold control codes."""
     return "".join(char if char.isprintable() else " " for char in text)

@@ -1,4 +1,4 @@
-"""The build on a terminal: finished nodes scroll by, running nodes stand at the foot with a clock."""
+"""The live console: finished nodes scroll by, running nodes are listed in a footer with a clock."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from dextera_build.cli.consoles import lines
 from dextera_build.cli.consoles.plain import PlainConsole
 from dextera_build.cli.consoles.record import clock, counted, foot
 
-_PATIENCE_S = 0.4  # a build that runs nothing and ends sooner shows its last line only
+_PATIENCE_S = 0.4  # a shorter build that runs nothing shows its last line only
 
 
 class LiveConsole(PlainConsole):
-    """The log of a plain console above a foot.
+    """The log of a plain console above a footer.
 
-    Its thread draws both, so that a busy engine does not stop the clocks, and ten thousand nodes are not drawn ten
-    thousand times.
+    A thread draws both at a fixed rate: a busy engine does not stop the clocks, and ten thousand nodes do not cause
+    ten thousand redraws.
     """
 
     TICK_S = 0.1
@@ -41,7 +41,7 @@ class LiveConsole(PlainConsole):
         self._live = Live(console=self._terminal, auto_refresh=False, transient=True, get_renderable=self._foot)
 
     def tick(self) -> None:
-        """Draw the log and the foot."""
+        """Draw the log and the footer."""
         with self._lock:
             if self._held is None or self._now() - self._began > _PATIENCE_S:
                 self._live.start()

@@ -1,4 +1,4 @@
-"""One line per node that ran, and now and then one for a node that runs long: for logs, pipes and CI."""
+"""One line per finished node, and periodic lines for long-running nodes: for logs, pipes and CI."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from dextera_build.cli.consoles.record import beat
 from dextera_build.runs.events import Event, NodeFinished, NodeStarted, RemoteGivenUp, RunFinished
 
 _ASCII = str.maketrans({"↓": "v", "✗": "x", "·": ".", "…": "...", "–": "-", "×": "x", "→": "->", "°": " deg", "▸": ">"})
-_BEAT_S = 30.0  # a log that says nothing for longer looks hung
+_BEAT_S = 30.0  # a log that is silent for longer looks hung
 
 
 class PlainConsole(Console):
     """Prints whole lines, each in one write.
 
-    Lines are held back until something runs: where everything is cached, one line says so.
+    Lines are held back until something runs; if everything is cached, one line says so.
 
     Args:
-        stream: Where to.
-        verbose: Show the lines that nodes log, too.
-        beat_s: A node that runs longer says how far it is, once in so many seconds.
+        stream: The output.
+        verbose: Also show the lines that nodes log.
+        beat_s: Interval between progress lines of a running node [s].
         now: Seconds since the epoch.
     """
 
     TICK_S = 1.0
-    """How often its thread looks what is to be said of running nodes."""
+    """Interval at which the thread checks running nodes [s]."""
 
     def __init__(
         self, stream: TextIO, *, verbose: bool = False, beat_s: float = _BEAT_S, now: Callable[[], float] = time.time
@@ -43,13 +43,13 @@ class PlainConsole(Console):
         self._thread = threading.Thread(target=self._run, name="console", daemon=True)
 
     def close(self) -> None:
-        """Write what is held back."""
+        """Write the lines held back."""
         self._end()
         with self._lock:
             self._release()
 
     def tick(self) -> None:
-        """Write a line for each node that ran `beat_s` since it began or since its last line, and for uploads."""
+        """Write a progress line for each node that has run `beat_s` since its start or last line, and for uploads."""
         with self._lock:
             now = self._now()
             for node in self._record.running.values():

@@ -1,4 +1,4 @@
-"""What a console remembers of the run that it shows, and the lines of the nodes that run now."""
+"""The state of the run that a console shows, and the lines of running nodes."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from dextera_build.runs.events import (
 
 @dataclass
 class Running:
-    """One node that runs now."""
+    """A running node."""
 
     started: NodeStarted
     progress: NodeProgress | None = None
     told: float | None = None
-    """When a log last said that it still runs."""
+    """Time of its last progress line in a log."""
 
     def clock(self, now: float) -> str:
-        """How long it runs, and how long it took the last time: `10 s of ~40 s`."""
+        """Elapsed time, and the duration of its last run: `10 s of ~40 s`."""
         expected = self.started.last_seconds
         about = f" of ~{clock(max(expected, 1.0))}" if expected and expected >= 0.5 else ""
         return clock(max(0.0, now - self.started.time)) + about
 
     def doing(self) -> str:
-        """`4/8 hypotheses`; "" where it did not say."""
+        """`4/8 hypotheses`; "" if it reported no progress."""
         at = self.progress
         if at is None:
             return ""
@@ -48,12 +48,12 @@ class Running:
 
 
 def clock(seconds: float) -> str:
-    """Whole seconds, so that a ticking clock does not shake: `7 s`, `1 min 10 s`."""
+    """Whole seconds, for a steady display: `7 s`, `1 min 10 s`."""
     return f"{int(max(seconds, 0))} s" if seconds < 100 else duration(float(int(seconds)))
 
 
 class Record:
-    """Running nodes, failures, what waits for them, and how many nodes there are."""
+    """The running, failed and blocked nodes of a run, and its node counts."""
 
     def __init__(self) -> None:
         self._forget()
@@ -69,20 +69,20 @@ class Record:
         self.running: dict[str, Running] = {}
         self.failed: list[NodeFinished] = []
         self.left_over: list[NodeFinished] = []
-        """Waiting and cancelled nodes; told at the end, because they may be many."""
+        """Waiting and cancelled nodes; shown at the end, because there may be many."""
 
     @property
     def done(self) -> int:
-        """How many nodes need no more work, in this run or at all."""
+        """Number of nodes that are up to date or finished."""
         return len(self._done)
 
     @property
     def total(self) -> str:
-        """How many nodes there are; `12+` as long as groups are not open, because their copies are not known."""
+        """Number of nodes; `12+` until all groups are open, because their copies are not known before."""
         return f"{self.nodes:,}{'+' if self.unopened else ''}"
 
     def follow(self, event: Event) -> None:
-        """Take note of one event."""
+        """Update the state from one event."""
         if isinstance(event, RunStarted):
             self._forget()
             self.run, self.recipe, self.nodes = event.run, event.recipe, event.calls
@@ -126,18 +126,18 @@ class Record:
 
 
 def beat(node: Running, record: Record, now: float) -> Line:
-    """A line that says of a long node that it still runs: clock, expected time, how far it and the run are."""
+    """Progress line of a long-running node: clock, expected time, progress of the node and of the run."""
     return [*_line(node, node.started.node, now), (f"   ({counted(record)})", "dim")]
 
 
 def foot(running: Sequence[Running], now: float, columns: int, rows: int) -> list[Line]:
-    """Lines for the running nodes, oldest first, as many as fit into `rows`, each cut to `columns` by the caller.
+    """Lines for the running nodes, oldest first, at most `rows`; the caller cuts each to `columns`.
 
     Args:
-        running: Nodes that run.
+        running: Running nodes.
         now: Seconds since the epoch.
         columns: Width of the terminal.
-        rows: Most lines to return.
+        rows: Maximum number of lines.
     """
     shown = list(running[: max(rows, 1)])
     hidden = len(running) - len(shown)

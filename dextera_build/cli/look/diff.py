@@ -1,4 +1,4 @@
-"""`dxb diff`: what is different between two runs, two nodes or two artifacts."""
+"""`dxb diff`: differences between two runs, two nodes or two artifacts."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from dextera_build.store.store import Store
 
 _MOST = 40
-"""Lines for one node; `--json` has all."""
+"""Maximum number of lines per node; `--json` has all."""
 _SHORTEST = 6
-"""Digits of a digest's beginning."""
+"""Minimum length of a digest prefix [digits]."""
 
 
 _Run: TypeAlias = tuple[str, runs.Events]
-"""Its name and its events."""
+"""A run's name and its events."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one difference a line: [node,] kind, name, change; nothing where all is equal."""
+    """Print one line per difference: [node,] kind, name, change; nothing if all is equal."""
     project = options.project(args)
     store = reading(project)
     old, new = _pair(project, store, args.old, args.new)
@@ -79,10 +79,10 @@ def _print(found: Mapping[str, Sequence[Row]], names: tuple[str, str], *, as_jso
 
 
 def _pair(project: Project, store: Store, old: str, new: str | None) -> tuple[Side | _Run, Side | _Run]:
-    """What two operands name; a recipe, or a node of it, alone stands for its last two runs.
+    """Find two operands; a single recipe or node means its last two runs.
 
     Raises:
-        UsageError: An operand names nothing, or several things.
+        UsageError: An operand is unknown or ambiguous.
     """
     if new is not None:
         return _find(project, store, old), _find(project, store, new)
@@ -100,10 +100,10 @@ def _pair(project: Project, store: Store, old: str, new: str | None) -> tuple[Si
 
 
 def _find(project: Project, store: Store, text: str) -> Side | _Run:
-    """What one operand names.
+    """Find one operand.
 
     Raises:
-        UsageError: It names nothing, or several things.
+        UsageError: It is unknown or ambiguous.
     """
     head, colon, node = text.partition(":")
     if head in log.runs(store):
@@ -132,7 +132,7 @@ def _in_run(project: Project, run: str, node: str) -> Side:
 
 
 def _by_digest(store: Store, text: str) -> Side:
-    # Most key documents lie in the entries of their keys.
+    # Most key documents are stored in the entries of their keys.
     folders = [root / text[:2] for root in (store.blobs.root, store.actions.root)]
     names = {entry.name for folder in folders if folder.is_dir() for entry in folder.iterdir()}
     found = sorted(text[:2] + name for name in names if name.startswith(text[2:]))

@@ -1,4 +1,4 @@
-"""`dxb show --graph`: the nodes of a recipe and what they read, as SVG, JSON or Graphviz DOT."""
+"""`dxb show --graph`: the nodes of a recipe and their inputs, as SVG, JSON or Graphviz DOT."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def run(args: argparse.Namespace) -> int:
     """Print the graph, or write it and print its path.
 
     The JSON has `recipe`, `target`, `by`, `nodes` (`id`, `rule`, `backend`, `status`: null without `--status`; `count`:
-    how many nodes it stands for; rule and backend are null where these are not one) and `edges` (`from`, `to`: ids;
-    `to` reads what `from` returns).
+    number of nodes in the box; rule and backend are null if its nodes differ) and `edges` (`from`, `to`: ids; `to`
+    reads the output of `from`).
     """
     session, target = options.session(args, args.target)
     found = _nodes(session, target, marked=args.status)
@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _nodes(session: Session, target: str, *, marked: bool) -> list[Node]:
-    """The nodes that a target needs, with what they read, as the report draws them."""
+    """The nodes that a target needs, with their inputs, as the report draws them."""
     from dextera_build.explain.upstream import Upstream
     from dextera_build.report.run import Node
 

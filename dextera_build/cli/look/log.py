@@ -1,4 +1,4 @@
-"""`dxb log`: what a run did and what its nodes printed."""
+"""`dxb log`: the nodes of a run, and their output."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one node a line, or one node's log."""
+    """Print one line per node, or one node's log."""
     from dextera_build.explain import runs
 
     project = options.project(args)
@@ -51,9 +51,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _printed(project: Project, finished: Mapping[str, Any]) -> str:
-    """Everything that a node printed when it ran, in this run or an earlier one; "" where the store does not have it.
+    """Everything that a node printed when it ran, in this run or an earlier one; "" if the store does not have it.
 
-    What a rule prints by itself, and the traceback of one that failed, stands there and in no event.
+    It includes direct output of the rule and the traceback of a failure, which are not in any event.
     """
     from dextera_build.session import reading
 

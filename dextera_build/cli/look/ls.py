@@ -28,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one row a line."""
+    """Print one line per row."""
     from dextera_build.explain.runs import runs
 
     project = options.project(args)
@@ -70,7 +70,7 @@ def _backends(project: Project) -> Iterator[Row]:
 
 
 def _divergent(project: Project) -> Iterator[Row]:
-    """Keys that gave another output when they ran again."""
+    """Keys whose node returned another output when it ran again."""
     import time
 
     from dextera_build.session import reading

@@ -1,4 +1,4 @@
-"""`dxb show`: a node, everything that it came from, a recipe's past, its graph, a run's trace, or the configuration."""
+"""`dxb show`: a node, its lineage, a recipe's last builds, its graph, a run's trace, or the configuration."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print rows of name and value; with `--lineage` an indented line for everything, each once."""
+    """Print rows of name and value; with `--lineage` one indented line per item, each item once."""
     project = options.project(args)
     if args.trace:
         return give_text(project, _trace(project, args.target), args.out)
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _trace(project: Project, run: str | None) -> str:
-    """When every node of a run worked, for Perfetto, Chrome's about:tracing or speedscope."""
+    """The timeline of a run's nodes, for Perfetto, Chrome's about:tracing or speedscope."""
     from dextera_build.explain import runs
     from dextera_build.report import run as past
     from dextera_build.report.trace import trace
@@ -91,7 +91,7 @@ def _is_rule(project: Project, text: str) -> bool:
 
 
 def _config(project: Project, *, as_json: bool) -> int:
-    """Print every setting as it is written in `dxb.toml` or on the command line, with its origin."""
+    """Print every setting as written in `dxb.toml` or on the command line, with its origin."""
     rows = {name: {"value": found.value, "origin": found.origin} for name, found in project.config.items()}
     cells = []
     for name, found in project.config.items():
@@ -112,7 +112,7 @@ def _lineage(session: Session, target: str, *, as_json: bool) -> int:
 
 
 def _targets(session: Session, target: str) -> list[str]:
-    """A node that was built, or the built nodes that a target of the recipe stands for."""
+    """The built nodes that `target` names: a node, or a target of the recipe."""
     if target in session.history:
         return [target]
     from dextera_build.engine.graph import parse_address
@@ -127,7 +127,7 @@ def _targets(session: Session, target: str) -> list[str]:
 
 
 def _recipe(session: Session, *, as_json: bool) -> int:
-    """Print when each node of a recipe was built last, and what came out."""
+    """Print the last build of each node of a recipe: time, run, result."""
     if session.project.recipe(session.recipe) is None:
         session.plan()  # raises the error that lists the recipes
     rows = {

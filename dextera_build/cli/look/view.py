@@ -64,7 +64,7 @@ def _one(session: Session, node: str) -> Any:
 
 
 def _scene(session: Session) -> Any:
-    """Everything of a recipe's last build that makes up a scene, by the types of the artifacts."""
+    """The parts of a scene from a recipe's last build, found by the types of the artifacts."""
     from dextera_build.view.scene import show_scene
 
     nodes = _by_type(session)
@@ -90,6 +90,6 @@ def _by_type(session: Session) -> dict[str, list[str]]:
         try:
             header = json.loads(session.store.blobs.get(session.output(node)))
         except DxbError:
-            continue  # what is no longer in the store cannot be shown
+            continue  # no longer in the store
         found.setdefault(header["artifact"], []).append(node)
     return found

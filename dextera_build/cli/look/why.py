@@ -1,4 +1,4 @@
-"""`dxb why`: what a node's staleness comes from, down to the option, function or file that changed far upstream."""
+"""`dxb why`: why a node is stale, down to the option, function or file that changed far upstream."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print a sentence, then one cause a line: kind, name, old -> new, place; causes further upstream are indented."""
+    """Print a sentence and one line per cause: kind, name, old -> new, place; causes further upstream are indented."""
     session, node = options.session(args, args.node)
     if not node:
         from dextera_build.cli.build import stale

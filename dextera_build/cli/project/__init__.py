@@ -1,1 +1,1 @@
-"""Verbs that begin a project or look at the machine."""
+"""Verbs that set up a project, inspect the machine, or help."""

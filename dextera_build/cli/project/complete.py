@@ -1,4 +1,4 @@
-"""What may stand at the end of a command line; argcomplete asks, in the shell's name.
+"""Completion of command lines, called by argcomplete on behalf of the shell.
 
 No rule is imported and nothing is planned: recipes are listed, one is read, and nodes come from its past builds.
 """
@@ -16,7 +16,7 @@ from dextera_build.project.project import find
 
 
 def answer() -> int:
-    """Print what completes the line of the environment, and end the process; the exit code where it cannot."""
+    """Print the completions of the line in the environment and exit; return the exit code if that fails."""
     import argcomplete
 
     from dextera_build.cli.grammar import parser
@@ -25,13 +25,13 @@ def answer() -> int:
     verb = next((word for word in line.split()[1:] if not word.startswith("-")), "")
     top = parser(verb)
     _equip(top)
-    with suppress(Exception):  # a broken recipe or setting must not write into the line that a person types
+    with suppress(Exception):  # an error of a recipe or setting would be printed into the line being typed
         argcomplete.autocomplete(top, always_complete_options=False)
     return 1
 
 
 def _equip(parser: argparse.ArgumentParser) -> None:
-    """Give every argument its completer, by what the help calls its value."""
+    """Give every argument its completer, by its name or metavar."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for sub in set(action.choices.values()):
@@ -56,7 +56,7 @@ def _rules(**_: Any) -> list[str]:
 
 
 def _nodes(address: str) -> list[str]:
-    """Targets and nodes that a recipe declares, and nodes that were built."""
+    """Targets and nodes that a recipe declares, and its built nodes."""
     from dextera_build.session import Session
 
     project = find()
@@ -78,7 +78,7 @@ def _runs(**_: Any) -> dict[str, str]:
 def _in_run(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
     from dextera_build.explain import runs
 
-    # argcomplete asks for both words of `dxb log` while the first is typed.
+    # argcomplete also completes the second word of `dxb log` while the first is typed.
     events = runs.find(find(), parsed_args.run)[1] if parsed_args.run else []
     return [event["node"] for event in events if event["event"] == "node_finished"]
 
@@ -113,4 +113,4 @@ _COMPLETERS: dict[str, Callable[..., object]] = {
     "executor": _words("local", "ray"),
     "profile": _words("stub", "cpu", "gpu", "cloud"),
 }
-"""By an argument's own name, or by what the help calls its value."""
+"""Name or metavar of an argument -> its completer."""

@@ -1,4 +1,4 @@
-"""`dxb doctor`: what this machine has, what it lacks, and how to get it."""
+"""`dxb doctor`: checks of this machine for the needs of builds, with a fix for each problem."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LIBRARIES = {"libusb-1.0-0": "usb-1.0", "libgomp1": "gomp", "libegl1": "EGL", "
 _RENDER = "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 8, 8).close()"
 
 Finding = tuple[str, bool, str, str]
-"""What, whether it is there, what was found, and how to mend it."""
+"""Name, whether it is fine, details, and how to fix it."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one finding a line; 4 where something is missing that the profile needs."""
+    """Print one line per finding; return 4 if something that the profile needs is missing."""
     project = options.project(args)
     findings = [*_python(), *_store(project), *_libraries(), *_backends(project), *_rendering()]
     rows = [dict(zip(("what", "ok", "found", "mend"), finding, strict=True)) for finding in findings]
@@ -72,7 +72,7 @@ def _backends(project: Project) -> Iterator[Finding]:
 
 
 def _rendering() -> Iterator[Finding]:
-    """In a process of its own: a broken GL driver ends the process, and the choice of driver is made at import."""
+    """Render in a subprocess: a broken GL driver ends the process, and the driver is chosen at import."""
     environment = {"MUJOCO_GL": "egl", **os.environ}
     answer = subprocess.run([sys.executable, "-c", _RENDER], env=environment, capture_output=True, text=True)
     lines = answer.stderr.strip().splitlines()

@@ -17,7 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the help of a verb, what an error means, or what a rule takes; without a word, the overview."""
+    """Print the help of a verb, an error code or a rule; without an argument, the overview."""
     from dextera_build.cli.grammar import parser
 
     what = args.what

@@ -33,7 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the project's files; nothing that exists is touched."""
+    """Write the project's files; existing files are left unchanged."""
     root = Path(args.folder)
     files = {
         "dxb.toml": _CONFIG,

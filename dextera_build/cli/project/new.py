@@ -58,7 +58,7 @@ _NAMES = {
     "rule": (r"[a-z0-9_]+\.[a-z0-9_]+", "factorize.my_rule"),
     "backend": (r"[a-z0-9_]+\.[a-z0-9_]+=[a-z0-9_]+", "factorize.my_rule=my_backend"),
 }
-"""Kind -> the form of its names, and one of them."""
+"""Kind -> the pattern of its names, and an example."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _file(project: Project, kind: str, named: str) -> tuple[Path, str]:
-    """Where the file goes, and what it says."""
+    """The path and the text of the file."""
     if kind == "recipe":
         return project.root / "recipes" / f"{named}.yaml", _RECIPE
     path, _, backend = named.partition("=")

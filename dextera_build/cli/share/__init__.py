@@ -1,1 +1,1 @@
-"""Verbs that move results between stores, and keep the store."""
+"""Verbs that move results between stores, and maintain the store."""

@@ -1,4 +1,4 @@
-"""Amounts that people write: `50GB`, `30d`."""
+"""Sizes and durations on the command line: `50GB`, `30d`."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _FORM = re.compile(r"(\d+(?:\.\d+)?)\s*([A-Za-z]+)")
 
 
 def read(text: str, what: str) -> float:
-    """Bytes in `50GB` or `1.5 GiB` where `what` is `size`; seconds in `30d` or `12h` where it is `time`.
+    """Bytes in `50GB` or `1.5 GiB` if `what` is `size`; seconds in `30d` or `12h` if it is `time`.
 
     Raises:
-        UsageError: It is not.
+        UsageError: `text` is not such an amount.
     """
     units, example = _UNITS[what]
     found = _FORM.fullmatch(text.strip())

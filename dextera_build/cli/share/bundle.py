@@ -55,7 +55,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Carry out one of the verbs."""
+    """Run one of the verbs."""
     if args.what == "create":
         return _create(args)
     from dextera_build.cli.share import bundle_read
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _create(args: argparse.Namespace) -> int:
-    """Write a bundle of targets as they stand in the store; print its path and digest."""
+    """Write a bundle of targets from the store; print its path and digest."""
     from dextera_build.bundle import sign
     from dextera_build.bundle.closure_of_targets import survey
     from dextera_build.bundle.config import Build, Contents
@@ -106,7 +106,7 @@ def _recipes(project: Project, files: Sequence[Path]) -> dict[str, str]:
 
 
 def _created(newest: float) -> str:
-    """When this store came by the newest target, or what `SOURCE_DATE_EPOCH` says (https://reproducible-builds.org)."""
+    """Time of the newest target in this store, or `SOURCE_DATE_EPOCH` (https://reproducible-builds.org)."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     if epoch and not epoch.isdigit():
         raise UsageError(f"`SOURCE_DATE_EPOCH` is a number of seconds, not `{epoch}`", code="DXB-U145")
@@ -115,5 +115,5 @@ def _created(newest: float) -> str:
 
 
 def _shown(project: Project, path: Path) -> str:
-    """From the project's folder; of what lies elsewhere the name alone, as the rest is nobody's business."""
+    """A path relative to the project's folder; outside it only the file name, because the full path is private."""
     return str(path.relative_to(project.root)) if path.is_relative_to(project.root) else path.name

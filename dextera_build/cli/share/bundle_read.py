@@ -1,4 +1,4 @@
-"""`dxb bundle inspect`, `import` and `keygen`: what a bundle says of itself, and its results in a store."""
+"""`dxb bundle inspect`, `import` and `keygen`."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 
 def _open(args: argparse.Namespace, project: Project) -> tuple[Opened, sign.Voucher]:
-    """The bundle that an argument names, and who vouches for it.
+    """Open the bundle that the arguments name, and check its signature.
 
     Raises:
-        UsageError: There is no such file.
-        BundleRefused: It is no bundle, a signature is wrong, or one is required and there is none.
+        UsageError: The file does not exist.
+        BundleRefused: It is not a bundle, a signature is wrong, or a required signature is missing.
     """
     _, separator, place = args.bundle.partition("://")
     if separator:
@@ -53,7 +53,7 @@ def _open(args: argparse.Namespace, project: Project) -> tuple[Opened, sign.Vouc
 
 
 def take(args: argparse.Namespace) -> int:
-    """Import; print one line per target: its address, a tab, its output's digest."""
+    """Import a bundle; print one line per target: its address, a tab, its output's digest."""
     from dextera_build.store.store import Store
 
     project = options.project(args)
@@ -71,14 +71,14 @@ def take(args: argparse.Namespace) -> int:
 
 
 def keygen(args: argparse.Namespace) -> int:
-    """Make keys; print the path of the public one and the key's id."""
+    """Make a pair of keys; print the path of the public one and the key's id."""
     path = Path(args.file)
     key = sign.generate(path, args.name or f"{getpass.getuser()}@{platform.node()}")
     return table.give([{"file": f"{path}.pub", "key": key.id}], as_json=args.json)
 
 
 def _remember(project: Project, store: Store, build: Build, bundle: Opened) -> None:
-    """An import is a run whose nodes were fetched, so that every verb finds them."""
+    """Record an import as a run that fetched its nodes, which makes it visible to every verb."""
     from dextera_build.runs import events
     from dextera_build.runs.history import Entry, History
     from dextera_build.runs.log import EventLog
@@ -136,7 +136,7 @@ def _say(bundle: Opened, voucher: sign.Voucher, taken: importer.Taken) -> None:
 
 
 def inspect(args: argparse.Namespace) -> int:
-    """Print rows of name and value, or all as JSON, or one recipe."""
+    """Print rows of name and value, the whole bundle as JSON, or one recipe."""
     bundle, voucher = _open(args, options.project(args))
     if args.recipe:
         print(_recipe(bundle, args.recipe), end="")

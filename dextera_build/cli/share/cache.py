@@ -1,4 +1,4 @@
-"""`dxb cache`: the store's size, whether it is whole, what can go, and other machines that use it."""
+"""`dxb cache`: size, verification and garbage collection of the store, and exchange with other machines."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ACTIONS = {
     "serve": "serve the store to other machines, as a Bazel HTTP cache",
 }
 _MODULES = {action: f"dextera_build.cli.share.{action}" for action in ("push", "pull", "serve")}
-"""Actions in files of their own."""
+"""Actions in separate modules."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,7 +49,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Carry the action out."""
+    """Run the action."""
     if args.what in _MODULES:
         code: int = importlib.import_module(_MODULES[args.what]).run(args)
         return code
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _size(args: argparse.Namespace) -> int:
-    """Print one kind a line: name, count, bytes."""
+    """Print one line per kind: name, count, bytes."""
     from dextera_build.session import reading
 
     counted = reading(options.project(args)).size()
@@ -77,7 +77,7 @@ def _collect(args: argparse.Namespace) -> int:
 
     said = collect_all(reading(options.project(args)), size=limit, age_s=age_s, dry=not args.yes)
     cells = [
-        # A reason names folders, by files that somebody may have changed.
+        # A reason names folders, read from files that others can edit.
         {"do": do, "kind": row.kind, "count": str(row.count), "bytes": str(row.bytes), "why": printable(row.why)}
         for do, rows in (("drop", said.gone), ("keep", said.stays))
         for row in rows
@@ -105,7 +105,7 @@ def _explain(said: Collection, limit: int | None, *, dry: bool) -> None:
 
 
 def _verify(args: argparse.Namespace) -> int:
-    """Print one finding a line: kind, name, what is wrong, what was done; exit with 1 where damage stays."""
+    """Print one line per finding: kind, name, damage, repair; return 1 if damage remains."""
     from dextera_build.gc.verify import verify
     from dextera_build.session import reading
 

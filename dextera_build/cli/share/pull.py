@@ -1,4 +1,4 @@
-"""`dxb cache pull`: brings targets from a remote, and runs nothing."""
+"""`dxb cache pull`: download targets from a remote without running anything."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Place results as `build` does; one line each: address, main file."""
+    """Download targets and place them as `build` does; print one line each: address, main file."""
     project = options.project(args)
     lacking: list[str] = []
     rows: list[dict[str, str]] = []
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _show(recipe: str) -> Listener:
-    """Print one line for what came, and one for the whole."""
+    """Print one line per fetched node, and a summary."""
 
     def show(event: Event) -> None:
         line = None

@@ -1,4 +1,4 @@
-"""`dxb cache push`: uploads what was built."""
+"""`dxb cache push`: upload results to a remote."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one node a line: address, key."""
+    """Print one line per uploaded node: address, key."""
     project, exchange = options.project(args), None
     sent, stale, bare = dict[str, str](), list[str](), list[str]()
     for text in args.targets:
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _finish_uploads(exchange: Exchange) -> set[str]:
-    """Wait for uploads, say how they went, and return the keys of those that failed."""
+    """Wait for uploads, report them, and return the keys of failed uploads."""
     said = time.monotonic()
     while left := exchange.wait(_TICK_S):
         if time.monotonic() - said > _SAY_S:

@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _refuse_open_doors(args: argparse.Namespace, project: Project, secret: str) -> None:
-    """Refuse a server that strangers could write to: its clients build with the results that they find.
+    """Refuse a server that anyone could write to, because its clients trust the results.
 
     Raises:
         UsageError: Anyone could write, or unsigned results could enter a store that requires signatures.
