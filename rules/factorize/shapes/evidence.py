@@ -1,4 +1,4 @@
-"""Evidence of one view about an object, prepared for fitting: trusted points, normals, rays along the silhouette."""
+"""Prepare one view of an object for fitting: trusted points, normals, rays across the silhouette."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from dextera_build.artifacts.object import ObjectView
 from dextera_build.geometry import cameras, transforms
 
 REACH_PX = 12.0
-"""How far to each side of the silhouette the fit looks [px]."""
+"""Length of the rays on each side of the silhouette [px]."""
 CONTACT_M = 0.018
-"""A surface just below an object carries it if its depth differs by no more than this [m]."""
+"""Maximum depth difference between an object and the surface just below that carries it [m]."""
 LIFTED_M = 0.02
-"""An object whose lowest seen border is not higher stands on the support [m]."""
+"""Maximum height of the lowest seen border of an object that stands on the support [m]."""
 STEP_PX = 0.75
-"""Distance of the rays across the silhouette [px]."""
+"""Sampling step along a ray [px]."""
 
 
 @dataclass(frozen=True)
@@ -24,27 +24,27 @@ class Silhouette:
     """Rays across the outline of the mask, from inside to outside."""
 
     rays: np.ndarray  # (S, T, 6) origin and direction in the world frame
-    inside: np.ndarray  # (S, T) bool, beyond the body's other side: counts as covered
-    outside: np.ndarray  # (S, T) bool, beyond a gap of the mask: counts as empty
+    inside: np.ndarray  # (S, T) bool, beyond the far side of the body; treated as covered
+    outside: np.ndarray  # (S, T) bool, beyond a gap in the mask; treated as empty
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """One object as one camera saw it. Points and rays are in the world frame; it stands on z = 0."""
+    """One object seen by one camera. Points and rays are in the world frame; the object stands on z = 0."""
 
-    base: float  # height over the support of what the object stands on [m]; 0 for the support itself
+    base: float  # height above the support of the surface under the object [m]; 0 for the support itself
     k: np.ndarray  # (3, 3) intrinsics of the crop [px]
     world_from_camera: np.ndarray  # (4, 4)
     mask: np.ndarray  # (H, W) bool
-    known: np.ndarray  # (H, W) bool, nothing nearer may hide the object there
-    depth: np.ndarray  # (H, W) float64 [m], 0 where nothing was measured
+    known: np.ndarray  # (H, W) bool, not hidden by anything nearer
+    depth: np.ndarray  # (H, W) float64 [m], 0 if not measured
     sigma: np.ndarray  # (H, W) float64, standard deviation of the depth [m]
     core: np.ndarray  # (H, W) bool, mask pixels with trusted depth
     points: np.ndarray  # (N, 3) world points of the core, row-major [m]
     normals: np.ndarray  # (N, 3) unit normals that face the camera
     rays: np.ndarray  # (P, 6) rays through a sample of the core
-    ray_depth: np.ndarray  # (P,) seen depth of them [m]
-    ray_sigma: np.ndarray  # (P,) its standard deviation [m]
+    ray_depth: np.ndarray  # (P,) seen depth of the rays [m]
+    ray_sigma: np.ndarray  # (P,) standard deviation of the depth [m]
     silhouette: Silhouette
 
     @property
@@ -61,7 +61,7 @@ class Evidence:
 
     @property
     def height(self) -> float:
-        """Height of the highest trusted points above the support, tolerant of stray points [m]."""
+        """Height of the highest trusted points above the support, robust to outliers [m]."""
         return max(float(np.quantile(self.points[:, 2], 0.995)), 0.004)
 
 
@@ -70,8 +70,7 @@ def gather(seen: ObjectView, samples: int = 1500, outline_samples: int = 220) ->
 
     Args:
         seen: The view.
-        samples: Number of depth rays that a fit compares.
-        outline_samples: Number of places on the silhouette that a fit compares.
+        samples: Number of depth rays per fit.
     """
     k, pose = seen.camera.matrix(), seen.world_from_camera
     mask = without_pinholes(seen.mask)
