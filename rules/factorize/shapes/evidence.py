@@ -71,6 +71,7 @@ def gather(seen: ObjectView, samples: int = 1500, outline_samples: int = 220) ->
     Args:
         seen: The view.
         samples: Number of depth rays per fit.
+        outline_samples: Number of silhouette samples per fit.
     """
     k, pose = seen.camera.matrix(), seen.world_from_camera
     mask = without_pinholes(seen.mask)
@@ -105,7 +106,7 @@ def gather(seen: ObjectView, samples: int = 1500, outline_samples: int = 220) ->
 
 
 def without_pinholes(mask: np.ndarray) -> np.ndarray:
-    """The mask with holes filled that are smaller than a five-hundredth of it: errors, not handles."""
+    """Fill holes smaller than 1/500 of the mask: they are errors, not handles."""
     from scipy import ndimage
 
     holes, number = ndimage.label(~mask)
@@ -116,10 +117,10 @@ def without_pinholes(mask: np.ndarray) -> np.ndarray:
 
 
 def standing_height(mask: np.ndarray, depth: np.ndarray, k: np.ndarray, pose: np.ndarray) -> float:
-    """Height over the support of what the object stands on [m], 0 where nothing speaks against the support itself.
+    """Height above the support of the surface under the object [m], 0 unless the view shows otherwise.
 
-    Along the lower border of the mask, an object that stands on another one touches what is seen below it; one that
-    is hidden by another is behind it.
+    Along the lower border of the mask, an object on top of another touches the surface seen below it; an occluded
+    object is behind that surface.
     """
     columns = np.flatnonzero((mask & (depth > 0)).any(axis=0))
     if len(columns) < 8:
@@ -143,17 +144,17 @@ def standing_height(mask: np.ndarray, depth: np.ndarray, k: np.ndarray, pose: np
 
 
 def _middle(depth: np.ndarray, heights: np.ndarray) -> tuple[float, float]:
-    """Median depth and height of the pixels that have a depth."""
+    """Median depth and height of the pixels with a depth."""
     return float(np.median(depth[depth > 0])), float(np.median(heights[depth > 0]))
 
 
 def noise(depth: np.ndarray) -> np.ndarray:
-    """Standard deviation of a depth reading [m]: stereo and structured light grow with the square of the distance."""
+    """Standard deviation of a depth reading [m], quadratic in the distance as for stereo and structured light."""
     return np.asarray(0.001 + 0.002 * depth**2)
 
 
 def trusted(mask: np.ndarray, depth: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-    """Mask pixels without flying pixels: away from the outline, from gaps and from jumps of the depth."""
+    """Mask pixels away from the outline, gaps and depth jumps, which excludes flying pixels."""
     from scipy import ndimage
 
     inner = ndimage.binary_erosion(mask, iterations=2) & (depth > 0)
@@ -175,7 +176,7 @@ def _bearings(shape: tuple[int, ...], k: np.ndarray, pose: np.ndarray) -> np.nda
 
 
 def _normals(depth: np.ndarray, k: np.ndarray, window: int = 7) -> np.ndarray:
-    """Unit normals (H, W, 3) in the camera frame, smoothed, facing the camera; 0 where nothing is known."""
+    """Unit normals (H, W, 3) in the camera frame, smoothed, facing the camera; 0 if unknown."""
     from scipy import ndimage
 
     points = cameras.backproject(depth, k)
@@ -184,7 +185,7 @@ def _normals(depth: np.ndarray, k: np.ndarray, window: int = 7) -> np.ndarray:
     middle = np.stack([ndimage.uniform_filter(points[..., i] * valid, window) / weight for i in range(3)], axis=-1)
     columns, rows = np.indices(depth.shape)[::-1].astype(np.float64)
     slopes = []
-    # Local least-squares slopes of depth over the window, gaps left out, so that a normal needs no full window.
+    # Least-squares slopes of depth over the window, ignoring gaps: a normal needs no full window.
     mean = [ndimage.uniform_filter(q * valid, window) / weight for q in (columns, rows, depth)]
     moment = {
         (i, j): ndimage.uniform_filter(p * q * valid, window) / weight - mean[i] * mean[j]
@@ -212,7 +213,7 @@ def _silhouette(mask: np.ndarray, known: np.ndarray, k: np.ndarray, pose: np.nda
     hidden = (~_lookup(known, places, outside=True) | beyond) & (offsets > 0)
     keep = ~hidden[:, (offsets > 0) & (offsets <= 4.0)].any(axis=1)
     places, inner = places[keep], inner[keep]
-    # From the outline inwards the mask must be unbroken, outwards it must stay empty; behind a break nothing is said.
+    # Inwards from the outline the mask must be unbroken, outwards empty; samples behind a break are ignored.
     inward = offsets < -0.75
     broken = np.cumsum((~inner & inward)[:, ::-1], axis=1)[:, ::-1] > 0
     again = np.cumsum(inner & (offsets > 1.5), axis=1) > 0
@@ -225,7 +226,7 @@ def _silhouette(mask: np.ndarray, known: np.ndarray, k: np.ndarray, pose: np.nda
 
 
 def _lookup(mask: np.ndarray, places: np.ndarray, *, outside: bool = False) -> np.ndarray:
-    """Values (..., ) of a mask at places (..., 2) (column, row); `outside` is the value beyond the border."""
+    """Values (...,) of a mask at positions (..., 2) (column, row); `outside` is the value beyond the border."""
     nearest = np.round(places).astype(int)
     height, width = mask.shape
     within = (nearest >= 0).all(axis=-1) & (nearest[..., 0] < width) & (nearest[..., 1] < height)
@@ -234,7 +235,7 @@ def _lookup(mask: np.ndarray, places: np.ndarray, *, outside: bool = False) -> n
 
 
 def _outline(mask: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Places (S, 2) (column, row) on the mask's border and unit outward directions (S, 2), evenly along it."""
+    """Evenly spaced positions (S, 2) (column, row) on the mask's border and unit outward directions (S, 2)."""
     import cv2
     from scipy import ndimage
 
@@ -247,11 +248,11 @@ def _outline(mask: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
         tangent = np.roll(smooth, -1, axis=0) - np.roll(smooth, 1, axis=0)
         normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=-1)
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
-        # Which side is out differs between outer borders and holes: the mask itself tells.
+        # The outward side differs between outer borders and holes: sample the mask.
         probe = _lookup(mask, smooth + 2.5 * normal).mean() - _lookup(mask, smooth - 2.5 * normal).mean()
         normal = normal if probe < 0 else -normal
         pick = np.linspace(0, len(contour), max(8, samples * len(contour) // max(total, 1)), endpoint=False).astype(int)
-        # Border pixels of a hole lie outside it as seen from the mask, so both kinds sit half a pixel inside.
+        # Contour pixels of holes belong to the mask as well, so both kinds are half a pixel inside.
         places.append(smooth[pick] + 0.5 * normal[pick])
         outward.append(normal[pick])
     if not places:

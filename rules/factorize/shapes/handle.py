@@ -34,7 +34,7 @@ class _Plane:
     object_from_camera: np.ndarray
 
     def place(self, pixels: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(distance from the axis, height) (N, 2) [m] and depth (N,) where rays through (column, row) cross the plane."""
+        """(distance from the axis, height) (N, 2) [m] and depth (N,) at which rays through (column, row) cross it."""
         bearing = np.concatenate([(pixels - [k[0, 2], k[1, 2]]) / [k[0, 0], k[1, 1]], np.ones((len(pixels), 1))], 1)
         bearing = bearing @ self.object_from_camera[:3, :3].T
         normal = np.array([-np.sin(self.azimuth), np.cos(self.azimuth), 0.0])
@@ -168,7 +168,7 @@ def _outlines(
 def _without_side(
     section: Any, width: float, plane: _Plane, beside: np.ndarray, evidence: Evidence
 ) -> tuple[Any, float]:
-    """The section without the part of the silhouette that shows the strap's side, and the side's likely thickness [m]."""
+    """The section without the silhouette of the strap's side, and the side's likely thickness [m]."""
     rows, columns = np.nonzero(beside)
     middle = np.array([[columns.mean(), rows.mean()]])
     shift = plane.slide(middle, evidence.k)

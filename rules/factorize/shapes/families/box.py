@@ -1,4 +1,4 @@
-"""Boxes and cylinders: an upright box, and a cylinder that lies on the support."""
+"""Boxes and cylinders: an upright box, and a cylinder lying on the support."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def box_body(p: np.ndarray) -> Solid:
 
 
 def spans(points: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
-    """Low and high ends (2,) of points (N, 2) along axes turned by `angle`, with 1 % outliers trimmed on each side [m]."""
+    """Low and high ends (2,) of points (N, 2) along axes turned by `angle`, with 1 % trimmed on each side [m]."""
     turned = points @ np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return np.quantile(turned, 0.01, axis=0), np.quantile(turned, 0.99, axis=0)
 
