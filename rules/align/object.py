@@ -22,7 +22,7 @@ class ObjectOptions(Options):
     search_gain: NonNegativeFloat = 0.1
     """Minimum improvement of the render score for a pose found from scratch to replace a poor guess."""
     rest_m: NonNegativeFloat = 0.02
-    """A body with its lowest point within this distance of the support stands on it [m]."""
+    """Maximum distance from the support of the lowest point of a body that stands on it [m]."""
     iterations: PositiveInt = 40
     """Iterations of the final refinement."""
     finalists: PositiveInt = 6

@@ -1,4 +1,4 @@
-"""demonstrate.gather: the shards of a data set as one."""
+"""demonstrate.gather: merge the shards of a data set."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.rule import Context, rule
 
 SAME = ("task", "embodiment", "rate_hz", "joint_names", "object_names", "displacement_names", "tip_names")
-"""Fields in which all parts must agree."""
+"""Fields that must be equal in all shards."""
 
 
 @rule(version=1)

@@ -35,7 +35,7 @@ class Grasp:
     above_m: float = 0.08
     """Height of the approach above the waiting position [m]."""
     aside: float = 1.0
-    """Horizontal distance there, as a multiple of `away`."""
+    """Offset from the grasp at that height, as a multiple of `away`."""
     arc_m: float = 0.08
     """Height of the approach's midpoint above the straight line [m]."""
     seconds: tuple[float, float, float, float, float, float] = (1.3, 0.5, 0.6, 0.6, 1.2, 0.8)

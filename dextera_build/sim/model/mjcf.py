@@ -25,7 +25,7 @@ from dextera_build.geometry.cameras import GL_FROM_CV
 from dextera_build.sim.model import mjcf_contact, names
 
 PIXEL_M = 1e-6
-"""Nominal sensor pitch of the camera; only its ratio to the focal length matters [m]."""
+"""Nominal sensor pitch of the camera; only ratios matter [m]."""
 
 Element = ElementTree.Element
 

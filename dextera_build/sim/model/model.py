@@ -16,7 +16,7 @@ def compile_folder(model: Folder) -> Any:
     """
     import mujoco
 
-    # Keep MuJoCo from writing `MUJOCO_LOG.TXT` to the user's folder; divergence shows in `MjData.warning` and in speeds.
+    # Keep MuJoCo from writing `MUJOCO_LOG.TXT` to the user's folder; `MjData.warning` and speeds show divergence.
     mujoco.set_mju_user_warning(lambda message: None)
     if "scene.xml" not in model.files:
         raise RuleError("the folder holds no `scene.xml`", code="DXB-B210", facts={"files": len(model.files)})

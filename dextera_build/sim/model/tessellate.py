@@ -47,7 +47,7 @@ def _geom(model: Any, geom: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def turned(profile: np.ndarray, segments: int = 4 * RINGS) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and faces of a profile (P, 2) of radius and z, revolved about z; the profile begins and ends on the axis."""
+    """Vertices and faces of a profile (P, 2) of radius and z, revolved about z; its ends are on the axis."""
     angle = 2 * np.pi * np.arange(segments) / segments
     rows = len(profile)
     vertices = np.stack(

@@ -146,7 +146,7 @@ def _smoothed(values: np.ndarray, seen: raycast.Render) -> np.ndarray:
 
 
 def _doubled(values: np.ndarray, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
-    """Upsample to (H, W, C) at twice the size from those of the nine nearest with the fine pixel's depth."""
+    """Values (H, W, C) at twice the resolution, from those of the nine nearest with the fine pixel's depth."""
     row, column = np.mgrid[0 : fine.shape[0], 0 : fine.shape[1]]
     total, weight = np.zeros((*fine.shape, values.shape[-1])), np.zeros(fine.shape)
     for down in (-1, 0, 1):

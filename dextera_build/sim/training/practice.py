@@ -86,7 +86,7 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
         return np.concatenate([self._steering.numbers(self._inputs)[0], self._insight()])
 
     def _insight(self) -> np.ndarray:
-        """Privileged numbers (P,): forces and velocities, fingertips and the object's surface in the palm's frame, time."""
+        """Privileged numbers (P,): forces, velocities, fingertips and object surface in the palm's frame, time."""
         hand = self.seen[f"{PRIVILEGED}/hand_pose"]
         environment = self._task.environment
         parts = [

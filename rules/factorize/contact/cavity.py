@@ -10,9 +10,9 @@ import numpy as np
 from dextera_build.artifacts.geometry import Hull, Mesh
 
 _AROUND = 16
-"""Horizontal rays cast from each point."""
+"""Number of horizontal rays cast from each point."""
 _BLOCKED = 14
-"""Rays that must hit a wall; the others allow for a spout or a notch in the rim."""
+"""Number of rays that must hit a wall; the others allow for a spout or a notch in the rim."""
 
 
 @dataclass(frozen=True)

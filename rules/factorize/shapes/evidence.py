@@ -10,13 +10,13 @@ from dextera_build.artifacts.object import ObjectView
 from dextera_build.geometry import cameras, transforms
 
 REACH_PX = 12.0
-"""Length of the rays on each side of the silhouette [px]."""
+"""Extent of the samples on each side of the silhouette [px]."""
 CONTACT_M = 0.018
 """Maximum depth difference between an object and the surface just below that carries it [m]."""
 LIFTED_M = 0.02
 """Maximum height of the lowest seen border of an object that stands on the support [m]."""
 STEP_PX = 0.75
-"""Sampling step along a ray [px]."""
+"""Spacing of the rays across the silhouette [px]."""
 
 
 @dataclass(frozen=True)

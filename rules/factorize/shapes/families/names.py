@@ -1,4 +1,4 @@
-"""Names of the body families of `factorize.mesh`, without imports for use in the rule's options."""
+"""Names of the body families of `factorize.mesh`; imports nothing, for use in the rule's options."""
 
 from __future__ import annotations
 

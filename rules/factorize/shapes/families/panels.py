@@ -25,8 +25,8 @@ OVERHANG = -0.06
 def panels(evidence: Evidence) -> Model | None:
     """x, y, yaw, width, base depth, base thickness, lid length, lid thickness, opening angle; None without two planes.
 
-    In the body's frame x runs along the crease, the base reaches from the crease towards -y, and the lid stands at
-    its +y end; at angle pi the lid lies flat.
+    In the body's frame x runs along the crease, the base reaches from the crease towards -y, and the lid is at
+    its +y end; at angle pi the lid is flat.
     """
     start = _start(evidence)
     if start is None:
@@ -104,7 +104,7 @@ def _start(evidence: Evidence) -> np.ndarray | None:
         return None
     if float(np.median(base[:, :2] @ across)) > edge:
         crease, across, edge = -crease, -across, -edge
-    # Along the lid: sin(angle) is how fast it rises, -cos(angle) how fast it goes back.
+    # Along the lid, sin(angle) is its rise and -cos(angle) its way back, per unit length.
     back = float((lid[:, :2] @ across - edge) @ (lid[:, 2] - level)) / float(((lid[:, 2] - level) ** 2).sum() + 1e-12)
     angle = float(np.arctan2(1.0, -back))
     reach = (lid[:, :2] @ across - edge) * -np.cos(angle) + (lid[:, 2] - level) * np.sin(angle)
