@@ -39,7 +39,7 @@ class ObjectsOptions(Options):
     """Options of evaluate.objects."""
 
     boundary_tolerance: PositiveFloat = 0.008
-    """Tolerance of the boundary F1 [px]; below 1, a fraction of the image diagonal."""
+    """Tolerance of the boundary F1 in pixels; below 1, a fraction of the image diagonal."""
     match_iou: Fraction = 0.1
     """Minimum mask IoU at which an asset matches a true object."""
     samples: PositiveInt = 20000

@@ -55,7 +55,7 @@ def replay(
     *,
     options: ReplayOptions,
 ) -> Trials:
-    """Replay rollouts that succeed in the twin in another world, with open-loop joint targets [rad].
+    """Return the results of replaying the twin's successful rollouts in another world, joint targets [rad] open loop.
 
     At every reset of `world`, its tracked objects and joints are copied to the twin, `sources` are adapted to them by
     object-centric synthesis (Eq. 4) without action noise, and a rollout that succeeds in the twin is replayed in
