@@ -1,4 +1,4 @@
-"""background.static without image processing: holes take the support's mean colour, the surface is two triangles."""
+"""background.static without image processing: holes get the support's mean colour, the surface is two triangles."""
 
 from __future__ import annotations
 

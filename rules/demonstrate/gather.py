@@ -14,7 +14,7 @@ SAME = ("task", "embodiment", "rate_hz", "joint_names", "object_names", "displac
 
 @rule(version=1)
 def gather(ctx: Context, shards: Collection[Episodes]) -> Episodes:
-    """Return all episodes of the shards in the order of their indices, with the discarded ones."""
+    """Return all episodes of the shards in index order, and the discarded ones."""
     parts = [shards.items[label] for label in sorted(shards.items)]
     ctx.check(bool(parts), "no shards were given", hint="set `episodes` above 0")
     items: dict[str, Episode] = {}

@@ -47,7 +47,7 @@ class ObjectsOptions(Options):
     seed: NonNegativeInt = 0
     """Seed of the sampling."""
     threshold_m: PositiveFloat = 0.01
-    """Distance that counts as a hit in the F-score [m]."""
+    """Distance threshold of the F-score [m]."""
 
 
 @rule(version=1, packages=("numpy", "scipy", "open3d"))

@@ -1,4 +1,4 @@
-"""evaluate.transfer: how well success in the twin predicts success in the other world."""
+"""evaluate.transfer: correlation of success in the twin with success in other worlds."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _matches(series: Series) -> list[Match]:
 
 
 def _rows(matches: Sequence[Match]) -> list[tuple[table.Cell, ...]]:
-    """All cells, the cells of each kind of world if there are several, and the policies' means over their tasks."""
+    """All cells, the cells of each kind of world if there are several, and the policies' means over tasks."""
     rows = [_row("cells: policy in a task", [match.point for match in matches])]
     worlds = sorted({match.other.world for match in matches}, reverse=True)
     if len(worlds) > 1:

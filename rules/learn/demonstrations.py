@@ -98,7 +98,7 @@ def split(names: tuple[str, ...], share: float, seed: int) -> tuple[tuple[str, .
 
 
 def _places(bundle: TaskBundle, layout: Layout, fields: features.Fields, chosen: np.ndarray) -> np.ndarray:
-    """Pose and joints of the task's object, (N, P), normalised."""
+    """Normalised pose and joints of the task's object, (N, P)."""
     name = bundle.task.object
     pose = contracts.channel(layout, "objects", (name,))
     joints = contracts.channel(layout, "displacement", bundle.objects[name].joints)

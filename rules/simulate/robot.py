@@ -150,7 +150,7 @@ class FrameOptions(Options):
 
 
 class GripOptions(Options):
-    """A way to use the hand."""
+    """A grip of the hand."""
 
     against: Literal["thumb", "palm", "nothing"]
     """The opposing side of the grip; `nothing`: the fingers push with their tips."""
@@ -182,9 +182,9 @@ class RobotOptions(Options):
     frames: dict[str, FrameOptions]
     """Role -> frame: `flange`, `palm`, `tip_index`, ..."""
     grips: dict[str, GripOptions] = Field(default_factory=dict)
-    """Name -> a way to use the hand."""
+    """Name -> grip of the hand."""
     apart: tuple[tuple[str, str], ...] = ()
-    """Pairs of links excluded from contact, besides neighbours."""
+    """Pairs of links excluded from contact, in addition to neighbours."""
 
 
 @rule(version=1, packages=("mujoco",))

@@ -108,7 +108,7 @@ class ArmKinematics:
     def track(
         self, target: np.ndarray, joints: np.ndarray, dt: float, *, posture: np.ndarray | None = None
     ) -> np.ndarray:
-        """Joints (A,) [rad] one control step of `dt` [s] later, as near to `target` (4, 4) as speed limits allow."""
+        """Joints (A,) [rad] after one control step of `dt` [s], as near to `target` (4, 4) as speed limits allow."""
         self._state.update(self._spread(joints))
         self._hand.set_target(_se3(target))
         self._posture.set_target(self._spread(self.home if posture is None else posture))

@@ -19,11 +19,11 @@ class Noise:
     """Standard deviations of the action noise of Eq. 4d, which never enters the label."""
 
     position_m: float = 0.0
-    """Of the palm, per axis [m]."""
+    """Noise of the palm's position, per axis [m]."""
     rotation_rad: float = 0.0
-    """Of the palm's rotation vector, per axis, applied from the right [rad]."""
+    """Noise of the palm's rotation vector, per axis, applied from the right [rad]."""
     finger_rad: float = 0.0
-    """Of every finger joint [rad]."""
+    """Noise of every finger joint [rad]."""
     correlation: float = 0.8
     """Correlation of noise in consecutive steps, 0..1; white noise would shake the arm."""
     in_contact: bool = False

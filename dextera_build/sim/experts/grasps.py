@@ -115,7 +115,7 @@ def _laid(points: np.ndarray, middle: np.ndarray, out: np.ndarray, along: np.nda
 
 
 def _held(points: np.ndarray, height: float, across: np.ndarray) -> tuple[np.ndarray, float] | None:
-    """Middle (3,) and width [m] along `across` of the object at a height, near its vertical axis."""
+    """Centre (3,) and width [m] along `across` of the object at a height, near its vertical axis."""
     middle = np.median(points, axis=0)
     local = points - np.array([middle[0], middle[1], height])
     beside = np.cross(UP, across)

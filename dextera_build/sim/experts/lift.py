@@ -43,7 +43,7 @@ class Grasp:
 
 
 class Lift:
-    """Grasps and raises the task's object.
+    """Grasps and lifts the task's object.
 
     Args:
         environment: The task; only its data are used.

@@ -11,7 +11,7 @@ from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, near
 from dextera_build.sim.primitives.state import TaskState
 
 LIMIT_RAD = 0.05
-"""A joint farther beyond its limit than this was forced [rad or m]."""
+"""Distance beyond its limit from which a joint counts as forced [rad or m]."""
 REST = 0.25
 """Maximum speed of a joint at rest; a faster one is passing through [rad/s or m/s]."""
 STRAY_M = 0.15

@@ -27,7 +27,7 @@ class TaskState:
     """State of a task in one control period, used to judge success."""
 
     time_s: float
-    """Since the start of the episode [s]."""
+    """Time since the start of the episode [s]."""
     world_from_object: np.ndarray
     """T_world_object of the task's object (4, 4)."""
     joints: Mapping[str, float] = field(default_factory=dict)

@@ -12,7 +12,7 @@ from dextera_build.geometry import registration, transforms
 from . import manifolds
 
 _CONE = np.cos(np.radians(15.0))
-"""Faces within this angle of a slab's normal belong to its plane."""
+"""Cosine of the largest angle between a face's normal and its slab's."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Hinge:
     At angle 0 the upper slab rests on the lower one; positive angles open it.
     """
 
-    origin: np.ndarray  # (3,) on the axis, in the middle of the upper slab [m]
+    origin: np.ndarray  # (3,) on the axis, at the centre of the upper slab [m]
     axis: np.ndarray  # (3,) unit, right-hand rule
     along: np.ndarray  # (3,) unit, in the lower slab's plane, from the hinge outward
     angle: float  # observed opening [rad]

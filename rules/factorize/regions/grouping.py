@@ -16,7 +16,7 @@ from .relations import Contact, Group
 SLIVER_M2 = 0.0006
 """Patches below this size are remnants of creases and noise [m^2]."""
 PART_M2 = 0.0025
-"""Attached parts, such as handles, are smaller than this [m^2]."""
+"""Maximum size of attached parts such as handles [m^2]."""
 CAVITY_RAD = -0.06
 """Surfaces with a smaller signed bend are inner surfaces [rad]."""
 FEWEST = 12

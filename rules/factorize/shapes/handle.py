@@ -18,7 +18,7 @@ from .hypotheses import Finished
 LEAST_PART = 0.012
 """Smallest fraction of the mask that a handle covers."""
 ROOT_M = 0.0012
-"""How deep a handle's roots reach into the wall [m]; no wall is thinner."""
+"""Depth of a handle's roots inside the wall [m], the minimum wall thickness."""
 WEDGES = 8
 """Number of convex pieces of a handle's loop."""
 LAYERS = ((1.0, 0.26), (0.86, 0.1), (0.62, 0.0))

@@ -1,4 +1,4 @@
-"""An upright box around the seen points: a fast placeholder with no dependencies."""
+"""An upright box around the seen points: a fast placeholder without dependencies."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class Painted:
 
     uv: np.ndarray  # (F, 3, 2) float32
     pixels: np.ndarray  # (h, w, 3) uint8
-    seen_fraction: float  # part of the surface that the camera saw
+    seen_fraction: float  # fraction of the surface seen by the camera
 
 
 def paint(

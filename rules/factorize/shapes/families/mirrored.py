@@ -115,7 +115,7 @@ def _built(front: Front, p: np.ndarray) -> Solid:
 
 
 def _thinned(evidence: Evidence) -> Evidence:
-    """The view at about `SEARCHED_PX` pixels along the mask's longer side: every n-th pixel."""
+    """The view subsampled to about `SEARCHED_PX` pixels along the mask's longer side."""
     step = max(1, round(float(np.ptp(np.argwhere(evidence.mask), axis=0).max()) / SEARCHED_PX))
     k = evidence.k / np.array([[step], [step], [1.0]])
     names = ("mask", "known", "depth", "sigma", "core")
