@@ -179,7 +179,7 @@ class _Builder:
         return [self._hang(joint, self.spec.body(child), hinge, placed)]
 
     def _hang(self, joint: Any, child: Any, hinge: Hinge, placed: Placed) -> Joined:
-        """Place the true hinge at the twin's joint, with the child's frame as in the twin's photograph."""
+        """Place the true hinge at the twin's joint; the child keeps the twin's frame in the photograph."""
         link = self._pose(child.name)
         inside = transforms.invert(link) @ placed.pose
         axis = inside[:3, :3] @ (np.array(hinge.axis) / np.linalg.norm(hinge.axis))
