@@ -1,1 +1,1 @@
-"""Networks and their weights, behind the interface of `dextera_build.policy`."""
+"""Networks and their weights, for the interface of `dextera_build.policy`."""

@@ -1,9 +1,8 @@
-"""The network of ACT: action chunks from a conditional variational transformer (Zhao et al. 2023, arXiv 2304.13705).
+"""The ACT network: action chunks from a conditional variational transformer (Zhao et al. 2023, arXiv 2304.13705).
 
-An encoder that only training sees folds the demonstrated chunk into a latent, the "style"; the transformer predicts the
-chunk from that latent and the observation. At run time the latent is 0. Blocks normalise first, which trains without a
-warm-up of thousands of steps, and pictures pass through a small convolutional network of their own instead of a
-pretrained ResNet-18.
+In training, an encoder maps the demonstrated chunk to a latent, the "style"; the transformer predicts the chunk from
+that latent and the observation. At run time the latent is 0. Blocks use pre-normalisation, which trains without a
+warm-up of thousands of steps, and a small convolutional network encodes images instead of a pretrained ResNet-18.
 """
 
 from __future__ import annotations
@@ -21,32 +20,32 @@ from dextera_build.policy import features
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of the network; together with the widths of its inputs they say the shape of every weight."""
+    """Sizes of the network; with the widths of its inputs they determine the shape of every weight."""
 
     chunk: int = 20
-    """Steps that are predicted at once."""
+    """Steps predicted at once."""
     width: int = 96
     """Features of a token."""
     heads: int = 4
-    """Attention heads; they divide `width`."""
+    """Attention heads; a divisor of `width`."""
     style_layers: int = 1
-    """Blocks of the style encoder, which only training uses."""
+    """Blocks of the style encoder, used only in training."""
     encoder_layers: int = 2
     """Blocks over the observation's tokens."""
     decoder_layers: int = 2
     """Blocks over the chunk's tokens."""
     latent: int = 8
-    """Size of the style."""
+    """Size of the latent."""
     located: int = 0
-    """Numbers that say where the task's object is, which policies that look learn to tell from the picture."""
+    """Numbers in the pose and joints of the task's object, an auxiliary target of image policies."""
 
     def settings(self) -> dict[str, float | int | str | bool]:
-        """The part that `PolicyContract.settings` keeps."""
+        """The settings stored in `PolicyContract.settings`."""
         return dict(asdict(self))
 
     @classmethod
     def of(cls, settings: Mapping[str, float | int | str | bool]) -> Sizes:
-        """The sizes that `settings()` wrote; other settings are passed over."""
+        """The sizes from `settings()`; other settings are ignored."""
         return cls(**{name: int(settings[name]) for name in cls.__dataclass_fields__ if name in settings})
 
 
@@ -61,7 +60,7 @@ class Attention(nn.Module):
         self.out = nn.Linear(width, width)
 
     def forward(self, queries: Tensor, tokens: Tensor, keep: Tensor | None = None) -> Tensor:
-        """(B, N, W); `keep` (B, M) is false for tokens that are not there."""
+        """(B, N, W); `keep` (B, M) is false for absent tokens."""
         batch, count, width = queries.shape
         q = self.query(queries).view(batch, count, self.heads, -1).transpose(1, 2)
         pair = self.key_value(tokens).view(batch, tokens.shape[1], 2, self.heads, -1).permute(2, 0, 3, 1, 4)
@@ -72,7 +71,7 @@ class Attention(nn.Module):
 
 
 class Block(nn.Module):
-    """Self-attention, attention to a memory if given, and a two-layer perceptron, each a residual."""
+    """Self-attention, optional attention to a memory, and a two-layer perceptron, all residual."""
 
     def __init__(self, width: int, heads: int, *, memory: bool) -> None:
         super().__init__()
@@ -94,10 +93,10 @@ class Block(nn.Module):
 
 
 class Eye(nn.Module):
-    """Where things are in a picture: convolutions, then the mean place of each feature (Levine et al. 2016).
+    """Image encoder: convolutions, then the mean position of each feature (spatial softmax, Levine et al. 2016).
 
-    With few demonstrations this finds places to a fraction of a pixel, where patches of a coarse map would have to
-    learn it; the whole picture becomes one token.
+    It locates features to a fraction of a pixel from few demonstrations, which patches of a coarse map would have to
+    learn; the whole image becomes one token.
     """
 
     def __init__(self, width: int, points: int = 32) -> None:
@@ -127,7 +126,7 @@ class Act(nn.Module):
         sizes: Sizes of the network.
         inputs: Channel -> (tokens, features per token) of the vector inputs, in order.
         actions: Components of an action.
-        looks: Whether it also gets a picture, of any size.
+        looks: Whether there is also an image input, of any size.
     """
 
     def __init__(
@@ -154,12 +153,12 @@ class Act(nn.Module):
         self.style_out = nn.Linear(width, 2 * sizes.latent)
 
     def forward(self, inputs: Mapping[str, Tensor], latent: Tensor | None = None, seen: Tensor | None = None) -> Tensor:
-        """(B, C, A) normalised actions; without a latent the mean style, 0.
+        """(B, C, A) normalised actions; without a latent, the mean 0 is used.
 
         Args:
             inputs: Channel -> (B, tokens, features) float32; `rgb` -> (B, 3, H, W) in -1 to 1.
             latent: (B, Z) style.
-            seen: (B, 1, W) token of the picture, where `see` has made it already.
+            seen: (B, 1, W) token of the image, if `see` has already computed it.
         """
         tokens = self._tokens(inputs)
         if latent is None:
@@ -178,14 +177,14 @@ class Act(nn.Module):
         return out
 
     def see(self, inputs: Mapping[str, Tensor]) -> Tensor | None:
-        """(B, 1, W) token of the picture, or None for a policy that sees none."""
+        """(B, 1, W) token of the image, or None for a policy without images."""
         return None if self.eye is None else self.eye(inputs["rgb"])
 
     def encode(self, inputs: Mapping[str, Tensor], actions: Tensor, keep: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and log variance, (B, Z) each, of the style of a demonstrated chunk.
 
         Args:
-            inputs: As in `forward`; the picture is not looked at.
+            inputs: As in `forward`; the image is ignored.
             actions: (B, C, A) normalised.
             keep: (B, C), false for steps after the episode's end.
         """
@@ -205,7 +204,7 @@ class Act(nn.Module):
 
 @dataclass(frozen=True)
 class Batch:
-    """Samples to learn from."""
+    """Training samples."""
 
     inputs: Mapping[str, Tensor]
     """As in `Act.forward`."""
@@ -214,19 +213,19 @@ class Batch:
     keep: Tensor
     """(B, C), false for steps after the episode's end."""
     places: Tensor | None = None
-    """(B, P) normalised, where the task's object is: an auxiliary target of policies on pictures, in training alone."""
+    """(B, P) normalised pose and joints of the task's object: auxiliary target of image policies, in training only."""
 
 
 def loss_of(network: Act, batch: Batch, noise: Tensor, kl_weight: float) -> tuple[Tensor, Tensor]:
-    """(loss, L1 part): mean absolute error over the steps that exist, and the style's divergence from N(0, 1).
+    """(loss, L1 part): mean absolute error over valid steps, and the latent's divergence from N(0, 1).
 
-    A policy that looks is also asked where the object is. Without that it reads the goal of a motion off the robot's
-    own joints, which tell it in demonstrations, but not when it acts itself.
+    An image policy also predicts the object's pose. Without it, the policy infers the goal of a motion from the robot's
+    joints, which works in demonstrations but not in closed loop.
 
     Args:
         network: The network.
         batch: Samples.
-        noise: (B, Z) standard normal, the draw of the style.
+        noise: (B, Z) standard normal sample for the latent.
         kl_weight: Weight of the divergence.
     """
     mean, log_variance = network.encode(batch.inputs, batch.actions, batch.keep)
@@ -242,7 +241,7 @@ def loss_of(network: Act, batch: Batch, noise: Tensor, kl_weight: float) -> tupl
 
 
 def of_contract(contract: PolicyContract, seed: int = 0) -> Act:
-    """The network that a contract describes, its first weights drawn with `seed` and nothing else."""
+    """Build the network of a contract, with initial weights that depend only on `seed`."""
     vectors = {channel.name: features.tokens(channel) for channel in contract.inputs if channel.encoding != "picture"}
     looks = any(channel.encoding == "picture" for channel in contract.inputs)
     with torch.random.fork_rng(devices=()):
@@ -251,5 +250,5 @@ def of_contract(contract: PolicyContract, seed: int = 0) -> Act:
 
 
 def pixels(frames: Tensor) -> Tensor:
-    """(B, 3, H, W) float32 in -1 to 1 of (B, H, W, 3) uint8 pictures."""
+    """Convert (B, H, W, 3) uint8 images to (B, 3, H, W) float32 in -1 to 1."""
     return frames.permute(0, 3, 1, 2).to(torch.float32).div_(127.5).sub_(1.0)

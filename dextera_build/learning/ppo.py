@@ -1,4 +1,4 @@
-"""The network of reinforced policies; its decisions are interpreted by `dextera_build.sim.control.steering`."""
+"""The network of PPO policies; `dextera_build.sim.control.steering` interprets its decisions."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from dextera_build.policy.features import Fields, tokens
 
 
 class Actor(nn.Module):
-    """Numbers (B, N) to decisions (B, M): layers with tanh between them.
+    """Maps numbers (B, N) to decisions (B, M): a multilayer perceptron with tanh.
 
     Args:
-        numbers: Size of an input.
+        numbers: Size of the input.
         width: Features of a layer.
-        layers: How many layers.
-        decisions: Size of an output.
+        layers: Number of layers.
+        decisions: Size of the output.
     """
 
     def __init__(self, numbers: int, width: int, layers: int, decisions: int) -> None:
@@ -32,13 +32,13 @@ class Actor(nn.Module):
         self.head = nn.Linear(sizes[-1], decisions)
 
     def forward(self, numbers: Tensor) -> Tensor:
-        """Decisions; -1 to 1 is one step down or up, and what lies beyond counts as that."""
+        """Decisions; -1 to 1 is one step down or up, and values beyond are clipped."""
         decided: Tensor = self.head(self.body(numbers))
         return decided
 
 
 def of_contract(contract: PolicyContract) -> Actor:
-    """The network that a contract describes, with weights still to be filled in."""
+    """Build the network of a contract, with uninitialized weights."""
     settings = contract.settings
     return Actor(
         sum(int(np.prod(tokens(channel))) for channel in contract.inputs) + int(settings["places"]),
@@ -49,13 +49,13 @@ def of_contract(contract: PolicyContract) -> Actor:
 
 
 def flat(inputs: Fields, channels: tuple[Channel, ...]) -> np.ndarray:
-    """Inputs as the network takes them, (B, N) float32: channel after channel."""
+    """Concatenate the channels of inputs for the network, (B, N) float32."""
     parts = [inputs[channel.name].reshape(len(inputs[channel.name]), -1) for channel in channels]
     return np.concatenate(parts, axis=1, dtype=np.float32)
 
 
 def raw(inputs: Fields, channels: tuple[Channel, ...], name: str) -> np.ndarray:
-    """The one sample of a plain channel as it was observed, (K,) float64."""
+    """The single sample of a plain channel as observed, (K,) float64."""
     channel = next(channel for channel in channels if channel.name == name)
     sample = inputs[name].reshape(-1).astype(np.float64)
     return sample * np.array(channel.scale) + np.array(channel.mean) if channel.scale else sample

@@ -1,4 +1,4 @@
-"""Torch so that the same numbers come out every time."""
+"""Reproducible results with torch."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """One thread and deterministic algorithms within the block: how many threads share a sum changes its last bits."""
+    """Use one thread and deterministic algorithms in the block; the thread count changes the last bits of sums."""
     threads, strict = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
     torch.set_num_threads(1)
     torch.use_deterministic_algorithms(True)

@@ -1,7 +1,7 @@
-"""Which samples a batch holds: shuffled, and balanced over two domains.
+"""Sampling of batches: shuffled, and balanced over two domains.
 
-Joining 300 simulated and 30 recorded trajectories and shuffling would show ten of one for one of the other. Here every
-batch holds exactly as many of each.
+Shuffling 300 simulated and 30 recorded trajectories together would show ten of one for one of the other. Here every
+batch contains equally many of each.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from dextera_build.errors import RuleError
 
 
 class Deck:
-    """Draws samples without end: each once per round, none twice within one draw.
+    """Draws samples endlessly: each once per round, none twice within one draw.
 
     Args:
-        count: How many samples there are.
+        count: Number of samples.
         seed: Seed of the order, any non-negative integers.
     """
 
@@ -41,7 +41,7 @@ class Deck:
         missing = size - len(drawn)
         if missing:
             fresh = self._shuffled()
-            # Those that end the old round come later in the new one, so that no draw holds a sample twice.
+            # Samples at the end of the old round come later in the new one, so no draw contains a sample twice.
             late = np.isin(fresh, drawn)
             fresh = np.concatenate([fresh[~late][:missing], _remaining(fresh, late, missing)])
             drawn, self._rest = np.concatenate([drawn, fresh[:missing]]), fresh[missing:]
@@ -54,15 +54,15 @@ class Deck:
 
 
 class Balanced:
-    """Batches of exactly as many samples of one domain as of another.
+    """Batches with equally many samples of two domains.
 
-    An epoch goes through the smaller domain, which shows every sample before any a second time; the larger domain goes
-    on where the epoch before stopped.
+    An epoch is one pass over the smaller domain, each sample once; the larger domain continues from the previous
+    epoch.
 
     Args:
-        first: Samples of the first domain.
-        second: Samples of the second domain.
-        batch: Samples of a batch, an even number.
+        first: Number of samples of the first domain.
+        second: Number of samples of the second domain.
+        batch: Samples per batch, an even number.
         seed: Seed of the order.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Weights as safetensors bytes, which hold numbers and nothing that could run; never a pickle."""
+"""Weights as safetensors bytes, which contain numbers and no executable code; never a pickle."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from dextera_build.errors import RuleError, listing
 
 
 def to_bytes(tensors: Mapping[str, Tensor], notes: Mapping[str, str] | None = None) -> bytes:
-    """Tensors by name as the bytes of a safetensors file; equal tensors give equal bytes.
+    """Serialize tensors by name as a safetensors file; equal tensors give equal bytes.
 
     Args:
         tensors: Name -> tensor.
-        notes: Plain text that is kept in the header.
+        notes: Plain text stored in the header.
     """
     from safetensors.torch import save
 
@@ -24,10 +24,10 @@ def to_bytes(tensors: Mapping[str, Tensor], notes: Mapping[str, str] | None = No
 
 
 def from_bytes(data: bytes) -> dict[str, Tensor]:
-    """The tensors of a safetensors file.
+    """Parse the tensors of a safetensors file.
 
     Raises:
-        RuleError: The bytes are not such a file.
+        RuleError: The bytes are not a safetensors file.
     """
     from safetensors import SafetensorError
     from safetensors.torch import load
@@ -39,7 +39,7 @@ def from_bytes(data: bytes) -> dict[str, Tensor]:
 
 
 def fill(network: nn.Module, tensors: Mapping[str, Tensor]) -> None:
-    """Put weights into a network of the same shape.
+    """Load weights into a network of the same shape.
 
     Raises:
         RuleError: Names or shapes differ, or a weight is not finite; the error names them.

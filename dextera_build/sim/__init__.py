@@ -1,6 +1,6 @@
-"""The runtime that scenes, tasks and policies share.
+"""The common runtime of scenes, tasks and policies.
 
-Importing it chooses EGL for off-screen rendering on Linux unless `MUJOCO_GL` is set.
+Importing it selects EGL for off-screen rendering on Linux unless `MUJOCO_GL` is set.
 """
 
 import os

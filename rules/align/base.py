@@ -1,4 +1,4 @@
-"""align.base: the pose of the robot's base in the twin."""
+"""align.base: pose of the robot's base in the twin."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from dextera_build.rule import Context, Options, rule
 
 
 class BaseOptions(Options):
-    """Options of align.base: the robot's place where no calibration measured it."""
+    """Options of align.base: the robot's pose without a calibration."""
 
     position_m: tuple[float, float, float] | None = None
-    """Origin of the base in the twin's world [m]; looked at only where nothing was measured."""
+    """Origin of the base in the twin's world [m]; ignored if measured."""
     yaw_deg: float = 0.0
-    """Rotation of the base about z [deg]; looked at only where nothing was measured."""
+    """Rotation of the base about z [deg]; ignored if measured."""
 
 
 @rule(version=1, packages=("numpy",))
 def base(
     ctx: Context, support: Support, measured: Transform | None = None, *, options: BaseOptions | None = None
 ) -> Transform:
-    """Return T_world_base [m] in the twin's world: T_world_camera @ T_camera_base where the latter was measured."""
+    """Return T_world_base [m] in the twin's world: T_world_camera @ T_camera_base if the latter was measured."""
     options = options or BaseOptions()
     if measured is None:
         if options.position_m is None:

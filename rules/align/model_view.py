@@ -1,4 +1,4 @@
-"""A rigid model under trial poses: renders, scores and distances; the ray structure is built once."""
+"""A rigid model under trial poses: renders, scores and distances from one ray-casting structure."""
 
 from __future__ import annotations
 
@@ -11,35 +11,35 @@ from dextera_build.geometry import cameras, transforms
 from dextera_build.geometry.registration import Similarity
 
 FREE_SPACE_M = 0.01
-"""A model surface this far in front of the measured one lies in free space [m]."""
+"""Distance in front of the measured surface from which a model surface is in free space [m]."""
 
 
 MOST = 1500
-"""Points of either side that a registration works with."""
+"""Maximum number of points on each side of a registration."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """How a placed model agrees with the view; occluded pixels are left out."""
+    """Agreement of a placed model with the view, without occluded pixels."""
 
-    iou: float  # of the rendered and the seen mask
-    residual_m: float  # mean of |depth difference|, cut at 2 cm, over common pixels [m]
-    violation: float  # part of the rendered pixels that lie in free space
+    iou: float  # between the rendered and the seen mask
+    residual_m: float  # mean |depth difference|, capped at 2 cm, over common pixels [m]
+    violation: float  # fraction of the rendered pixels in free space
 
     @property
     def cost(self) -> float:
-        """One number to compare poses by; lower is better."""
+        """A scalar for comparing poses; lower is better."""
         return (1.0 - self.iou) + self.residual_m / 0.02 + self.violation
 
 
 class ModelView:
-    """A model before one camera.
+    """A model in front of one camera.
 
     Args:
         vertices: (V, 3) in model units.
         faces: (F, 3) int.
         seen: The view to compare with.
-        pixels: Renders are thinned to about this many rays.
+        pixels: Approximate number of rays per render.
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, seen: ObjectView, pixels: int = 20000) -> None:
@@ -62,7 +62,7 @@ class ModelView:
         self._mask = seen.mask[rows, columns]
 
     def visible(self, placed: Similarity) -> tuple[np.ndarray, np.ndarray]:
-        """Model-frame points (N, 3) and outward normals (N, 3) that the camera would see, occluded ones left out."""
+        """Model-frame points (N, 3) and outward normals (N, 3) visible to the camera, without occluded ones."""
         depth, normals = self._cast(placed)
         here = np.isfinite(depth) & self._known
         thin = slice(None, None, max(1, int(here.sum()) // MOST))
@@ -88,13 +88,13 @@ class ModelView:
         return np.asarray(self._scene.compute_distance(self._tensor(local)).numpy() * placed.scale, np.float64)
 
     def turned_distances(self, points: np.ndarray, rotation: np.ndarray, middle: np.ndarray) -> np.ndarray:
-        """Distance (N,) of model points to the model after a turn about `middle`, in model units."""
+        """Distance (N,) of model points to the model rotated about `middle`, in model units."""
         moved = np.ascontiguousarray((points - middle) @ rotation.T + middle, np.float32)
         return np.asarray(self._scene.compute_distance(self._tensor(moved)).numpy(), np.float64)
 
     def _cast(self, placed: Similarity) -> tuple[np.ndarray, np.ndarray]:
-        """Depth (h, w) [m], inf where nothing is, and model-frame normals (h, w, 3) towards the camera."""
-        # The rays are moved into the model's frame; their parameter, and so the depth, stays the same.
+        """Depth (h, w) [m], inf if empty, and model-frame normals (h, w, 3) towards the camera."""
+        # Rays are transformed to the model's frame; their parameter, and so the depth, is unchanged.
         rotation = placed.pose[:3, :3]
         origin = (self._origin - placed.pose[:3, 3]) @ rotation / placed.scale
         directions = self._directions @ rotation / placed.scale

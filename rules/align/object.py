@@ -1,4 +1,4 @@
-"""align.object: where a body stands and how large it is."""
+"""align.object: pose and scale of a body."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ class ObjectOptions(Options):
     """Options of align.object."""
 
     guess_iou: Fraction = 0.6
-    """Mask IoU from which the body's own pose is worth refining; below it every orientation is tried."""
+    """Mask IoU from which the body's own pose is refined; below it every orientation is tried."""
     guess_scale_sigma: PositiveFloat = 0.003
-    """Relative standard deviation of the scale where the body's own pose is good: it was measured in metres."""
+    """Relative standard deviation of the scale if the body's own pose is good: it was measured in metres."""
     start_scale_sigma: PositiveFloat = 0.10
-    """Relative standard deviation of the scale that extent ratios give."""
+    """Relative standard deviation of the scale from extent ratios."""
     gain: NonNegativeFloat = 0.01
-    """A refined pose replaces the guess only where the render score improves by this much."""
+    """Minimum improvement of the render score for a refined pose to replace the guess."""
     search_gain: NonNegativeFloat = 0.1
-    """A pose found from scratch replaces a poor guess only where the render score improves by this much."""
+    """Minimum improvement of the render score for a pose found from scratch to replace a poor guess."""
     rest_m: NonNegativeFloat = 0.02
-    """A body whose lowest point is within this of the support stands on it [m]."""
+    """Maximum distance from the support of the lowest point of a body that stands on it [m]."""
     iterations: PositiveInt = 40
-    """Steps of the last refinement."""
+    """Iterations of the final refinement."""
     finalists: PositiveInt = 6
-    """Starts that are refined after the coarse score."""
+    """Number of starts refined after coarse scoring."""
     least_iou: Fraction = 0.3
-    """Mask IoU below which the placement is refused."""
+    """Mask IoU below which the placement is rejected."""
     most_violation: Fraction = 0.5
-    """Part of the rendered pixels in free space above which the placement is refused."""
+    """Fraction of the rendered pixels in free space above which the placement is rejected."""
 
 
 @rule(version=1)
 def object(ctx: Context, body: Body, seen: ObjectView, *, options: ObjectOptions) -> Placement:
     """Return the pose of the object frame in the world and the scale from mesh units to metres [m].
 
-    The backend offers `place(body, seen, options) -> placed.Placed` and `picture(body, seen, placement)`. Fitness of
-    the registration decides nothing: a collapsed fit has a perfect one. The render does.
+    The backend offers `place(body, seen, options) -> placed.Placed` and `picture(body, seen, placement)`. The
+    render decides, not the registration's fitness, which is perfect for a collapsed fit.
     """
     valid = int((seen.mask & (seen.depth.depth > 0.0)).sum())
     if valid < 50:

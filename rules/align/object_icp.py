@@ -28,11 +28,11 @@ BACKEND = Backend(
 
 
 def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
-    """Refine the body's own pose if it is good, else try every orientation.
+    """Refine the body's own pose if it is good, otherwise try every orientation.
 
     Args:
-        body: Links in mesh units, joints as they stand in the photograph.
-        seen: The view to agree with.
+        body: Links in mesh units, with the joint positions of the photograph.
+        seen: The view to match.
         options: See `ObjectOptions`.
     """
     vertices, faces = kinematics.posed_surface(body)
@@ -51,7 +51,7 @@ def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
 
 
 def picture(body: Body, seen: ObjectView, placement: Placement) -> np.ndarray:
-    """The placed model on the crop, (H, W, 3) uint8."""
+    """Draw the placed model on the crop, (H, W, 3) uint8."""
     return overlay_picture.draw(*kinematics.posed_surface(body), seen, placement)
 
 
@@ -77,7 +77,7 @@ def _lowest(vertices: np.ndarray, placed: Similarity) -> float:
 def _rested(
     model: ModelView, vertices: np.ndarray, placed: Similarity, options: ObjectOptions
 ) -> tuple[Similarity, str]:
-    """Put a body that is nearly on the support onto it, unless the view contradicts."""
+    """Move a body that nearly touches the support onto it, unless the view contradicts."""
     lowest = _lowest(vertices, placed)
     if abs(lowest) > options.rest_m:
         return placed, f", stands {lowest * 1000:.0f} mm above the support"
@@ -104,7 +104,7 @@ def _result(model: ModelView, vertices: np.ndarray, points: np.ndarray, placed: 
 
 
 def _is_round(model: ModelView, vertices: np.ndarray) -> bool:
-    """Whether the model looks the same after any turn about one of its axes."""
+    """Whether the model is rotationally symmetric about one of its axes."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     size = float(np.linalg.norm(high - low))
     sample = vertices[:: max(1, len(vertices) // 2000)]

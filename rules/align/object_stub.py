@@ -24,4 +24,4 @@ def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
 
 
 def picture(body: Body, seen: ObjectView, placement: Placement) -> None:
-    """A stub draws nothing."""
+    """Draw nothing."""

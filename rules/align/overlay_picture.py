@@ -1,4 +1,4 @@
-"""A placed mesh drawn over the photograph."""
+"""Draw a placed mesh over the photograph."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _LIGHT = np.array([0.3, -0.5, 0.81])
 
 
 def draw(vertices: np.ndarray, faces: np.ndarray, seen: ObjectView, placement: Placement) -> np.ndarray:
-    """Left the photograph with the outline of the placed mesh, right its shaded render; (H, 2 W, 3) uint8."""
+    """Draw the photograph with the mesh outline on the left, the shaded render on the right; (H, 2 W, 3) uint8."""
     world = transforms.apply(placement.world_from_object, placement.scale * vertices)
     height, width = seen.mask.shape
     surface = raycast.Surface(world, faces)
@@ -26,7 +26,7 @@ def draw(vertices: np.ndarray, faces: np.ndarray, seen: ObjectView, placement: P
 
 
 def _edge(mask: np.ndarray) -> np.ndarray:
-    """Pixels of a mask with a neighbour outside of it."""
+    """Pixels of a mask with a neighbour outside it."""
     padded = np.pad(mask, 1)
     inside = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
     return np.asarray(mask & ~inside)

@@ -9,12 +9,12 @@ from dextera_build.artifacts.object import Placement
 
 @dataclass(frozen=True)
 class Placed:
-    """A placement and how its render agrees with the view."""
+    """A placement and the agreement of its render with the view."""
 
     placement: Placement
     iou: float
-    """Mask intersection over union, occluded pixels left out."""
+    """Mask intersection over union, without occluded pixels."""
     violation: float
-    """Part of the rendered pixels that lie in free space."""
+    """Fraction of the rendered pixels in free space."""
     gap_m: float
     """Height of the lowest point above the support [m]."""

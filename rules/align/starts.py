@@ -1,4 +1,4 @@
-"""Placement of a model of unknown scale and canonical pose: every orientation is tried, the render decides."""
+"""Place a model of unknown scale and orientation: try every orientation, judge by the render."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from .object import ObjectOptions
 
 _COARSE = 3000
-"""Rays of the renders that sort the starts."""
+"""Rays per render when ranking the starts."""
 _SQUARE = np.radians(6.0)
-"""A flat face that ends nearer to level than this is set level: things stand on flat bases [rad]."""
+"""A flat face nearer to level than this is made level, because objects stand on flat bases [rad]."""
 
 
 def search(
@@ -27,7 +27,7 @@ def search(
     """The best placement over 6 up directions x 24 turns, and 600 rotations spread over SO(3).
 
     Args:
-        model: The model before the camera, at full resolution.
+        model: The model in front of the camera, at full resolution.
         vertices: (V, 3) in model units.
         faces: (F, 3) int.
         seen: The view.
@@ -42,7 +42,7 @@ def search(
             step = Search(registration.FREE, start.scale, options.start_scale_sigma, iterations=15)
             tried.append(registration.icp(start, coarse.visible, points, step))
     best = min(tried, key=lambda candidate: coarse.score(candidate).cost)
-    # A handle or a lid decides the turn of a nearly round body, and no small step leads there.
+    # A handle or a lid fixes the yaw of a nearly round body; small refinement steps cannot find it.
     for start in _sorted(coarse, _turns(_surface_middle(vertices, faces), best))[:4]:
         step = Search(registration.FREE, start.scale, options.start_scale_sigma, iterations=15)
         tried.append(registration.icp(start, coarse.visible, points, step))
@@ -55,7 +55,7 @@ def search(
 
 
 def _upright() -> list[np.ndarray]:
-    """24 turns of each of the six rotations that bring another axis up."""
+    """24 turns of each of the six rotations that point an axis up."""
     rotations = registration.cube_rotations()
     ups = [tuple(np.round(rotation[2]).astype(int).tolist()) for rotation in rotations]
     tops = [rotations[ups.index(up)] for up in sorted(set(ups))]
@@ -76,14 +76,14 @@ def _sorted(model: ModelView, starts: list[Similarity]) -> list[Similarity]:
 
 
 def _surface_middle(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Centroid (3,) of the surface: near the axis of a round body, whatever its handle."""
+    """Centroid (3,) of the surface: near the axis of a round body, even with a handle."""
     corners = vertices[faces]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return np.asarray(np.average(corners.mean(axis=1), axis=0, weights=areas))
 
 
 def _turns(centre: np.ndarray, placed: Similarity) -> list[Similarity]:
-    """The placement turned about the vertical through `centre` (model frame), in 24 steps without the first."""
+    """The placement turned about the vertical through `centre` (model frame), in 24 steps, without the first."""
     middle = placed.apply(centre[None])[0]
     turns = registration.yaws(24)[1:]
     poses = [transforms.rigid(turn, middle - turn @ middle) @ placed.pose for turn in turns]
@@ -93,7 +93,7 @@ def _turns(centre: np.ndarray, placed: Similarity) -> list[Similarity]:
 def _squared(
     model: ModelView, vertices: np.ndarray, placed: Similarity, points: np.ndarray, options: ObjectOptions
 ) -> list[Similarity]:
-    """The placement set down flat on the face of its hull that looks down, refined; nothing where none does."""
+    """The placement set flat on the downward face of its hull and refined; empty without such a face."""
     rotation = placed.pose[:3, :3]
     down = _base_normal(vertices, rotation)
     if down is None:
@@ -112,7 +112,7 @@ def _squared(
 
 
 def _base_normal(vertices: np.ndarray, rotation: np.ndarray) -> np.ndarray | None:
-    """Model-frame normal (3,) of the hull faces that look down under `rotation`, weighted by area."""
+    """Area-weighted model-frame normal (3,) of the hull faces that point down under `rotation`."""
     from scipy.spatial import ConvexHull
 
     hull = ConvexHull(vertices)
@@ -139,17 +139,17 @@ def _whole(mask: np.ndarray, occluder: np.ndarray) -> bool:
 def _placed(
     vertices: np.ndarray, seen: ObjectView, points: np.ndarray, rotation: np.ndarray, whole: np.ndarray
 ) -> Similarity:
-    """The model in one orientation, as large and where the seen extents say."""
+    """The model in one orientation, with scale and position from the seen extents."""
     camera_from_world = transforms.invert(seen.world_from_camera)
     local = transforms.apply(camera_from_world, points)
     turned = vertices @ (camera_from_world[:3, :3] @ rotation).T
-    # Nothing else to go by where both axes are cut.
+    # If both axes are cut, there is nothing better.
     usable = whole if whole.any() else np.array([True, True, False])
     scale = registration.extent_scale(turned, local, usable) or 1.0
     middle = (turned.min(axis=0) + turned.max(axis=0)) / 2.0
     depth = float(turned[:, 2].max() - turned[:, 2].min()) * scale
     low, high = np.quantile(local, 0.01, axis=0), np.quantile(local, 0.99, axis=0)
-    # The front half is seen; its nearest point is that of the model.
+    # Only the front half is visible; its nearest point is the model's nearest point.
     centre = np.array([*((low + high) / 2.0)[:2], low[2] + depth / 2.0])
     place = transforms.apply(seen.world_from_camera, (centre - scale * middle)[None])[0]
     return Similarity(scale, transforms.rigid(rotation, place))

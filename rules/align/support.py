@@ -1,4 +1,4 @@
-"""align.support: find the plane that the objects stand on and make it the world's floor."""
+"""align.support: find the plane under the objects and make it the world's floor."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ class SupportOptions(Options):
     """Options of align.support."""
 
     farthest_m: PositiveFloat = 4.0
-    """Depth beyond this is not looked at [m]."""
+    """Depth beyond this is ignored [m]."""
     warp_m: NonNegativeFloat = 0.002
-    """How uneven a support may be beside the depth camera's noise, one standard deviation [m]."""
+    """Unevenness of a support in addition to the depth camera's noise, one standard deviation [m]."""
     smallest_m2: NonNegativeFloat = 0.02
-    """A support has at least this area in view [m^2]."""
+    """Minimum visible area of a support [m^2]."""
     surfaces: PositiveInt = 6
-    """How many planes are compared."""
+    """Number of planes compared."""
     seed: NonNegativeInt = 0
     """Seed of the random sampling."""
 
 
 @rule(version=1)
 def support(ctx: Context, capture: Capture, *, options: SupportOptions) -> Support:
-    """Return the support plane and the world frame on it: z up along the normal, origin in its middle [m].
+    """Return the support plane and the world frame on it: z up along the normal, origin at its centre [m].
 
-    The camera is taken to be roughly upright and to look at the support from above.
+    Assumes a roughly upright camera that looks at the support from above.
     """
     k = capture.camera.matrix()
     points = cameras.backproject(capture.depth.depth, k)

@@ -1,4 +1,4 @@
-"""Flat surfaces in a depth image, and which of them carries the objects."""
+"""Find flat surfaces in a depth image and choose the one that carries the objects."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CELL_M = 0.02
 SAMPLES = 8000
 GATE = 3.0
 LEVEL_M = 0.008
-"""Cells of a surface lie on its plane on average within this [m]."""
+"""Maximum mean distance of a surface cell from the plane [m]."""
 
 
 @dataclass(frozen=True)
@@ -22,11 +22,11 @@ class Surface:
     plane: planes.Plane
     """Normal towards the camera, in the camera frame [m]."""
     region: np.ndarray
-    """(H, W) bool, its pixels."""
+    """(H, W) bool, pixels of the surface."""
     outline: np.ndarray
     """(P, 2) convex outline in the plane's own x, y axes (see `axes`), about the camera's foot point [m]."""
     below: float
-    """Part of the lines of sight through the outline that go on below the plane: none does through a true support."""
+    """Fraction of the lines of sight through the outline that pass below the plane; 0 for a true support."""
 
     @property
     def axes(self) -> np.ndarray:
@@ -40,12 +40,12 @@ class Surface:
 
     @property
     def tilt_rad(self) -> float:
-        """Angle between the normal and the half circle of normals that an upright camera can see from above."""
+        """Angle between the normal and the half circle of support normals possible for an upright camera."""
         normal = self.plane[0]
         return float(np.arccos(np.clip(np.hypot(min(normal[1], 0.0), normal[2]), 0.0, 1.0)))
 
     def lift(self, xy: np.ndarray) -> np.ndarray:
-        """The (3,) point in the camera frame of a point of the plane's own axes."""
+        """Map a point from the plane's own axes to the camera frame, (3,)."""
         foot = -self.plane[0] * self.plane[1]
         return np.asarray(foot + self.axes[0] * xy[0] + self.axes[1] * xy[1])
 
@@ -59,13 +59,13 @@ def plane_axes(plane: planes.Plane) -> np.ndarray:
 
 
 def find(points: np.ndarray, valid: np.ndarray, most: int, warp_m: float, rng: np.random.Generator) -> list[Surface]:
-    """Planes in the order in which they explain the pixels.
+    """Find planes, in the order in which they explain the pixels.
 
     Args:
         points: (H, W, 3) camera frame [m].
-        valid: (H, W) bool, pixels to look at.
-        most: Number of planes at most.
-        warp_m: Unevenness that is added to the depth noise [m].
+        valid: (H, W) bool, pixels to use.
+        most: Maximum number of planes.
+        warp_m: Unevenness added to the depth noise [m].
         rng: Source of the samples.
     """
     sigma = np.hypot(planes.depth_sigma(points[..., 2]), warp_m)
@@ -87,19 +87,19 @@ def find(points: np.ndarray, valid: np.ndarray, most: int, warp_m: float, rng: n
 
 
 def choose(found: list[Surface], smallest_m2: float) -> Surface | None:
-    """The surface that carries the objects: large in the image, facing up, and not the floor below a table."""
+    """Choose the surface that carries the objects: large in the image, facing up, not the floor below a table."""
     fit = [s for s in found if s.area_m2 >= smallest_m2 and _upness(s) > 0]
     if not fit:
         return None
     best = max(fit, key=_score)
-    # Camera height over a table is smaller than over the floor that shows beside it.
+    # The camera is lower above a table than above the floor visible beside it.
     tables = [s for s in fit if best.plane[1] - s.plane[1] > 0.3 and _score(s) > 0.2 * _score(best)]
     parallel = [s for s in tables if abs(float(best.plane[0] @ s.plane[0])) > np.cos(np.radians(10))]
     return max(parallel, key=_score, default=best)
 
 
 def _upness(surface: Surface) -> float:
-    """1 for normals that point up in the image or at a camera above, falling to 0 for walls and side faces."""
+    """Weight of the normal: 1 if it points up in the image or at a camera above, 0 for walls and side faces."""
     normal = surface.plane[0]
     return float(np.clip((0.15 - normal[1]) / 0.3, 0.0, 1.0) * (abs(normal[0]) < 0.5))
 
@@ -109,7 +109,7 @@ def _score(surface: Surface) -> float:
 
 
 def _connected(plane: planes.Plane, points: np.ndarray, near: np.ndarray) -> Surface | None:
-    """The largest region of a plane's inliers that hangs together in the plane, gaps of a few cells bridged."""
+    """The largest connected region of a plane's inliers, bridging gaps of a few cells."""
     axes = plane_axes(plane)
     xy = points[near] @ axes[:2].T
     if len(xy) < 100:
@@ -141,7 +141,7 @@ def _connected(plane: planes.Plane, points: np.ndarray, near: np.ndarray) -> Sur
 def _cells_above(
     plane: planes.Plane, points: np.ndarray, axes: np.ndarray, origin: np.ndarray, shape: tuple[int, ...]
 ) -> np.ndarray:
-    """Cells (N, 2) of the plane that things in front of it hide: a surface may go on behind them."""
+    """Cells (N, 2) of the plane hidden by nearer objects; the surface may continue there."""
     coarse = points[::2, ::2].reshape(-1, 3)
     coarse = coarse[(coarse[:, 2] > 0) & (planes.distance(plane, coarse) > 0.01)]
     along = coarse @ plane[0]
@@ -152,7 +152,7 @@ def _cells_above(
 
 
 def _between(pixels: np.ndarray) -> np.ndarray:
-    """Pixels of a mask that lie between two others of their row; they cannot be corners of a plane's outline."""
+    """Pixels of a mask between two others of their row, which cannot be corners of a plane's outline."""
     before = np.logical_or.accumulate(pixels, axis=1)
     after = np.logical_or.accumulate(pixels[:, ::-1], axis=1)[:, ::-1]
     between = np.zeros_like(pixels)
@@ -161,7 +161,7 @@ def _between(pixels: np.ndarray) -> np.ndarray:
 
 
 def _bridged(filled: np.ndarray) -> np.ndarray:
-    """Dilation by one cell: what lies two cells away is another surface."""
+    """Dilate by one cell; two cells away is another surface."""
     grown = filled.copy()
     grown[1:] |= filled[:-1]
     grown[:-1] |= filled[1:]
@@ -171,13 +171,13 @@ def _bridged(filled: np.ndarray) -> np.ndarray:
 
 
 def _refined(surface: Surface, points: np.ndarray, sigma: np.ndarray, valid: np.ndarray) -> Surface:
-    """The surface after a fit to its own region alone, without the inliers of what lies beyond."""
+    """Refit the surface to its own region only, without inliers beyond it."""
     plane = planes.facing(planes.refine(surface.plane, points[surface.region], sigma[surface.region], gate=GATE))
     near = valid & (np.abs(planes.distance(plane, points)) < GATE * sigma)
     surface = _connected(plane, points, near) or surface
     coarse, seen = points[::2, ::2], valid[::2, ::2]
     along = coarse @ surface.plane[0]
-    # Where each line of sight meets the plane; a true support ends it there or before.
+    # Intersections of the lines of sight with the plane; a true support ends them there or before.
     ahead = seen & (along < 0)
     meets = coarse * np.where(ahead, -surface.plane[1] / np.where(ahead, along, -1.0), 0.0)[..., None]
     within = ahead & regions.inside_convex(meets @ surface.axes[:2].T, surface.outline)

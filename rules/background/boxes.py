@@ -13,14 +13,14 @@ def support_box(polygon: np.ndarray, margin: float, thickness: float) -> Support
 
     Args:
         polygon: (P, 2) outline in the world frame [m].
-        margin: How far the box reaches beyond the outline [m].
+        margin: Extension of the box beyond the outline [m].
         thickness: Height of the box [m].
     """
     hull = regions.convex_hull(polygon)
     best: tuple[float, float, np.ndarray, np.ndarray] | None = None
     # One side of the smallest enclosing rectangle lies on an edge of the hull (Freeman and Shapira 1975).
     for edge in np.roll(hull, -1, axis=0) - hull:
-        # The quarter turn nearest to the axes, so that an upright table gets yaw 0 and not 90 degrees.
+        # Take the quarter turn nearest to the axes: an axis-aligned table gets yaw 0, not 90 degrees.
         yaw = (np.arctan2(edge[1], edge[0]) + np.pi / 4) % (np.pi / 2) - np.pi / 4
         axes = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
         local = hull @ axes.T

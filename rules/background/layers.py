@@ -1,4 +1,4 @@
-"""Which pixels are the support, which are something else, and what lies behind the holes."""
+"""Classify pixels as support or other surfaces, and decide what is behind the holes."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .surface import plane_depth
 from .synthesis import smooth_part
 
 RIM_M = 0.01
-"""So near to the outline of the support nothing is taken for a neighbour [m]."""
+"""Nearer to the support's outline than this, no pixel counts as a neighbour [m]."""
 SAME_COLOUR = 30.0
-"""Unmeasured pixels this near to the smooth colour of the support are support, of 255."""
+"""Colour distance from the smooth support up to which unmeasured pixels are support, of 255."""
 
 
 @dataclass(frozen=True)
@@ -26,25 +26,24 @@ class Layers:
 
     hole: np.ndarray  # bool, to be filled
     plane: np.ndarray  # float64, depth of the support's plane [m]; infinite above the horizon
-    floor: np.ndarray  # (H, W, 2) float64, where the ray meets the support, world x and y [m]
-    level: np.ndarray  # bool, measured to lie in the support's plane
-    elsewhere: np.ndarray  # bool, measured to be something else
-    behind: np.ndarray  # bool, the support lies here, seen or hidden
+    floor: np.ndarray  # (H, W, 2) float64, intersection of the ray with the support, world x and y [m]
+    level: np.ndarray  # bool, measured in the support's plane
+    elsewhere: np.ndarray  # bool, measured off the support
+    behind: np.ndarray  # bool, support, visible or hidden
 
 
 def split(capture: Capture, support: Support, hole: np.ndarray, tolerance: float) -> Layers:
-    """Sort the pixels of a capture.
+    """Classify the pixels of a capture.
 
-    Inside the outline of the points measured in the support's plane, everything hidden is support. Beyond it, as
-    far out as half its extent, a hidden pixel goes with the nearest one there that is not hidden: with something else
-    where something else was measured, or where the colour is another one (the support ends here), with the
-    support otherwise (only its measurement ended).
+    Inside the outline of the points measured in the support's plane, hidden pixels are support. Beyond it, up to half
+    its extent, a hidden pixel takes the class of the nearest visible one: another surface if measured as such or of
+    a different colour (the support ends here), otherwise support (only its measurement ends).
 
     Args:
         capture: Photograph and depth.
         support: Plane and outline.
-        hole: (H, W) what will be taken out.
-        tolerance: Height over or under the plane that still is support [m].
+        hole: (H, W) pixels to be removed.
+        tolerance: Maximum distance of the support's pixels from the plane [m].
     """
     depth, k = capture.depth.depth, capture.camera.matrix()
     plane = plane_depth(capture.camera, support.world_from_camera)
@@ -67,13 +66,13 @@ def split(capture: Capture, support: Support, hole: np.ndarray, tolerance: float
 
 
 def _wide(mask: np.ndarray) -> np.ndarray:
-    """The mask without strips that are narrow in the picture: depth is missing along every edge."""
+    """The mask without strips narrow in the image: depth is missing along every edge."""
     side = max(3, mask.shape[1] // 40)
     return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8)) > 0)
 
 
 def _coloured_like(pixels: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Pixels that have about the colour that the support around them lets expect."""
+    """Pixels with about the colour of the surrounding support."""
     size = (max(1, level.shape[1] // 4), max(1, level.shape[0] // 4))
     small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.float32)
     known = cv2.resize(level.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
@@ -84,7 +83,7 @@ def _coloured_like(pixels: np.ndarray, level: np.ndarray) -> np.ndarray:
 
 
 def _nearer(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Where a pixel of `first` is nearer than one of `second`."""
+    """Pixels nearer to `first` than to `second`."""
     if not first.any() or not second.any():
         return np.full(first.shape, bool(first.any()))
     to_first, to_second = (cv2.distanceTransform((~m).astype(np.uint8), cv2.DIST_L2, 5) for m in (first, second))

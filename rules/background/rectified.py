@@ -1,4 +1,4 @@
-"""The support seen from straight above, and back: filling that respects perspective."""
+"""Warp the support to a top view and back, for perspective-correct filling."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.geometry import transforms
 
 MOST_TEXELS = 900
-"""Longest side of the rectified picture."""
+"""Longest side of the rectified picture [texels]."""
 
 
 @dataclass(frozen=True)
@@ -26,19 +26,19 @@ class TopView:
     pixel_from_texel: np.ndarray  # (3, 3) homography to the photograph
 
     def distance(self) -> np.ndarray:
-        """How far each texel is from the camera, (height, width), up to a factor."""
+        """Distance of each texel from the camera, (height, width), up to a factor."""
         rows, columns = np.indices((self.height, self.width))
         row = self.pixel_from_texel[2]
         return np.asarray(row[0] * columns + row[1] * rows + row[2], np.float32)
 
     def lay(self, picture: np.ndarray, smooth: bool = True) -> np.ndarray:
-        """The photograph's `picture` (H, W[, C]) seen from above; 0 outside it."""
+        """Warp the photograph's `picture` (H, W[, C]) to the top view; 0 outside it."""
         how = cv2.INTER_LINEAR if smooth else cv2.INTER_NEAREST
         flags = how | cv2.WARP_INVERSE_MAP
         return np.asarray(cv2.warpPerspective(picture, self.pixel_from_texel, (self.width, self.height), flags=flags))
 
     def lift(self, picture: np.ndarray, size: tuple[int, int], smooth: bool = True) -> np.ndarray:
-        """A picture from above seen by the camera, (H, W[, C]) of `size` (height, width); 0 outside it."""
+        """Warp a top view back to the camera, (H, W[, C]) of `size` (height, width); 0 outside it."""
         how = cv2.INTER_LINEAR if smooth else cv2.INTER_NEAREST
         back = np.linalg.inv(self.pixel_from_texel)
         return np.asarray(cv2.warpPerspective(picture, back, size[::-1], flags=how | cv2.WARP_INVERSE_MAP))
@@ -47,13 +47,13 @@ class TopView:
 def top_view(
     spots: np.ndarray, limits: np.ndarray, margin: float, texel: float, camera: Camera, world_from_camera: np.ndarray
 ) -> TopView:
-    """A view from above of `spots` and what lies around them.
+    """Create a top view of `spots` and their surroundings.
 
     Args:
-        spots: (N, 2) places on the support that must be in it, world frame [m].
-        limits: (M, 2) places; the view stays inside their bounding box [m].
+        spots: (N, 2) points on the support that it must contain, world frame [m].
+        limits: (M, 2) points; the view stays inside their bounding box [m].
         margin: Border around the spots [m].
-        texel: Smallest texel [m]; it grows where the view would be larger than `MOST_TEXELS`.
+        texel: Smallest texel [m]; enlarged if the view would exceed `MOST_TEXELS`.
         camera: Intrinsics [px].
         world_from_camera: (4, 4) T_world_camera.
     """

@@ -1,4 +1,4 @@
-"""background.static: the scene with every object, and the robot, taken out of the photograph."""
+"""background.static: the static scene, with all objects and the robot removed from the photograph."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ class StaticOptions(Options):
     """Options of background.static."""
 
     dilate: Fraction = 0.025
-    """How far masks grow before filling, as a part of the image width: covers soft edges and contact shadows."""
+    """Mask dilation before filling, as a fraction of the image width; covers soft edges and contact shadows."""
     shadow_reach_m: NonNegativeFloat = 0.1
-    """Shadows are lightened this far from a mask on the support [m]; 0 leaves them."""
+    """Distance from a mask on the support up to which shadows are lightened [m]; 0 keeps them."""
     texel_m: PositiveFloat = 0.001
     """Smallest texel of the rectified support [m]."""
     snap_m: NonNegativeFloat = 0.015
-    """Surface within this height of the support becomes the support [m]."""
+    """Surface within this height of the support is snapped to it [m]."""
     stride: float = Field(0.01, gt=0.0, le=1.0)
-    """Spacing of the mesh's vertices in the photograph, as a part of its width."""
+    """Spacing of the mesh's vertices in the photograph, as a fraction of its width."""
     edge: PositiveFloat = 0.05
     """Relative depth step between neighbouring vertices that cuts the mesh."""
     farthest_m: PositiveFloat = 4.0
-    """Surface farther from the camera is left out [m]."""
+    """Surface farther from the camera is omitted [m]."""
     margin_m: NonNegativeFloat = 0.1
-    """How far the collision box of the support reaches beyond its seen part [m]."""
+    """Extension of the support's collision box beyond its seen part [m]."""
     thickness_m: PositiveFloat = 0.05
     """Thickness of the collision box of the support [m]."""
 
@@ -39,7 +39,7 @@ def static(
 ) -> Background:
     """Return the cleaned photograph and depth, a textured surface in the world frame [m] and collision boxes.
 
-    The surface is for the eye; the boxes collide. The first box is the support with its top at z = 0.
+    The surface is visual only; the boxes collide. The first box is the support with its top at z = 0.
     """
     size = capture.depth.depth.shape
     labels = segmentation.labels.labels

@@ -1,4 +1,4 @@
-"""background.static by planes: the support is filled in its own plane, everything else in the picture."""
+"""background.static by planes: fill the support in its own plane, everything else in the image."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ BACKEND = Backend(
 
 
 MOST_GAIN = 1.6
-"""Shadows and reflections are evened out by at most this factor."""
+"""Maximum gain when removing shadows and reflections."""
 
 
 def clean(capture: Capture, support: Support, segmentation: Segmentation, options: StaticOptions) -> Background:
-    """Take everything that stands on the support out of photograph and depth, and build the surface behind it."""
+    """Remove everything on the support from photograph and depth, and build the surface behind it."""
     cv2.setNumThreads(1)
     hole = _grown((segmentation.labels.labels > 0) | segmentation.fixed, options.dilate)
     layers = split(capture, support, hole, options.snap_m)
@@ -64,7 +64,7 @@ def clean(capture: Capture, support: Support, segmentation: Segmentation, option
 
 
 def _grown(mask: np.ndarray, part: float) -> np.ndarray:
-    """`mask` without inner gaps (what shows through a handle goes too), grown by a part of the width."""
+    """Fill inner gaps of `mask` (such as the opening of a handle) and dilate it by a fraction of the width."""
     radius = max(1, round(part * mask.shape[1]))
     outside = np.pad(~mask, 1, constant_values=True)
     mask = np.pad(mask, 1) | ~regions.largest(outside)
@@ -93,14 +93,14 @@ def _fill_support(
     source = _alike(flat, level & ~gap, free & ~gap, 0.03 / view.texel)
     gain = _gain(flat, gap, source, options.shadow_reach_m / view.texel)
     filled = fill_texture(flat * gain, gap, source, view.distance())
-    # Pixels that are not filled stay; only their light changes.
+    # Unfilled pixels keep their texture; only their brightness changes.
     beside = (layers.behind & ~layers.hole)[..., None]
     lit = np.where(beside, view.lift(gain - 1.0, target.shape) + 1.0, 1.0)
     return np.where(target[..., None], view.lift(filled, target.shape), image * lit).astype(np.float32)
 
 
 def _alike(flat: np.ndarray, level: np.ndarray, free: np.ndarray, sigma: float) -> np.ndarray:
-    """Pixels that were measured as support, and unmeasured neighbours of its colour."""
+    """Pixels measured as support, and unmeasured neighbours of its colour."""
     if level.sum() < 500:
         return free
     expected = smooth_part(flat, level, sigma)
@@ -109,9 +109,9 @@ def _alike(flat: np.ndarray, level: np.ndarray, free: np.ndarray, sigma: float) 
 
 
 def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, reach: float) -> np.ndarray:
-    """Factors (H, W, 3) that take shadows and coloured reflections out of the surroundings of `gap`.
+    """Gains (H, W, 3) that remove shadows and coloured reflections around `gap`.
 
-    They carry the smooth light of what lies farther away than `reach` [px] up to the gap.
+    They extend the smooth illumination from beyond `reach` [px] up to the gap.
     """
     away = cv2.distanceTransform((~gap).astype(np.uint8), cv2.DIST_L2, 5)
     rest = source & (away > reach)
@@ -121,7 +121,7 @@ def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, reach: float) -
     local = smooth_part(flat, source, reach / 8)
     gain = np.clip(light / np.maximum(local, 1.0), 1.0 / MOST_GAIN, MOST_GAIN)
     weight = np.clip(2.0 * (1.0 - away / reach), 0.0, 1.0)
-    # Neither the view's border nor unknown surface may show a step.
+    # Avoid steps at the view's border and at unknown surface.
     rim = np.pad((source | gap)[1:-1, 1:-1], 1).astype(np.uint8)
     inner = np.clip(cv2.distanceTransform(rim, cv2.DIST_L2, 5) / (reach / 4), 0.0, 1.0)
     return np.asarray(gain ** (weight * np.where(gap, 1.0, inner))[..., None], np.float32)
@@ -130,7 +130,7 @@ def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, reach: float) -
 def _inpaint(pixels: np.ndarray, hole: np.ndarray, behind: np.ndarray) -> np.ndarray:
     """Fill pixels off the support from other pixels off the support: the mean of Telea's and Navier-Stokes inpainting.
 
-    Every hole is filled at half resolution in its own crop; the support counts as hidden there.
+    Each hole is filled at half resolution in its own crop, where the support counts as hidden.
     """
     filled = pixels.copy()
     count, labels, facts, _ = cv2.connectedComponentsWithStats(hole.astype(np.uint8))
@@ -158,7 +158,7 @@ def _both_ways(pixels: np.ndarray, hole: np.ndarray) -> np.ndarray:
 
 
 def _depth(depth: np.ndarray, layers: Layers, support: Support, options: StaticOptions) -> np.ndarray:
-    """Depth of the empty scene: the plane where it is support, the surroundings of a hole elsewhere, 0 if unknown."""
+    """Depth of the empty scene: the plane on the support, otherwise the surroundings of a hole; 0 if unknown."""
     clean = np.where(layers.hole, 0.0, depth)
     near = regions.inside_convex(layers.floor, support.polygon, options.margin_m) & layers.behind
     open_ = (clean == 0) & near
@@ -172,7 +172,7 @@ def _depth(depth: np.ndarray, layers: Layers, support: Support, options: StaticO
 
 
 def _without_specks(depth: np.ndarray, side: int) -> np.ndarray:
-    """`depth` with small unmeasured spots, up to `side` x `side` pixels large, interpolated."""
+    """Interpolate unmeasured spots of up to `side` x `side` pixels in `depth`."""
     count, labels, facts, _ = cv2.connectedComponentsWithStats((depth == 0).astype(np.uint8), connectivity=4)
     small = facts[:, cv2.CC_STAT_AREA] <= side * side
     small[0] = False

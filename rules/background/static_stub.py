@@ -1,4 +1,4 @@
-"""background.static without image processing: holes take the support's mean colour, the surface is two triangles."""
+"""background.static without image processing: holes get the support's mean colour, the surface is two triangles."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BACKEND = Backend(summary="one colour for holes, a flat rectangle for the scene"
 
 
 def clean(capture: Capture, support: Support, segmentation: Segmentation, options: StaticOptions) -> Background:
-    """Fill holes with one colour and lay the photograph on the support."""
+    """Fill holes with one colour and project the photograph onto the support."""
     hole = (segmentation.labels.labels > 0) | segmentation.fixed
     pixels = capture.rgb.pixels.copy()
     pixels[hole] = np.round(pixels[~hole].mean(axis=0)).astype(np.uint8) if (~hole).any() else 128

@@ -11,7 +11,7 @@ from dextera_build.geometry import cameras, transforms
 
 
 def plane_depth(camera: Camera, world_from_camera: np.ndarray) -> np.ndarray:
-    """Depth (H, W) [m] at which each pixel's ray meets z = 0 of the world; infinite where it never does."""
+    """Depth (H, W) [m] at which each pixel's ray meets z = 0 of the world; infinite without an intersection."""
     rays = cameras.rays(camera.height, camera.width, camera.matrix())
     down = rays @ world_from_camera[2, :3]
     with np.errstate(divide="ignore"):
@@ -31,17 +31,17 @@ def grid_mesh(
 ) -> Mesh:
     """Triangulate the depth on a pixel grid, cut at depth steps, in the world frame.
 
-    A cell that a step cuts is closed on its far side: the far surface runs on under the near one, so the camera that
-    took the photograph sees no gap.
+    A cell cut by a step is closed on its far side: the far surface continues under the near one, so the capturing
+    camera sees no gap.
 
     Args:
         image: (H, W, 3) uint8 texture.
-        depth: (H, W) image-plane z [m]; 0 leaves the surface out.
+        depth: (H, W) image-plane z [m]; 0 omits the surface.
         camera: Intrinsics [px].
         world_from_camera: (4, 4) T_world_camera.
         stride: Spacing of the grid [px].
-        edge: Relative depth step that cuts.
-        flat: (H, W) pixels of one plane, which is never cut, however steeply it is seen.
+        edge: Relative depth step at which the mesh is cut.
+        flat: (H, W) pixels of one plane, which is never cut, even at grazing angles.
     """
     rows, columns = _marks(camera.height, stride), _marks(camera.width, stride)
     z = depth[np.ix_(rows, columns)].astype(np.float64)
@@ -62,7 +62,7 @@ def grid_mesh(
     quads = np.concatenate([cells[whole & ~cut], extra])
     pixels = np.concatenate([pixel, pixel[cells[cut]].reshape(-1, 2)])
     depths = np.concatenate([z.reshape(-1), pushed.reshape(-1)])
-    # Image rows run down, so this order is counter-clockwise for the camera.
+    # Image rows increase downwards, so this order is counter-clockwise for the camera.
     faces = np.concatenate([quads[:, [0, 3, 1]], quads[:, [1, 3, 2]]])
     used, faces = np.unique(faces, return_inverse=True)
     faces = faces.reshape(-1, 3)
@@ -77,7 +77,7 @@ def grid_mesh(
 
 
 def snap(mesh: Mesh, height: float) -> Mesh:
-    """The mesh with every vertex within `height` [m] of the support laid exactly onto z = 0."""
+    """Move every vertex within `height` [m] of the support to z = 0."""
     vertices = mesh.vertices.copy()
     vertices[np.abs(vertices[:, 2]) <= height, 2] = 0.0
     return mesh.model_copy(update={"vertices": vertices})

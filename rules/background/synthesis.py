@@ -1,8 +1,8 @@
 """Fill holes of a flat, textured surface from its own surroundings.
 
-The picture is split into a smooth part, which light and shadow live in, and a detail part. The smooth part is carried
-across the hole as a membrane; the detail is quilted from patches that fit the surroundings of each tile (after Efros
-and Freeman 2001), so wood grain and seams run on, and brightness has no steps.
+The picture is split into a smooth part, which holds light and shadow, and a detail part. The smooth part is
+interpolated across the hole as a membrane; the detail is quilted from patches that match the surroundings of each tile
+(after Efros and Freeman 2001). Wood grain and seams continue, without steps in brightness.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ import numpy as np
 
 MOST_TILES = 120
 COARSER = 1.2
-"""Texture may come from places this many times coarser than where it goes."""
+"""Maximum ratio of the coarseness of source to target."""
 SHRINK = 4
-"""The coarse search runs on a picture this many times smaller."""
+"""Downscaling factor of the coarse search."""
 CONTRAST = 0.5
-"""How much a difference in contrast counts against a patch, beside its correlation."""
+"""Penalty on a difference in contrast, relative to the correlation."""
 COLOUR = 0.02
-"""How much a grey level of difference in the smooth colour counts: another colour is another material."""
+"""Penalty per grey level of difference in the smooth colour: another colour is another material."""
 
 
 def membrane(values: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -34,7 +34,7 @@ def membrane(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     coarse = membrane((less / np.maximum(part, 1e-6)).astype(np.float32), part[..., 0] > 1e-3)
     back = cv2.resize(coarse, known.shape[::-1], interpolation=cv2.INTER_LINEAR).reshape(values.shape)
     filled = np.where(known[..., None], values, back).astype(np.float32)
-    # A few sweeps of relaxation take the pyramid's blocks out.
+    # A few relaxation sweeps remove the pyramid's blocks.
     for _ in range(8):
         smooth = cv2.blur(filled, (3, 3)).reshape(values.shape)
         filled = np.where(known[..., None], values, smooth)
@@ -42,7 +42,7 @@ def membrane(values: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def smooth_part(image: np.ndarray, known: np.ndarray, sigma: float) -> np.ndarray:
-    """Gaussian mean (H, W, 3) of the known pixels, carried on as a membrane elsewhere; `sigma` in pixels."""
+    """Gaussian mean (H, W, 3) of the known pixels, extended elsewhere as a membrane; `sigma` in pixels."""
     weight = cv2.GaussianBlur(known.astype(np.float32), (0, 0), sigma)[..., None]
     mean = cv2.GaussianBlur(image * known[..., None].astype(np.float32), (0, 0), sigma).reshape(image.shape)
     return membrane(mean / np.maximum(weight, 1e-4), known)
@@ -56,12 +56,12 @@ def fill_texture(
     Args:
         image: (H, W, 3) float32, 0..255.
         hole: (H, W) pixels to fill.
-        source: (H, W) pixels that texture may come from.
-        blur: (H, W) how coarse the picture is there, any unit; texture is not taken from much coarser places.
-        sigma: Border between smooth part and detail [px].
+        source: (H, W) allowed sources of texture.
+        blur: (H, W) local coarseness in any unit; much coarser sources are avoided.
+        sigma: Scale that separates the smooth part from detail [px].
 
     Returns:
-        (H, W, 3) float32; pixels outside `hole` as they were.
+        (H, W, 3) float32; pixels outside `hole` are unchanged.
     """
     if not hole.any() or source.sum() < 100:
         return image
@@ -72,11 +72,11 @@ def fill_texture(
 
 
 def _quilt(detail: np.ndarray, hole: np.ndarray, good: np.ndarray, traits: np.ndarray) -> np.ndarray:
-    """Detail for the hole; `traits` (H, W, 4) are the smooth colour and the coarseness of each place."""
+    """Detail for the hole; `traits` (H, W, 4) are the smooth colour and the coarseness of each pixel."""
     tile = 2 * SHRINK * max(3, round(float(np.sqrt(hole.sum() / MOST_TILES)) / 2 / SHRINK))
     reach = tile // 2
     window = tile + 2 * reach
-    # Whole steps of the coarse search everywhere.
+    # Pad to a multiple of the coarse search's step.
     rim = tuple((window, window + -n % SHRINK) for n in detail.shape[:2])
     work = np.pad(detail, (*rim, (0, 0)))
     open_, known = np.pad(hole, rim), np.pad(good, rim)
@@ -97,14 +97,14 @@ def _quilt(detail: np.ndarray, hole: np.ndarray, good: np.ndarray, traits: np.nd
 
 
 class _Search:
-    """Finds windows of known texture: a coarse search everywhere, a fine one around its best place."""
+    """Finds windows of known texture: a coarse global search, then a fine one around the best match."""
 
     def __init__(self, texture: np.ndarray, known: np.ndarray, traits: np.ndarray, window: int) -> None:
         self._texture = texture.copy()
         self._window = window
         self._grey = texture.mean(axis=-1)
         self._small = _shrunk(self._grey)
-        # Where a whole window of texture may be copied from, by its upper left corner.
+        # Valid upper left corners of complete source windows.
         ones = np.ones((window, window), np.uint8)
         free = cv2.erode(known.astype(np.uint8), ones, anchor=(0, 0), borderValue=0) > 0
         rows, columns = (n - window + 1 for n in known.shape)
@@ -121,7 +121,7 @@ class _Search:
         self.possible = bool(self._coarse.any())
 
     def best(self, target: np.ndarray, context: np.ndarray, traits: np.ndarray) -> np.ndarray:
-        """The window that agrees best with `target` where `context` holds, from a place with like `traits` (4,)."""
+        """The window that best matches `target` within `context`, from a location with similar `traits` (4,)."""
         grey = target.mean(axis=-1)
         cost = self._cost(_shrunk(grey), _thinned(context))
         cost = cost + COLOUR * np.abs(self._colour - traits[:3]).mean(axis=-1)
@@ -134,7 +134,7 @@ class _Search:
     def _cost(self, wanted: np.ndarray, context: np.ndarray) -> np.ndarray:
         if context.sum() < 4:
             return np.zeros(self._coarse.shape)
-        # Correlation, because the least squared difference prefers flat patches.
+        # Correlation, because least squares favours flat patches.
         fit = _correlation(self._small, wanted, context)[: self._coarse.shape[0], : self._coarse.shape[1]]
         spread = float(np.std(wanted[context]))
         return np.asarray(CONTRAST * np.abs(np.log((self._spread + 1.0) / (spread + 1.0))) - fit)
@@ -151,7 +151,7 @@ class _Search:
 
 
 def _correlation(picture: np.ndarray, wanted: np.ndarray, context: np.ndarray) -> np.ndarray:
-    """Normalised correlation of `wanted` with every place of `picture` where `context` holds, -1..1."""
+    """Normalised correlation of `wanted`, within `context`, with every location of `picture`, -1..1."""
     fit = cv2.matchTemplate(picture, wanted, cv2.TM_CCOEFF_NORMED, mask=context.astype(np.float32))
     return np.asarray(np.clip(np.nan_to_num(fit, nan=-1.0, posinf=-1.0), -1.0, 1.0))
 

@@ -1,4 +1,4 @@
-"""`capture.json`: the camera of a capture and the scale of its depth, read as data that anybody may have written."""
+"""`capture.json`: camera and depth scale of a capture, parsed as untrusted data."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from dextera_build.rule import Context
 NAME = "capture.json"
 INTRINSICS = ("width", "height", "fx", "fy", "cx", "cy")
 _LARGEST = 1e6
-"""Magnitude that no intrinsic reaches [px]."""
+"""Upper bound of the intrinsics' magnitude [px]."""
 _WIDEST_DEG, _NARROWEST_DEG = 170.0, 0.5
-"""Fields of view that a pinhole camera may have [deg]."""
+"""Limits of a pinhole camera's field of view [deg]."""
 
 
 def read(ctx: Context, data: bytes) -> Mapping[str, object]:
-    """The object that `capture.json` holds."""
+    """Parse the object in `capture.json`."""
     try:
         facts = json.loads(data, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
@@ -37,7 +37,7 @@ def read(ctx: Context, data: bytes) -> Mapping[str, object]:
 
 
 def camera_of(ctx: Context, facts: Mapping[str, object]) -> Camera:
-    """The pinhole camera that the intrinsics describe."""
+    """The pinhole camera with these intrinsics."""
     missing = [key for key in INTRINSICS if key not in facts]
     if missing:
         ctx.fail(
@@ -82,7 +82,7 @@ def _pixels(
 
 
 def _finite(value: object) -> float | None:
-    """A number of ordinary size, or None for everything else."""
+    """The value if it is a number of ordinary magnitude, otherwise None."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return float(value) if -_LARGEST < value < _LARGEST else None

@@ -18,25 +18,25 @@ from .pictures import counts, metres, pixels, size
 
 RGB = ("rgb.png", "rgb.jpg", "rgb.jpeg")
 DEPTH = ("depth.png", "depth.npy")
-SATURATED = 65535  # many drivers write it where nothing came back
+SATURATED = 65535  # written by many drivers for missing returns
 
 
 class FolderOptions(Options):
     """Options of capture.folder."""
 
     nearest_m: PositiveFloat = 0.1
-    """Smallest median depth that is accepted [m]."""
+    """Minimum accepted median depth [m]."""
     farthest_m: PositiveFloat = 20.0
-    """Largest median depth that is accepted [m]."""
+    """Maximum accepted median depth [m]."""
 
 
 @rule(version=1, packages=("pillow",))
 def folder(ctx: Context, folder: Folder, *, options: FolderOptions) -> Capture:
     """Return the capture in `capture.json`, `rgb.png` or `rgb.jpg`, and `depth.png` or `depth.npy`.
 
-    `capture.json` holds width, height, fx, fy, cx, cy [px] (OpenCV convention, integer pixel centres) and, for a
+    `capture.json` contains width, height, fx, fy, cx, cy [px] (OpenCV convention, integer pixel centres) and, for a
     `depth.png` of 16 bit counts, `depth_scale_m` [m per count]. Depth is image-plane z; 0 and 65535 counts are invalid.
-    A `depth.npy` holds metres.
+    A `depth.npy` contains metres.
     """
     facts = read(ctx, folder.files[_one_of(ctx, folder, ("capture.json",))])
     camera = camera_of(ctx, facts)

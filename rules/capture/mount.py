@@ -1,4 +1,4 @@
-"""capture.mount: where the robot stands, as a robot-camera calibration would find it."""
+"""capture.mount: pose of the robot, as from a robot-camera calibration."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ BASE = "base"
 
 
 class MountOptions(Options):
-    """Options of capture.mount: how wrong the simulated calibration is."""
+    """Options of capture.mount: errors of the simulated calibration."""
 
     seed: NonNegativeInt = 0
-    """Seed of the one draw of both errors."""
+    """Seed of both errors."""
     position_sigma_m: NonNegativeFloat = 0.001
     """Standard deviation of the base's position along each axis [m]."""
     rotation_sigma_deg: NonNegativeFloat = 0.1
@@ -29,10 +29,10 @@ class MountOptions(Options):
 
 @rule(version=1, packages=("numpy",))
 def mount(ctx: Context, world: World, robot: RobotModel, *, options: MountOptions | None = None) -> Transform:
-    """Return T_camera_base [m]: the truth of a reference world with the declared error of a calibration.
+    """Return T_camera_base [m]: the true pose in a reference world with the declared calibration error.
 
-    This is a simulated stand-in. It takes the place of a calibration that is solved from pictures of the
-    moving robot, and hands on nothing but its result: one draw of normal errors on top of the true pose.
+    This simulates a calibration from pictures of the moving robot and returns only its result: the true pose
+    with one draw of normal errors.
     """
     options = options or MountOptions()
     if world.stand is None:

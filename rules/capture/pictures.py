@@ -1,4 +1,4 @@
-"""Image and array files of a capture. Headers can be read alone; every error names the file."""
+"""Image and array files of a capture. Headers can be read separately; every error names the file."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 FORMATS = ("PNG", "JPEG")
-"""Pillow's other readers are never tried: some of them run programs, as the one of EPS runs Ghostscript."""
+"""Accepted formats. Other Pillow readers are disabled: some run programs, such as Ghostscript for EPS."""
 
 
 def size(ctx: Context, data: bytes, name: str) -> tuple[int, int]:
-    """Width and height [px] from the header of an image file or an NPY file; no pixel is decoded."""
+    """Width and height [px] from the header of an image file or an NPY file, without decoding pixels."""
     if name.endswith(".npy"):
         header = _array_header(ctx, data, name)
         return header.columns, header.rows
@@ -32,10 +32,10 @@ def pixels(ctx: Context, data: bytes, name: str, mode: str | None = None) -> np.
     """Samples of an image file: (H, W) or (H, W, C), in the file's own mode or converted to Pillow's `mode`.
 
     Args:
-        ctx: Reports a file that cannot be read.
+        ctx: Context for errors on unreadable files.
         data: The file's bytes.
-        name: Its name, for messages.
-        mode: `RGB` turns any picture into red, green, blue; None keeps counts and palette indices as they are.
+        name: The file's name, for messages.
+        mode: `RGB` converts any image to red, green, blue; None keeps counts and palette indices.
     """
     with _opened(ctx, data, name) as picture:
         picture.load()
@@ -72,7 +72,7 @@ class _Header(NamedTuple):
     dtype: np.dtype
     order: Literal["C", "F"]
     start: int
-    """Where the numbers begin [bytes]."""
+    """Offset of the data [bytes]."""
 
 
 def _array_header(ctx: Context, data: bytes, name: str) -> _Header:
@@ -81,7 +81,7 @@ def _array_header(ctx: Context, data: bytes, name: str) -> _Header:
         version = np.lib.format.read_magic(stream)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, fortran, dtype = read(stream)
-    except Exception as error:  # whatever Python's own parser raises for the text of a header, MemoryError included
+    except Exception as error:  # any error of Python's parser on the header text, including MemoryError
         ctx.fail(
             f"`{name}` is not an NPY file",
             size=f"{len(data):,} bytes",

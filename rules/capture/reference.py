@@ -22,16 +22,16 @@ class ReferenceOptions(Options):
     supersample: PositiveInt = 2
     """Samples per pixel edge of the colour render."""
     depth_noise: DepthNoiseOptions = DepthNoiseOptions()
-    """Faults of the depth stream."""
+    """Noise of the depth stream."""
     colour_noise: ColourNoiseOptions = ColourNoiseOptions()
-    """Faults of the colour stream."""
+    """Noise of the colour stream."""
 
 
 @rule(version=1, packages=("numpy",), cpus=2, memory_gb=2.0)
 def reference(
     ctx: Context, world: World, robot: RobotModel | None = None, *, options: ReferenceOptions | None = None
 ) -> Capture:
-    """Return the output of the world's camera: colours, depth [m] with noise and holes, intrinsics; nothing else.
+    """Return the output of the world's camera: colours, depth [m] with noise and holes, intrinsics.
 
     The backend offers `photograph(world, robot, supersample=...) -> Shot`.
     """

@@ -17,13 +17,13 @@ class TableOptions(Options):
     """A wooden table with its top at z = 0."""
 
     centre_m: tuple[float, float] = (0.0, 0.0)
-    """x and y of its middle [m]."""
+    """x and y of the centre [m]."""
     size_m: tuple[PositiveFloat, PositiveFloat, PositiveFloat] = (1.4, 0.9, 0.035)
     """Width, depth, thickness of the top [m]."""
     colour: tuple[Fraction, Fraction, Fraction] = (0.62, 0.45, 0.30)
     """sRGB."""
     planks: PositiveInt = 6
-    """Boards of the top."""
+    """Number of boards of the top."""
     gloss: Fraction = 0.25
     """Strength of highlights, 0..1."""
     seed: NonNegativeInt = 11
@@ -51,12 +51,12 @@ class TableOptions(Options):
 
 
 class RoomOptions(Options):
-    """Floor, back wall with a skirting board, and the pedestal that carries the robot."""
+    """Floor, back wall with a skirting board, and the robot's pedestal."""
 
     floor_z_m: float = -0.74
     """Height of the floor [m]."""
     wall_y_m: float = 1.9
-    """Where the back wall stands [m]."""
+    """y of the back wall [m]."""
     width_m: PositiveFloat = 5.0
     """Width of floor and wall [m]."""
     wall: tuple[Fraction, Fraction, Fraction] = (0.80, 0.81, 0.80)
@@ -64,12 +64,12 @@ class RoomOptions(Options):
     floor: tuple[Fraction, Fraction, Fraction] = (0.47, 0.47, 0.46)
     """sRGB."""
     pedestal_m: tuple[float, float, float, float] | None = None
-    """x and y of its middle, edge length, height of its top above z = 0 [m]; None leaves it out."""
+    """x and y of the centre, edge length, height of the top above z = 0 [m]; None omits the pedestal."""
     seed: NonNegativeInt = 21
     """Seed of the textures."""
 
     def parts(self) -> dict[str, Part]:
-        """All of them, in the world frame."""
+        """All parts, in the world frame."""
         w, z, y = self.width_m, self.floor_z_m, self.wall_y_m
         floor = textures.plain(1024, 1024, self.floor, 0.10, 6, self.seed)
         wall = textures.plain(512, 1024, self.wall, 0.025, 5, self.seed + 1)

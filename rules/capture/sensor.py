@@ -1,8 +1,8 @@
-"""Faults of an RGB-D camera: noise, holes, quantisation.
+"""Errors of an RGB-D camera: noise, holes, quantisation.
 
-Depth follows a stereo camera with projector (Intel RealSense D435): the standard deviation of z is
-z^2 * subpixel / (focal * baseline), because the error is constant in disparity; neighbouring pixels share their
-matching window, so their errors are correlated.
+Depth is modelled after a stereo camera with projector (Intel RealSense D435): the standard deviation of z is
+z^2 * subpixel / (focal * baseline), because the error is constant in disparity; neighbouring pixels share a matching
+window, so their errors are correlated.
 """
 
 from __future__ import annotations
@@ -15,50 +15,50 @@ from dextera_build.rule import Fraction, Options
 
 
 class DepthNoiseOptions(Options):
-    """Faults of the depth stream."""
+    """Noise of the depth stream."""
 
     baseline_m: PositiveFloat = 0.05
-    """Distance of the two infrared cameras [m]."""
+    """Distance between the two infrared cameras [m]."""
     focal_px: PositiveFloat = 640.0
     """Focal length of the infrared cameras [px]."""
     subpixel_px: NonNegativeFloat = 0.05
     """Standard deviation of the disparity [px]."""
     correlation_px: PositiveInt = 3
-    """Width of the window that neighbours share [px]."""
+    """Width of the matching window [px]."""
     edge_px: NonNegativeInt = 2
     """Half width of the band without depth along edges [px]."""
     edge_step: NonNegativeFloat = 0.02
-    """Relative step in depth that makes an edge."""
+    """Relative depth step of an edge."""
     edge_loss: Fraction = 0.9
-    """Part of the pixels in that band that are lost."""
+    """Fraction of the pixels in that band that are lost."""
     grazing_deg: float = Field(82.0, ge=0.0, le=90.0)
-    """Angle between ray and normal beyond which nothing comes back [deg]."""
+    """Angle between ray and normal beyond which depth is lost [deg]."""
     dropout: Fraction = 0.002
-    """Part of all pixels lost at random."""
+    """Fraction of all pixels lost at random."""
     nearest_m: NonNegativeFloat = 0.2
-    """Smallest depth that is measured [m]."""
+    """Minimum measured depth [m]."""
     farthest_m: PositiveFloat = 6.0
-    """Largest depth that is measured [m]."""
+    """Maximum measured depth [m]."""
     step_m: PositiveFloat = 0.001
     """Quantisation [m]."""
 
 
 class ColourNoiseOptions(Options):
-    """Faults of the colour stream."""
+    """Noise of the colour stream."""
 
     sigma: NonNegativeFloat = 0.006
-    """Standard deviation per channel of a mid grey, 0..1; it grows with the root of the brightness."""
+    """Standard deviation per channel at mid grey, 0..1; proportional to the square root of brightness."""
     vignetting: Fraction = 0.18
     """Loss of brightness in the corners, 0..1."""
 
 
 def measure_depth(depth: np.ndarray, k: np.ndarray, options: DepthNoiseOptions, rng: np.random.Generator) -> np.ndarray:
-    """Depth as the camera reports it: (H, W) float32 [m], 0 where it measured nothing.
+    """Simulate measured depth: (H, W) float32 [m], 0 if not measured.
 
     Args:
-        depth: (H, W) true image-plane z [m], 0 where nothing is.
+        depth: (H, W) true image-plane z [m], 0 if empty.
         k: (3, 3) intrinsics [px].
-        options: Faults.
+        options: Noise parameters.
         rng: Source of all randomness.
     """
     sigma = depth**2 * options.subpixel_px / (options.focal_px * options.baseline_m)
@@ -73,7 +73,7 @@ def measure_depth(depth: np.ndarray, k: np.ndarray, options: DepthNoiseOptions, 
 
 
 def measure_colour(rgb: np.ndarray, options: ColourNoiseOptions, rng: np.random.Generator) -> np.ndarray:
-    """Colours as the camera reports them: (H, W, 3) uint8 of (H, W, 3) float64 sRGB 0..1."""
+    """Simulate measured colours: (H, W, 3) uint8 from (H, W, 3) float64 sRGB 0..1."""
     height, width = rgb.shape[:2]
     row, column = np.mgrid[0:height, 0:width] - np.array([[[(height - 1) / 2]], [[(width - 1) / 2]]])
     corner = (row**2 + column**2) / ((height / 2) ** 2 + (width / 2) ** 2)

@@ -1,7 +1,7 @@
-"""Closed textured surfaces from a few numbers: boxes, slabs with round corners, turned bodies, bent tubes.
+"""Parametric closed textured surfaces: boxes, slabs with round corners, bodies of revolution, bent tubes.
 
-Every function returns a `Mesh` with shared vertices (closed by index) and texture coordinates, standing on z = 0 and
-centred on x and y unless it says otherwise; lengths in metres.
+Every function returns a `Mesh` with shared vertices (closed by index) and texture coordinates, with its base on z = 0
+and centred on x and y unless noted otherwise; lengths in metres.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ CELLS = ("front", "right", "back", "left", "top", "bottom")
 def box(size: tuple[float, float, float], picture: np.ndarray, *, atlas: bool = False) -> Mesh:
     """A box of `size` (x, y, z).
 
-    Every face shows all of `picture`, or, of an `atlas`, the cell that `CELLS` names, upright seen from outside.
+    Every face shows all of `picture`, or with `atlas` its cell in the order of `CELLS`, upright from outside.
     """
     x, y, z = size[0] / 2, size[1] / 2, size[2]
     corners = np.array([[i, j, k] for k in (0.0, z) for j in (-y, y) for i in (-x, x)], np.float32)
@@ -39,7 +39,7 @@ def box(size: tuple[float, float, float], picture: np.ndarray, *, atlas: bool = 
 def slab(size: tuple[float, float, float], radius: float, bevel: float, picture: np.ndarray) -> Mesh:
     """A box of `size` with vertical edges of `radius` and bevelled rims.
 
-    The upper half of `picture` lies on the top, the lower half on the bottom; sides take the lower half's border.
+    The upper half of `picture` is mapped to the top, the lower half to the bottom; sides use the lower half's border.
     """
     x, y, z = size
     levels = [(0.0, bevel), (bevel, 0.0), (z - bevel, 0.0), (z, bevel)]
@@ -64,8 +64,8 @@ def turned(profile: np.ndarray, picture: np.ndarray, segments: int = 96) -> Mesh
     """A surface of revolution about z.
 
     Args:
-        profile: (P, 2) radius and height, from the axis at the bottom outside round to the axis again.
-        picture: u runs round the axis, v along the profile's length.
+        profile: (P, 2) radius and height, from the axis at the bottom along the outside back to the axis.
+        picture: Texture; u runs around the axis, v along the profile's length.
         segments: Facets of the circle.
     """
     angle = 2 * np.pi * np.arange(segments) / segments
@@ -94,13 +94,13 @@ def turned(profile: np.ndarray, picture: np.ndarray, segments: int = 96) -> Mesh
 
 
 def tube(path: np.ndarray, half_width: float, half_thickness: float, picture: np.ndarray, segments: int = 20) -> Mesh:
-    """A bar of elliptic section along a curve in the plane y = 0, closed at both ends.
+    """A bar with elliptic section along a curve in the plane y = 0, closed at both ends.
 
     Args:
         path: (N, 3) points of the centre line [m], y = 0.
         half_width: Half axis along y [m].
         half_thickness: Half axis in the plane of the curve [m].
-        picture: u runs round the section, v along the curve.
+        picture: Texture; u runs around the section, v along the curve.
         segments: Facets of the section.
     """
     tangent = np.gradient(path, axis=0)
@@ -128,7 +128,7 @@ def tube(path: np.ndarray, half_width: float, half_thickness: float, picture: np
 
 
 def volume(mesh: Mesh) -> float:
-    """Signed volume of a closed mesh [m^3]; positive where faces look outwards."""
+    """Signed volume of a closed mesh [m^3]; positive for outward faces."""
     a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(np.float64) for i in range(3))
     return float((a * np.cross(b, c)).sum() / 6)
 
@@ -145,12 +145,12 @@ def union(meshes: list[Mesh]) -> Mesh:
 
 
 def gap(one: Mesh, other: Mesh, most: float = 0.05) -> float:
-    """Distance between two closed surfaces in one frame [m], at most `most`; 0 where they overlap."""
+    """Distance between two closed surfaces in one frame [m], at most `most`; 0 if they overlap."""
     return float(_solid(one).min_gap(_solid(other), most))
 
 
 def moved(mesh: Mesh, matrix: np.ndarray) -> Mesh:
-    """The mesh under a rigid (4, 4) motion."""
+    """Transform the mesh by a rigid (4, 4) motion."""
     vertices = mesh.vertices.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
     return mesh.model_copy(update={"vertices": vertices.astype(np.float32)})
 

@@ -1,6 +1,6 @@
 """Procedural textures: wood, plaster, concrete, glaze, printed cardboard, a keyboard, a screen.
 
-Each is a pure function of its arguments and a seed and returns (H, W, 3) uint8 sRGB.
+Each function is pure in its arguments and a seed, and returns (H, W, 3) uint8 sRGB.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ Colour = tuple[float, float, float]
 
 
 def noise(height: int, width: int, cells: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
-    """Smooth noise (H, W) float64, about -1..1: a random (rows, columns) grid, cubically enlarged."""
+    """Smooth noise (H, W) float64, about -1..1: a random (rows, columns) grid with cubic upsampling."""
     from PIL import Image as Pillow
 
     grid = Pillow.fromarray(rng.uniform(-1, 1, cells).astype(np.float32))
@@ -30,7 +30,7 @@ def clouds(height: int, width: int, cells: int, octaves: int, rng: np.random.Gen
 
 
 def wood(height: int, width: int, colour: Colour, planks: int, seed: int) -> np.ndarray:
-    """Planks along the width with year rings, pores and joints."""
+    """Planks along the width with growth rings, pores and joints."""
     rng = np.random.default_rng(seed)
     rows = height // planks + 1
     picture = np.zeros((rows * planks, width, 3))
@@ -59,7 +59,7 @@ def plain(height: int, width: int, colour: Colour, grain: float, cells: int, see
 
 
 def speckled(height: int, width: int, colour: Colour, speck: Colour, density: float, seed: int) -> np.ndarray:
-    """Stoneware: a colour with soft specks of another one."""
+    """Stoneware: a colour with soft specks of another."""
     rng = np.random.default_rng(seed)
     base = plain(height, width, colour, 0.03, 6, seed) / 255.0
     spots = np.clip((noise(height, width, (height // 3, width // 3), rng) - (0.95 - density)) * 6, 0, 1)
@@ -67,7 +67,7 @@ def speckled(height: int, width: int, colour: Colour, speck: Colour, density: fl
 
 
 def banded(picture: np.ndarray, bands: tuple[tuple[float, float, Colour], ...]) -> np.ndarray:
-    """`picture` with horizontal bands: lower and upper end as parts of the height from below, and a colour."""
+    """`picture` with horizontal bands: lower and upper end as fractions of the height from below, and a colour."""
     out = picture.copy()
     for low, high, colour in bands:
         rows = slice(round((1 - high) * len(out)), round((1 - low) * len(out)))
@@ -87,7 +87,7 @@ def carton(brand: str, line: str, colour: Colour, accent: Colour, seed: int) -> 
 
 
 def keyboard(seed: int) -> np.ndarray:
-    """Upper half: palm rest, keys and touch pad of a laptop seen from above; lower half: its bottom."""
+    """Upper half: palm rest, keys and touch pad of a laptop from above; lower half: its bottom."""
     from PIL import Image as Pillow
     from PIL import ImageDraw
 

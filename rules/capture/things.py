@@ -1,6 +1,6 @@
-"""The kinds of things that a reference world is made of, as options, and how each is built.
+"""The kinds of objects in a reference world, as options, and their construction.
 
-A new kind is a class with a literal `kind` and a `parts()`, and a place in `ThingOptions`.
+A new kind is a class with a literal `kind` and a `parts()`, listed in `ThingOptions`.
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ from . import solids, textures, walls
 
 
 class Placed(Options):
-    """Properties of every thing on the table."""
+    """Properties of every object on the table."""
 
     at_m: tuple[float, float]
-    """x and y of its middle on the table [m]."""
+    """x and y of the centre on the table [m]."""
     yaw_deg: float = 0.0
     """Rotation about z [deg]."""
     seed: NonNegativeInt = 0
-    """Seed of its textures."""
+    """Seed of the textures."""
     mass_kg: PositiveFloat = 0.3
     """Mass [kg]."""
     friction: PositiveFloat = 0.45
-    """Sliding friction coefficient against whatever it touches."""
+    """Sliding friction coefficient."""
     restitution: float = Field(0.15, ge=0.0, lt=1.0)
-    """Coefficient of restitution of a slow impact on the table."""
+    """Coefficient of restitution at a slow impact on the table."""
 
     def matter(self) -> Matter:
         """Mechanical properties."""
         return Matter(mass_kg=self.mass_kg, friction=self.friction, restitution=self.restitution)
 
     def hinge(self) -> Hinge | None:
-        """Its hinge, if it has one."""
+        """The hinge, if any."""
         return None
 
     def pose(self) -> np.ndarray:
-        """T_world_thing, (4, 4): it stands on z = 0."""
+        """T_world_thing, (4, 4), standing on z = 0."""
         angle = np.radians(self.yaw_deg)
         c, s = np.cos(angle), np.sin(angle)
         return transforms.rigid(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), np.array([*self.at_m, 0.0]))
@@ -75,7 +75,7 @@ class Carton(Placed):
 
 
 class Cylinder(Placed):
-    """A can, a jar: a solid cylinder with a band."""
+    """A can or jar: a solid cylinder with a band."""
 
     kind: Literal["cylinder"]
     mass_kg: PositiveFloat = 0.4
@@ -155,14 +155,14 @@ class Mug(Placed):
     wall_m: PositiveFloat = 0.004
     """Thickness of the wall [m]."""
     reach_m: PositiveFloat = 0.030
-    """How far the handle stands off [m]."""
+    """Protrusion of the handle [m]."""
     colour: tuple[Fraction, Fraction, Fraction] = (0.12, 0.28, 0.62)
     """sRGB."""
     band: tuple[Fraction, Fraction, Fraction] = (0.93, 0.93, 0.9)
     """Colour of the ring, sRGB."""
 
     def parts(self) -> dict[str, Part]:
-        """The shell and the handle, whose ends lie inside the wall."""
+        """The shell and the handle, which ends inside the wall."""
         r, h, w = self.radius_m, self.height_m, self.wall_m
         outer = [[0, 0], [r - 0.005, 0], [r - 0.0015, 0.0015], [r, 0.005], [r, h - 0.0015], [r - 0.001, h]]
         inner = [[r - w + 0.001, h], [r - w, h - 0.0015], [r - w, w + 0.006], [r - w - 0.006, w], [0, w]]
@@ -206,16 +206,16 @@ class Laptop(Placed):
     opening_deg: float = Field(110.0, ge=0.0, le=180.0)
     """Angle between the display and the keyboard; 0 is closed [deg]."""
     widest_deg: float = Field(135.0, gt=0.0, le=360.0)
-    """The largest opening [deg]."""
+    """Maximum opening [deg]."""
     lid_kg: PositiveFloat = 0.4
-    """Mass of the lid, out of the whole [kg]."""
+    """Mass of the lid, included in the total [kg]."""
     hinge_friction_nm: NonNegativeFloat = 0.8
-    """Dry friction of the hinge [N m]; gravity asks for 0.43 N m of this lid."""
+    """Dry friction of the hinge [N m]; holding this lid against gravity takes 0.43 N m."""
     hinge_damping_nms_rad: NonNegativeFloat = 0.03
     """Viscous damping of the hinge [N m s/rad]."""
 
     def hinge(self) -> Hinge:
-        """Along the back edge; positive motion opens."""
+        """The hinge along the back edge; positive motion opens."""
         x, y, z = (float(value) for value in self._axis())
         return Hinge(
             parts=("lid",),
@@ -237,7 +237,7 @@ class Laptop(Placed):
         base = solids.slab((self.width_m, self.depth_m, self.base_m), 0.012, 0.0015, textures.keyboard(self.seed))
         picture = textures.screen(self.seed)
         half = len(picture) // 2
-        # The display is read from the other side of the lid: its upper edge lies at -y of the closed lid.
+        # The display is on the other side of the lid: its upper edge is at -y of the closed lid.
         picture = np.concatenate([picture[:half], picture[half:][::-1]])
         lid = solids.slab((self.width_m, self.depth_m - 0.008, self.lid_m), 0.010, 0.001, picture)
         angle = -np.radians(self.opening_deg)
@@ -258,4 +258,4 @@ class Laptop(Placed):
 
 
 ThingOptions = Annotated[Carton | Cylinder | Bowl | Mug | Laptop, Field(discriminator="kind")]
-"""Any kind of thing."""
+"""Any kind of object."""

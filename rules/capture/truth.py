@@ -1,4 +1,4 @@
-"""capture.truth: the true state of a reference world; only rules of stage `evaluate` may take it."""
+"""capture.truth: the true state of a reference world; accepted only by rules of stage `evaluate`."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class TruthOptions(Options):
 
 @rule(version=1, packages=("numpy",), cpus=2, memory_gb=2.0)
 def truth(ctx: Context, world: World, robot: RobotModel | None = None, *, options: TruthOptions | None = None) -> Truth:
-    """Return surfaces as posed in the world frame [m], faultless colours and depth, labels of visible pixels.
+    """Return posed surfaces in the world frame [m], noise-free colours and depth, and labels of visible pixels.
 
-    The backend offers `photograph(world, robot, supersample=...) -> Shot`, as that of `capture.reference` does.
+    The backend offers `photograph(world, robot, supersample=...) -> Shot`, as for `capture.reference`.
     """
     options = options or TruthOptions()
     shot = ctx.backend.photograph(world, robot, supersample=options.supersample)
@@ -50,7 +50,7 @@ def truth(ctx: Context, world: World, robot: RobotModel | None = None, *, option
 
 
 def _tinted(rgb: np.ndarray, labels: np.ndarray) -> np.ndarray:
-    """The picture with each instance in its own tint; hues by the golden angle."""
+    """Tint each instance of the picture with hues a golden angle apart."""
     hue = 2 * np.pi * 0.381966 * labels
     tint = 127.5 + 127.5 * np.stack([np.cos(hue), np.cos(hue - 2.094), np.cos(hue + 2.094)], axis=-1)
     mixed = np.where(labels[..., None] > 0, 0.5 * rgb + 0.5 * tint, 0.6 * rgb)

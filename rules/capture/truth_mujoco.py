@@ -1,4 +1,4 @@
-"""Truth by the renderer that takes the photograph."""
+"""Ground truth from the photograph's renderer."""
 
 from __future__ import annotations
 

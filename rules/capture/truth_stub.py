@@ -1,4 +1,4 @@
-"""Pictures by ray casting, without lights and without the robot: instant and without a GL context."""
+"""Ground truth by ray casting, without lights and robot: fast, and without a GL context."""
 
 from __future__ import annotations
 
@@ -18,5 +18,5 @@ BACKEND = Backend(
 
 
 def photograph(world: World, robot: RobotModel | None, *, supersample: int) -> Shot:
-    """Unlit colours, depth [m] and object labels through the world's camera; `supersample` does nothing."""
+    """Unlit colours, depth [m] and object labels through the world's camera; `supersample` is ignored."""
     return unlit(world)

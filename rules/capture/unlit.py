@@ -1,4 +1,4 @@
-"""A reference world by ray casting, without lights: the output of the stub backends."""
+"""Ray-cast a reference world without lights, for the stub backends."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Convex pieces of the things in a reference world, from the same numbers that their surfaces are made of.
+"""Convex pieces of objects in a reference world, from the same parameters as their surfaces.
 
-What is convex is one piece. A vessel is a floor and slabs around its ring, so that its cavity stays open; the inner
-face of a slab is a chord, which fills a little of the cavity.
+A convex body is one piece. A vessel is a floor and slabs around its ring, which keep the cavity open; the inner face of
+a slab is a chord, which fills a little of the cavity.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ import numpy as np
 from dextera_build.artifacts.geometry import Hull, Mesh
 
 SECTORS = 24
-"""Slabs around the ring; their chords fill 1.1 % of a round cavity."""
+"""Number of slabs around the ring; their chords fill 1.1 % of a round cavity."""
 COLUMNS = 4
-"""Facets of the outside per slab, as in the surface of 96 facets."""
+"""Facets of the outside per slab, as in the surface with 96 facets."""
 BULGE_M = 0.001
-"""A slab is cut in height where it would bulge farther than this beyond the wall [m]."""
+"""A slab is split in height if it would bulge farther than this beyond the wall [m]."""
 RINGS = 3
-"""Steps of a bent bar's curve per piece."""
+"""Sections of a bent bar per piece."""
 
 
 def whole(mesh: Mesh) -> tuple[Hull, ...]:
-    """The one piece of a convex surface."""
+    """The single piece of a convex surface."""
     return (Hull(vertices=mesh.vertices.copy()),)
 
 
 def vessel(profile: np.ndarray) -> tuple[Hull, ...]:
-    """Pieces of a surface of revolution about z that is open upwards.
+    """Pieces of a surface of revolution about z, open at the top.
 
     Args:
-        profile: (P, 2) radius and height, from the axis at the bottom outside up to the rim, and down to the axis at
-            the floor of the cavity; heights rise all the way up, and fall all the way down.
+        profile: (P, 2) radius and height, from the axis at the bottom, along the outside to the rim and down to the
+            axis at the floor of the cavity; heights are monotonic on each side.
     """
     top = int(np.argmax(profile[:, 1]))
     outer, inner = profile[1 : top + 1], profile[top + 1 : -1][::-1]
@@ -73,7 +73,7 @@ def _cuts(outer: np.ndarray, inner: np.ndarray, floor: float) -> list[float]:
 
 
 def _bulge(outer: np.ndarray, inner: np.ndarray, low: float, high: float) -> float:
-    """How far the hull of the wall between two heights reaches beyond it, radially [m]."""
+    """Radial distance by which the hull of the wall between two heights exceeds it [m]."""
     worst = 0.0
     for curve, sign in ((outer, -1.0), (inner, 1.0)):
         part = _between(curve, low, high)
@@ -83,7 +83,7 @@ def _bulge(outer: np.ndarray, inner: np.ndarray, low: float, high: float) -> flo
 
 
 def _between(curve: np.ndarray, low: float, high: float) -> np.ndarray:
-    """The part of a rising curve (N, 2) between two heights, with its points at both."""
+    """The part of a rising curve (N, 2) between two heights, including its points at both."""
     ends = np.array([[np.interp(z, curve[:, 1], curve[:, 0]), z] for z in (low, high)])
     inside = curve[(curve[:, 1] > low + 1e-9) & (curve[:, 1] < high - 1e-9)]
     return np.concatenate([ends[:1], inside, ends[1:]])

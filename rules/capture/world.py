@@ -19,7 +19,7 @@ from .things import ThingOptions
 
 
 class CameraOptions(Options):
-    """A pinhole camera and where it looks."""
+    """A pinhole camera and its pose."""
 
     width_px: PositiveInt = 1280
     """Image width [px]."""
@@ -40,25 +40,25 @@ class CameraOptions(Options):
 
 
 class LampOptions(Options):
-    """A light from far away."""
+    """A directional light."""
 
     direction: tuple[float, float, float]
-    """Where the light goes."""
+    """Direction of the light."""
     strength: Fraction
     """Diffuse intensity, 0..1."""
     shadow: bool = False
-    """Whether it throws shadows."""
+    """Whether it casts shadows."""
 
 
 class StandOptions(Options):
-    """Where the robot stands."""
+    """Pose of the robot."""
 
     position_m: tuple[float, float, float]
-    """Origin of its base in the world [m]."""
+    """Origin of the base in the world [m]."""
     yaw_deg: float = 0.0
     """Rotation about z [deg]."""
     joints_deg: dict[str, float] = Field(default_factory=dict)
-    """Joint -> position [deg]; joints left out stand at home."""
+    """Joint -> position [deg]; omitted joints are at home."""
 
 
 class WorldOptions(Options):
@@ -71,13 +71,13 @@ class WorldOptions(Options):
     room: RoomOptions = RoomOptions()
     """Floor and wall."""
     objects: dict[str, ThingOptions]
-    """The things on the table, by name."""
+    """Objects on the table, by name."""
     lamps: tuple[LampOptions, ...]
     """Lights."""
     ambient: Fraction = 0.4
-    """Intensity of the light from everywhere, 0..1."""
+    """Intensity of the ambient light, 0..1."""
     robot: StandOptions | None = None
-    """The robot's place."""
+    """Pose of the robot."""
 
 
 @rule(version=1, packages=("numpy", "pillow", "manifold3d"))

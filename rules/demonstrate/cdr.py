@@ -1,4 +1,4 @@
-"""Common Data Representation, little-endian: how ROS 2 puts messages into bytes."""
+"""Common Data Representation, little-endian: the serialization of ROS 2 messages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ENCAPSULATION = b"\x00\x01\x00\x00"
 
 
 class Cdr:
-    """Writes one message; every method appends and returns itself. Values are aligned to their own size."""
+    """Writer of one message; every method appends and returns the writer. Values are aligned to their size."""
 
     def __init__(self) -> None:
         self._body = bytearray()
@@ -27,12 +27,12 @@ class Cdr:
         return self._put("i", values)
 
     def boolean(self, value: bool) -> Self:
-        """One truth value."""
+        """One boolean."""
         self._body.append(value)
         return self
 
     def f64(self, values: Iterable[float] | np.ndarray) -> Self:
-        """Doubles of a fixed number, without their count."""
+        """A fixed number of doubles, without a count."""
         return self._put("d", [float(value) for value in values])
 
     def f64s(self, values: Iterable[float] | np.ndarray = ()) -> Self:

@@ -1,4 +1,4 @@
-"""demonstrate.film: recorded episodes as a camera would have seen them."""
+"""demonstrate.film: render recorded episodes through a camera."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class FilmOptions(Options):
 
 @rule(version=1, packages=("numpy",))
 def film(ctx: Context, bundle: TaskBundle, episodes: Episodes, view: View, *, options: FilmOptions) -> Film:
-    """Return one frame (H, W, 3) uint8 sRGB per step of every episode that counts, seen through `view`.
+    """Return one frame (H, W, 3) uint8 sRGB per step of every kept episode, seen through `view`.
 
     Recorded states are rendered, nothing is simulated; frame t is the scene before action t.
     """

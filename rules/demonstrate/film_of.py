@@ -1,4 +1,4 @@
-"""Whether a film shows the episodes that it is given with."""
+"""Check that a film matches its episodes."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dextera_build.rule import Context
 
 
 def check_film(ctx: Context, episodes: Episodes, film: Film | None) -> None:
-    """Refuse a film that lacks an episode.
+    """Reject a film that lacks an episode.
 
     Raises:
-        RuleError: It does.
+        RuleError: An episode is missing.
     """
     missing = sorted(set(episodes.items) - set(film.frames)) if film is not None else []
     if missing:

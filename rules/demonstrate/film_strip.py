@@ -8,7 +8,7 @@ GAP_PX = 2
 
 
 def strip(pixels: np.ndarray, count: int) -> np.ndarray:
-    """`count` evenly spaced frames of (T, H, W, 3) in two rows, the first and the last among them."""
+    """`count` evenly spaced frames of (T, H, W, 3) in two rows, including the first and the last."""
     chosen = pixels[np.unique(np.linspace(0, len(pixels) - 1, max(2, count)).round().astype(int))]
     columns = -(-len(chosen) // 2)
     _, height, width, _ = pixels.shape

@@ -1,4 +1,4 @@
-"""demonstrate.film without a renderer: a bar that grows with time, on a grey that follows from the camera's place."""
+"""demonstrate.film without a renderer: a bar that grows with time, on a grey derived from the camera's pose."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BACKEND = Backend(summary="no rendering: a bar that grows with time, on a grey o
 
 def frames(bundle: TaskBundle, episodes: Episodes, view: View) -> Iterator[tuple[str, np.ndarray]]:
     """Index and frames (T, H, W, 3) uint8 of each episode."""
-    # Another camera makes other pictures, as it does for real, so that what depends on them is made again.
+    # A different camera gives different pictures, as in a real film, so dependent nodes are rebuilt.
     grey = int(digest.of_bytes(np.ascontiguousarray(view.world_from_camera).tobytes())[:2], 16) // 2
     for index, episode in episodes.items.items():
         steps = len(episode.joints)

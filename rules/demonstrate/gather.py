@@ -1,4 +1,4 @@
-"""demonstrate.gather: the shards of a data set as one."""
+"""demonstrate.gather: merge the shards of a data set."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.rule import Context, rule
 
 SAME = ("task", "embodiment", "rate_hz", "joint_names", "object_names", "displacement_names", "tip_names")
-"""Fields in which all parts must agree."""
+"""Fields that must be equal in all shards."""
 
 
 @rule(version=1)
 def gather(ctx: Context, shards: Collection[Episodes]) -> Episodes:
-    """Return all episodes of the shards in the order of their indices, with the discarded ones."""
+    """Return all episodes of the shards in index order, and the discarded ones."""
     parts = [shards.items[label] for label in sorted(shards.items)]
     ctx.check(bool(parts), "no shards were given", hint="set `episodes` above 0")
     items: dict[str, Episode] = {}

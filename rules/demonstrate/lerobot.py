@@ -18,19 +18,19 @@ class LerobotOptions(Options):
     """Options of demonstrate.lerobot."""
 
     instruction: str = ""
-    """The task in words, for policies that read; empty: the task's name, `CloseLaptop` as `close laptop`."""
+    """The task in words, for language-conditioned policies; empty: the task's name, `CloseLaptop` as `close laptop`."""
     camera: str = "workspace"
-    """Name of the camera: the pictures are feature `observation.images.<camera>`."""
+    """Name of the camera; its images are feature `observation.images.<camera>`."""
     data_file_mb: PositiveFloat = 100.0
-    """A data file is closed before it holds more than this many megabytes of numbers."""
+    """Maximum size of the numbers in a data file [MB]."""
     video_file_mb: PositiveFloat = 200.0
-    """A video file is closed before it is larger than this many megabytes."""
+    """Maximum size of a video file [MB]."""
     files_per_chunk: PositiveInt = 1000
     """Files per folder."""
     crf: int = Field(18, ge=0, le=51)
-    """Quality of H.264: 0 keeps everything but chroma, 23 is ffmpeg's default, 51 is worst."""
+    """H.264 quality: 0 is lossless except for chroma, 23 is ffmpeg's default, 51 is worst."""
     keyframe_every: PositiveInt = 5
-    """Frames from one key frame to the next; a reader decodes at most so many frames to get one."""
+    """Key frame interval; a reader decodes at most this many frames to get one."""
 
 
 @rule(version=1, packages=("numpy",))
@@ -43,10 +43,10 @@ def lerobot(
     *,
     options: LerobotOptions,
 ) -> Folder:
-    """Return a folder that LeRobot's loader opens: data, videos if a film is given, statistics, episodes, tasks.
+    """Return a folder for LeRobot's loader: data, videos if a film is given, statistics, episodes, tasks.
 
-    Beyond LeRobot's own columns every episode keeps its start (`start/...` in `meta/episodes`), its origin and its
-    segments, so that it can be run again; what counts for the whole set is in `meta/dextera.json`.
+    Besides LeRobot's columns, every episode keeps its start (`start/...` in `meta/episodes`), its origin and its
+    segments, and can be rerun; `meta/dextera.json` describes the whole set.
     """
     if not episodes.items:
         ctx.fail("no episode counts", failures=len(episodes.failures), hint="look at their reasons in the episodes")

@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Episode, Episodes
 
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
-"""Parts of a pose in the robot's base frame: metres, unit quaternion."""
+"""Components of a pose in the robot's base frame: metres, unit quaternion."""
 FORCE = ("fx", "fy", "fz")
 
 
@@ -19,7 +19,7 @@ class Feature:
 
     dtype: str
     names: tuple[str, ...] | None
-    """Names of the components; None: a number without one."""
+    """Names of the components; None: an unnamed number."""
 
     @property
     def width(self) -> int:
@@ -27,15 +27,15 @@ class Feature:
         return len(self.names) if self.names else 1
 
     def facts(self) -> dict[str, object]:
-        """As written in `meta/info.json`."""
+        """The feature's entry in `meta/info.json`."""
         return {"dtype": self.dtype, "shape": [self.width], "names": list(self.names) if self.names else None}
 
 
 def features(episodes: Episodes, goal: tuple[str, ...]) -> dict[str, Feature]:
-    """Feature by name; those that would be empty are left out.
+    """Features by name, without empty ones.
 
-    LeRobot's policies take features that begin with `observation` or `action`, so hidden features begin otherwise:
-    `executed_action` is `action` with the noise that was sent, `target.hand` the palm pose that `action` was made for,
+    LeRobot's policies use features whose names start with `observation` or `action`, so other features are named
+    differently: `executed_action` is `action` with noise as sent, `target.hand` the palm pose for `action`,
     `privileged.contact` the force on the fingertips.
 
     Args:
@@ -60,13 +60,13 @@ def features(episodes: Episodes, goal: tuple[str, ...]) -> dict[str, Feature]:
 
 
 def columns(rate_hz: float, episode: Episode, number: int, first: int) -> dict[str, np.ndarray]:
-    """Arrays (T, N) by feature; features without a component are among them.
+    """Arrays (T, N) by feature; including features without components.
 
     Args:
         rate_hz: Steps per second.
         episode: The episode.
-        number: Its position among those that count.
-        first: Steps in the episodes before it.
+        number: Its index among the kept episodes.
+        first: Number of steps in the episodes before it.
     """
     steps = len(episode.joints)
     frame = np.arange(steps)

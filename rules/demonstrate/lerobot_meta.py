@@ -1,4 +1,4 @@
-"""Metadata that LeRobot keeps beside the steps: facts about the set, and a row for every episode."""
+"""LeRobot's metadata: facts about the data set, and a row for every episode."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ def info(
     video: dict[str, object],
     options: LerobotOptions,
 ) -> dict[str, object]:
-    """`meta/info.json`.
+    """The content of `meta/info.json`.
 
     Args:
         bundle: The task.
-        episodes: What is written.
+        episodes: The written episodes.
         features: Columns of the data files.
-        video: Facts about each video feature, as `video_feature` gives them.
-        options: Sizes of files.
+        video: Entry of each video feature, from `video_feature`.
+        options: File sizes.
     """
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     return {
@@ -70,7 +70,7 @@ def info(
 
 
 def video_feature(episodes: Episodes, width: int, height: int) -> dict[str, object]:
-    """Facts about one camera."""
+    """The entry of one camera's video."""
     return {
         "dtype": "video",
         "shape": [height, width, 3],
@@ -89,12 +89,12 @@ def video_feature(episodes: Episodes, width: int, height: int) -> dict[str, obje
 
 
 def rate(episodes: Episodes) -> float | int:
-    """Control rate [Hz], as an integer where it is whole: LeRobot declares an integer."""
+    """Control rate [Hz], as an integer if it is whole, because LeRobot declares an integer."""
     return int(episodes.rate_hz) if episodes.rate_hz == int(episodes.rate_hz) else episodes.rate_hz
 
 
 def robot_type(bundle: TaskBundle) -> str:
-    """The name that the robot's MJCF gives it."""
+    """The robot's name in its MJCF."""
     head = bundle.robot.model.files.get("robot.xml", b"")[:4096].decode(errors="replace")
     named = re.search(r'<mujoco[^>]*\smodel="([^"]+)"', head)
     return named[1] if named else "unknown"
@@ -117,7 +117,7 @@ def start(label: str, episode: Episode) -> dict[str, object]:
 
 
 def about(bundle: TaskBundle, episodes: Episodes) -> dict[str, object]:
-    """`meta/dextera.json`: the meaning of the columns, and the outcome of discarded attempts."""
+    """`meta/dextera.json`: the meaning of the columns, and discarded attempts with their reasons."""
     return {
         "task": bundle.task.model_dump(mode="json"),
         "world": bundle.kind,
@@ -141,7 +141,7 @@ def cameras(bundle: TaskBundle, view: View, name: str) -> dict[str, object]:
 
 
 def document(value: object) -> bytes:
-    """Indented JSON, always the same bytes."""
+    """Indented JSON with deterministic bytes."""
     return (json.dumps(value, indent=4, ensure_ascii=False, default=_number) + "\n").encode()
 
 

@@ -26,8 +26,8 @@ BACKEND = Backend(
 )
 MEGABYTE = 1024.0 * 1024.0
 LONGEST_S = 1000.0
-"""A video file is closed before it plays longer [s]: LeRobot's loader compares times in single precision to 0.1 ms, and
-from 1024 s on neighbouring single precision numbers are farther apart."""
+"""Maximum duration of a video file [s]: LeRobot's loader compares times in single precision to 0.1 ms, and from 1024 s
+the spacing of single precision numbers is larger."""
 
 
 def write(
@@ -38,7 +38,7 @@ def write(
     view: View | None,
     options: LerobotOptions,
 ) -> dict[str, bytes]:
-    """Path -> content of the whole folder; every file is complete before it is handed over."""
+    """Path -> content of the whole folder; all files are complete."""
     goal = layout.of_bundle(bundle).goal
     features = lerobot_features.features(episodes, goal)
     words = lerobot_meta.instruction(bundle, options)
@@ -94,7 +94,7 @@ def _videos(
     files: dict[str, bytes],
     options: LerobotOptions,
 ) -> lerobot_stats.Stats:
-    """Add the camera's files to `files` and its columns to `rows`; statistics of all its pixels."""
+    """Add the camera's files to `files` and its columns to `rows`; return statistics of all its pixels."""
     key = lerobot_meta.picture_key(options)
     rate = Fraction(episodes.rate_hz).limit_denominator(1001)
     encoder = Encoder(film.width, film.height, rate, options.crf, options.keyframe_every)

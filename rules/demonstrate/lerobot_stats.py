@@ -1,4 +1,4 @@
-"""Statistics as LeRobot keeps them: per feature min, max, mean, std, count and quantiles."""
+"""LeRobot's statistics: min, max, mean, std, count and quantiles per feature."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def of_numbers(values: np.ndarray) -> Stats:
 
 
 def histogram(pixels: np.ndarray) -> np.ndarray:
-    """How often each of 256 values occurs in frames (T, H, W, 3), per channel: (3, 256)."""
+    """Counts (3, 256) of the 256 values in frames (T, H, W, 3), per channel."""
     return np.stack([np.bincount(pixels[..., channel].ravel(), minlength=256) for channel in range(3)])
 
 
 def of_pictures(counts: np.ndarray, frames: int) -> Stats:
     """Statistics (3, 1, 1) of all pixels, scaled to 0..1, from their `histogram`.
 
-    Sums of histograms are exact, so the statistics of a data set do not depend on how it is cut into episodes.
+    Sums of histograms are exact, so the statistics of a data set do not depend on its division into episodes.
     """
     levels = np.arange(256) / 255.0
     total = counts.sum(axis=1)
@@ -48,7 +48,7 @@ def of_pictures(counts: np.ndarray, frames: int) -> Stats:
 
 
 def _quantile(counts: np.ndarray, part: float) -> float:
-    """Quantile with linear interpolation between neighbours in order, as NumPy's default."""
+    """Quantile with linear interpolation, NumPy's default."""
     upto = np.cumsum(counts)
     rank = part * (upto[-1] - 1)
     low, high = (np.searchsorted(upto, side, side="right") for side in (np.floor(rank), np.ceil(rank)))
@@ -56,5 +56,5 @@ def _quantile(counts: np.ndarray, part: float) -> float:
 
 
 def plain(stats: dict[str, Stats]) -> dict[str, dict[str, object]]:
-    """Statistics as JSON holds them."""
+    """Convert statistics to JSON values."""
     return {feature: {name: value.tolist() for name, value in own.items()} for feature, own in stats.items()}

@@ -1,4 +1,4 @@
-"""demonstrate.lerobot without Parquet and video: its JSON files alone."""
+"""demonstrate.lerobot without Parquet and video: only the JSON files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parquet files as LeRobot's loader reads them, with their footers, in memory."""
+"""Parquet files for LeRobot's loader, complete in memory."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from .lerobot_features import Feature
 
 INDEX = "task"
-"""Column of `meta/tasks.parquet` that pandas takes as its index."""
+"""Column of `meta/tasks.parquet` that pandas uses as the index."""
 
 
 def steps(features: dict[str, Feature], episodes: list[dict[str, np.ndarray]]) -> bytes:
@@ -32,7 +32,7 @@ def episodes(rows: list[dict[str, object]]) -> bytes:
 
 
 def tasks(words: str) -> bytes:
-    """`meta/tasks.parquet`: task texts as a pandas index, and their numbers."""
+    """`meta/tasks.parquet`: task texts as a pandas index, and task numbers."""
     table = pa.table({"task_index": pa.array([0], pa.int64()), INDEX: pa.array([words])})
     column = {"metadata": None}
     pandas = {
@@ -55,7 +55,7 @@ def _file(table: Any) -> bytes:
 
 def _kind(feature: Feature) -> Any:
     scalar = pa.bool_() if feature.dtype == "bool" else pa.from_numpy_dtype(np.dtype(feature.dtype))
-    # LeRobot reads a feature of one component as a number, not as a list.
+    # LeRobot reads a one-component feature as a number, not a list.
     return scalar if feature.width == 1 else pa.list_(scalar, feature.width)
 
 

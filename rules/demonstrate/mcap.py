@@ -18,9 +18,9 @@ class McapOptions(Options):
     camera: str = "workspace"
     """Name of the camera in topics and frames."""
     picture: Literal["png", "jpeg"] = "png"
-    """How pictures are packed; `png` loses nothing."""
+    """Encoding of images; `png` is lossless."""
     compression: Literal["zstd", "none"] = "zstd"
-    """How the file's chunks are packed."""
+    """Compression of the file's chunks."""
 
 
 @rule(version=1, packages=("numpy",))
@@ -33,9 +33,9 @@ def mcap(
     *,
     options: McapOptions,
 ) -> Folder:
-    """Return one MCAP file per episode that counts, profile `ros2`, with joints, commands, frames, forces and pictures.
+    """Return one MCAP file per kept episode, profile `ros2`, with joints, commands, frames, forces and images.
 
-    Time begins at 0 with every episode. Frames are ROS's: quaternions x y z w, camera frames with z forward.
+    Time starts at 0 in every episode. Frames follow ROS: quaternions x y z w, camera frames with z forward.
     """
     if not episodes.items:
         ctx.fail("no episode counts", failures=len(episodes.failures), hint="look at their reasons in the episodes")

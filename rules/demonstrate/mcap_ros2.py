@@ -32,7 +32,7 @@ LATCHED = (
     "- {history: 1, depth: 1, reliability: 1, durability: 1, liveliness: 1, avoid_ros_namespace_conventions: false, "
     f"deadline: {FOREVER}, lifespan: {FOREVER}, liveliness_lease_duration: {FOREVER}}}"
 )
-"""Quality of service of messages that are sent once: reliable and transient local, for late subscribers."""
+"""Quality of service of one-time messages: reliable and transient local, for late subscribers."""
 
 
 def write(
@@ -64,7 +64,7 @@ class Recording:
 
     Args:
         episodes: Names and rate of the recorded channels.
-        options: Name of the camera, packing.
+        options: Name of the camera, image encoding, compression.
     """
 
     def __init__(self, episodes: Episodes, options: McapOptions) -> None:
@@ -78,7 +78,7 @@ class Recording:
         self._optical = f"{options.camera}_color_optical_frame"
 
     def describe(self, bundle: TaskBundle, label: str, episode: Episode) -> None:
-        """The task, the outcome, and the start from which the episode can be repeated."""
+        """Write the task, the outcome, and the start from which the episode can be rerun."""
         begin = episode.start
         facts = {
             "task": bundle.task.name,
@@ -98,16 +98,16 @@ class Recording:
         self._attach("segments.json", [segment.model_dump() for segment in episode.segments])
 
     def once(self, bundle: TaskBundle, view: View | None) -> None:
-        """Frames that do not move."""
+        """Write static frames."""
         edges = [("world", BASE, poses.from_matrix(bundle.world_from_base))]
         if view is not None:
             camera = transforms.invert(bundle.world_from_base) @ view.world_from_camera
             edges.append((BASE, self._optical, poses.from_matrix(camera)))
-        # In one message: a late comer gets the last one only.
+        # In one message: late subscribers get only the last one.
         self._send("/tf_static", "tf2_msgs/TFMessage", 0, ros_messages.transforms(0, edges), LATCHED)
 
     def step(self, episode: Episode, step: int) -> None:
-        """The measurements at a step, and its command."""
+        """Write the measurements and the command of a step."""
         names, t, reach = self._episodes.joint_names, self._time(step), self._time(1)
         self._send(
             "/joint_states", "sensor_msgs/JointState", t, ros_messages.joint_state(t, names, episode.joints[step])
@@ -128,7 +128,7 @@ class Recording:
             self._send(f"/wrench/{tip}", "geometry_msgs/WrenchStamped", t, message)
 
     def picture(self, step: int, pixels: np.ndarray, view: View | None) -> None:
-        """A frame (H, W, 3) uint8 sRGB, and the camera's intrinsics where they are known."""
+        """Write a frame (H, W, 3) uint8 sRGB, and the camera's intrinsics if known."""
         t, topic = self._time(step), f"/{self._options.camera}/color"
         image = ros_messages.compressed_image(t, self._optical, self._options.picture, packed(pixels, self._options))
         self._send(f"{topic}/image_raw/compressed", "sensor_msgs/CompressedImage", t, image)
@@ -159,7 +159,7 @@ class Recording:
 
 
 def packed(pixels: np.ndarray, options: McapOptions) -> bytes:
-    """A frame as PNG or JPEG."""
+    """Encode a frame as PNG or JPEG."""
     from PIL import Image
 
     buffer = io.BytesIO()

@@ -1,4 +1,4 @@
-"""demonstrate.mcap without messages: files of the right number and name."""
+"""demonstrate.mcap without messages: the right number of files with the right names."""
 
 from __future__ import annotations
 
@@ -23,5 +23,5 @@ def write(
     view: View | None,
     options: McapOptions,
 ) -> dict[str, bytes]:
-    """Path -> the two marks that a recording begins and ends with."""
+    """Path -> the magic bytes at both ends of a recording."""
     return {f"episode-{number:06d}.mcap": MAGIC + MAGIC for number in range(len(episodes.items))}

@@ -1,4 +1,4 @@
-"""demonstrate.operate: an operator shows a task some times."""
+"""demonstrate.operate: an operator demonstrates a task several times."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ class OperateOptions(Options):
     """Options of demonstrate.operate."""
 
     episodes: PositiveInt = 10
-    """Demonstrations that are wanted."""
+    """Number of demonstrations."""
     seed: NonNegativeInt = 0
     """Seed of the starts."""
     tries: PositiveInt = 4
-    """Attempts per wanted demonstration before it is given up."""
+    """Maximum attempts per demonstration."""
     lag_m: PositiveFloat = 0.02
-    """Discarded: episodes in which joint limits keep the palm farther than this from its command [m]."""
+    """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0
-    """Discarded: episodes with an unintended contact of more than this force [N]."""
+    """Episodes with an unintended contact above this force are discarded [N]."""
 
 
 @rule(version=1)
 def operate(ctx: Context, bundle: TaskBundle, *, options: OperateOptions) -> Episodes:
-    """Return demonstrations from drawn starts, in the robot's base frame [m, rad], and what failed, with its reason.
+    """Return demonstrations from drawn starts, in the robot's base frame [m, rad], and failed attempts with reasons.
 
-    The operator of the backend plans from the shape of the task's assets and the embodiment's data alone. The backend
+    The backend's operator plans only from the shape of the task's assets and the embodiment's data. The backend
     offers `operate(bundle, options, progress) -> Episodes` and `strips(bundle, episodes) -> list of (caption, pixels)`.
     """
     shown: Episodes = ctx.backend.operate(bundle, options, ctx.progress)

@@ -1,4 +1,4 @@
-"""demonstrate.operate by a script in MuJoCo."""
+"""demonstrate.operate with a scripted operator in MuJoCo."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ BACKEND = Backend(
     extra="learn",
 )
 SHOWN = 10
-"""Pictures of a strip."""
+"""Pictures per strip."""
 
 
 def operate(bundle: TaskBundle, options: OperateOptions, progress: Callable[[int, int, str], None]) -> Episodes:
-    """Attempts until enough succeeded or the tries are used up."""
+    """Attempt demonstrations until enough succeed or the tries are used up."""
     driver = Driver(Environment(bundle))
     operator = planning.practise(driver, progress)
     filters = Filters(lag_m=options.lag_m, press_n=options.press_n)

@@ -20,7 +20,7 @@ BACKEND = Backend(summary="no simulation: nothing moves, and every episode succe
 
 
 def operate(bundle: TaskBundle, options: OperateOptions, progress: Callable[[int, int, str], None]) -> Episodes:
-    """As many still episodes as are wanted."""
+    """Return the requested number of motionless episodes."""
     items = {
         f"{number:05d}": pretended(bundle, options.seed + number, "operator", success=True)
         for number in range(options.episodes)

@@ -1,4 +1,4 @@
-"""Distributes episodes over files of bounded size, in order, each in one file."""
+"""Distribute episodes over files of bounded size, in order, each in one file."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ class Place:
 
 
 def places(sizes: list[float], limit: float, files_per_chunk: int) -> list[Place]:
-    """The file of every episode; one that is larger than `limit` gets a file of its own.
+    """The file of every episode; an episode larger than `limit` gets its own file.
 
     Args:
         sizes: Size of each episode.
-        limit: Largest sum of the sizes in one file.
-        files_per_chunk: Files in a folder.
+        limit: Maximum sum of the sizes in one file.
+        files_per_chunk: Files per folder.
     """
     found: list[Place] = []
     number, filled = 0, 0.0
@@ -36,7 +36,7 @@ def places(sizes: list[float], limit: float, files_per_chunk: int) -> list[Place
 
 
 def grouped(where: list[Place]) -> dict[Place, list[int]]:
-    """File -> positions of its episodes."""
+    """File -> indices of its episodes."""
     found: dict[Place, list[int]] = {}
     for position, place in enumerate(where):
         found.setdefault(place, []).append(position)

@@ -1,4 +1,4 @@
-"""ROS 2 messages of an episode as CDR bytes. Stamps are nanoseconds since the episode began; quaternions x y z w."""
+"""ROS 2 messages of an episode as CDR bytes. Stamps are nanoseconds since the episode's start; quaternions x y z w."""
 
 from __future__ import annotations
 

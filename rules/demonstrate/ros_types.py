@@ -1,4 +1,4 @@
-"""Definitions of the ROS 2 messages that an episode is written in, as `ros2msg` schemas."""
+"""Definitions of an episode's ROS 2 messages, as `ros2msg` schemas."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ DEFINITIONS = {
     "float64[] d\nfloat64[9] k\nfloat64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\n"
     "sensor_msgs/RegionOfInterest roi",
 }
-"""Type without `/msg/` -> its fields, one a line."""
+"""Type without `/msg/` -> its fields, one per line."""
 
 
 def full_name(kind: str) -> str:
-    """`sensor_msgs/JointState` -> `sensor_msgs/msg/JointState`, as channels name it."""
+    """`sensor_msgs/JointState` -> `sensor_msgs/msg/JointState`, as used in channels."""
     package, _, name = kind.partition("/")
     return f"{package}/msg/{name}"
 
 
 def schema(kind: str) -> bytes:
-    """Definition of a type followed by those of all types that it is made of, each once."""
+    """Definition of a type, followed by the definitions of all its component types, each once."""
     parts = [DEFINITIONS[kind]]
     for needed in _needed(kind, []):
         parts.append(f"{'=' * 80}\nMSG: {needed}\n{DEFINITIONS[needed]}")

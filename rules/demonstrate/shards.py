@@ -1,4 +1,4 @@
-"""demonstrate.shards: split a data set into parts that are made side by side."""
+"""demonstrate.shards: split a data set into shards that are built in parallel."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ class ShardsOptions(Options):
     """Options of demonstrate.shards."""
 
     episodes: PositiveInt = 100
-    """Episodes of the data set."""
+    """Number of episodes in the data set."""
     per_shard: PositiveInt = 10
-    """Episodes of one part."""
+    """Number of episodes per shard."""
     seed: NonNegativeInt = 0
-    """Seed of the data set; every episode's own is derived from it and from its index."""
+    """Seed of the data set; every episode's seed is derived from it and the episode's index."""
 
 
 @rule(version=1)
 def shards(ctx: Context, *, options: ShardsOptions) -> Collection[Shard]:
-    """Return the parts of a data set, for `each` to open; a larger data set begins with the parts of a smaller one."""
+    """Return the shards of a data set, for `each`; a larger data set starts with the shards of a smaller one."""
     parts = {}
     for first in range(0, options.episodes, options.per_shard):
         count = min(options.per_shard, options.episodes - first)

@@ -1,4 +1,4 @@
-"""demonstrate.synthesize: many episodes from few demonstrations (Eq. 4, mission rows E4-E9)."""
+"""demonstrate.synthesize: many episodes from few demonstrations (Eq. 4)."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ class SynthesizeOptions(Options):
     noise_finger_deg: NonNegativeFloat = 1.0
     """Standard deviation of the noise on every finger joint [deg]."""
     noise_correlation: float = Field(0.8, ge=0.0, lt=1.0)
-    """Correlation of the noise of one control step with that of the step before, 0..1."""
+    """Correlation of the noise in consecutive control steps, 0..1."""
     noise_in_contact: bool = False
-    """Whether segments that mean to touch the object are disturbed too."""
+    """Whether to add noise in segments with intended contact, too."""
     speed_m_s: PositiveFloat = 0.35
     """Speed of interpolated motion [m/s]."""
     turn_deg_s: PositiveFloat = 70.0
-    """Turning speed of interpolated motion [deg/s]."""
+    """Angular speed of interpolated motion [deg/s]."""
     nearest: PositiveInt = 3
-    """The source is drawn among this many whose object stood most alike."""
+    """The source is drawn from this many with the most similar object pose."""
     lag_m: PositiveFloat = 0.02
-    """Discarded: episodes in which joint limits keep the palm farther than this from its command [m]."""
+    """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0
-    """Discarded: episodes with an unintended contact of more than this force [N]."""
+    """Episodes with an unintended contact above this force are discarded [N]."""
     tries: PositiveInt = 6
-    """Attempts per wanted episode before the shard is given up."""
+    """Maximum attempts per episode before the shard fails."""
 
 
 @rule(version=1)
 def synthesize(
     ctx: Context, bundle: TaskBundle, sources: Episodes, shard: Shard, *, options: SynthesizeOptions
 ) -> Episodes:
-    """Return the shard's episodes in the base frame of the robot [m, rad], and the discarded ones, with their reasons.
+    """Return the shard's episodes in the robot's base frame [m, rad], and discarded attempts with their reasons.
 
-    Every attempt has a start and a noise of its own, drawn from a seed that is derived from (data set, attempt). The
-    label is the clean target; the executed command is stored beside it.
+    Every attempt has its own start and noise, drawn from a seed derived from (data set, attempt). The label is the
+    clean target; the executed command is stored with it.
     """
     ctx.check(bool(sources.items), "no demonstrations were given", hint="look at `dxb log` of the operator")
     ctx.check(

@@ -36,7 +36,7 @@ def synthesize(
     options: SynthesizeOptions,
     progress: Callable[[int, int, str], None],
 ) -> Episodes:
-    """Attempts until the shard is full or given up."""
+    """Attempt episodes until the shard is full or fails."""
     driver = Driver(Environment(bundle))
     manner = _manner(options)
     items: dict[str, Episode] = {}

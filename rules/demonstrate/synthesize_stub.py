@@ -1,4 +1,4 @@
-"""demonstrate.synthesize without a simulator: the demonstrations over again."""
+"""demonstrate.synthesize without a simulator: repeats the demonstrations."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def synthesize(
     options: SynthesizeOptions,
     progress: Callable[[int, int, str], None],
 ) -> Episodes:
-    """As many episodes as the shard wants."""
+    """Return the shard's number of episodes."""
     demonstrations = list(sources.items.values())
     items = {
         f"{shard.first + number:05d}": demonstrations[number % len(demonstrations)].model_copy(

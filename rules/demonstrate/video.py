@@ -1,4 +1,4 @@
-"""H.264 in MP4, always the same bytes for the same frames: one thread, own colour conversion, no clock."""
+"""H.264 in MP4 with deterministic bytes: one thread, own colour conversion, no wall clock."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Clip:
-    """The coded frames of one episode; begins with a key frame and refers to nothing before it."""
+    """The coded frames of one episode; starts with a key frame and references no earlier frames."""
 
     packets: list[tuple[bytes, bool]]
     """Data of each frame in order, and whether it is a key frame."""
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """Size [bytes]."""
         return sum(len(data) for data, _ in self.packets)
 
 
 @dataclass(frozen=True)
 class Encoder:
-    """Encoder settings. Clips of one encoder fit into one file.
+    """Encoder settings. Clips of one encoder can be joined in one file.
 
     Args:
         width: Even width of a frame [px].
         height: Even height of a frame [px].
         rate: Frames per second.
         crf: Quality.
-        keyframe_every: Frames from one key frame to the next.
+        keyframe_every: Key frame interval.
     """
 
     width: int
@@ -42,7 +42,7 @@ class Encoder:
     keyframe_every: int
 
     def encode(self, pixels: np.ndarray) -> Clip:
-        """Code frames (T, H, W, 3) uint8 sRGB, every one of them on its own time."""
+        """Encode frames (T, H, W, 3) uint8 sRGB at constant frame rate."""
         import av
 
         coder = av.CodecContext.create("libx264", "w")
@@ -57,7 +57,7 @@ class Encoder:
         return Clip([(bytes(packet), bool(packet.is_keyframe)) for packet in packets])
 
     def mp4(self, clips: list[Clip]) -> bytes:
-        """A file with the clips one after the other; frame n of the file begins at n / rate."""
+        """Concatenate clips in a file; frame n of the file starts at n / rate."""
         import av
 
         buffer = io.BytesIO()
@@ -79,14 +79,14 @@ class Encoder:
         coder.width, coder.height, coder.pix_fmt = self.width, self.height, "yuv420p"
         coder.time_base, coder.thread_count = 1 / self.rate, 1
         coder.flags |= Flags.global_header | Flags.bitexact
-        # Without frames that refer to later ones, order of coding and of showing are the same.
+        # Without B-frames, coding order and display order are the same.
         coder.options = {"crf": str(self.crf), "g": str(self.keyframe_every), "bf": "0", "preset": "medium"}
 
 
 def yuv420(pixels: np.ndarray) -> np.ndarray:
-    """Frames (T, H, W, 3) uint8 sRGB as planes (T, 3 H / 2, W) uint8: BT.601, limited range, chroma averaged.
+    """Convert frames (T, H, W, 3) uint8 sRGB to planes (T, 3 H / 2, W) uint8: BT.601, limited range, averaged chroma.
 
-    ffmpeg's own conversion gives other bytes on other processors.
+    ffmpeg's conversion gives different bytes on different processors.
     """
     steps, height, width, _ = pixels.shape
     r, g, b = np.moveaxis(pixels.astype(np.int32), -1, 0)

@@ -1,4 +1,4 @@
-"""Charts of success: bars with intervals, and one world against another."""
+"""Success charts: bars with intervals, and scatter plots of one world against another."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from .panels import INK, PAPER, typeface
 
 FRAME, FAINT, RULE = (120, 126, 136), (176, 182, 190), (226, 228, 232)
 WORLDS = {"twin": (58, 110, 165), "reference": (214, 120, 46), "perturbed": (150, 104, 170)}
-"""Colour of a kind of world; the same in every chart."""
+"""Colour of each kind of world, the same in every chart."""
 HUES = ((58, 110, 165), (214, 120, 46), (70, 140, 90), (170, 70, 90), (120, 90, 160), (110, 110, 110))
 
 
 @dataclass(frozen=True)
 class Bar:
-    """One bar; parts of one."""
+    """One bar; values as fractions."""
 
     world: str
     """Kind of world."""
     value: float
     """Height."""
     low: float
-    """Lower end of its interval."""
+    """Lower end of the interval."""
     high: float
-    """Upper end of its interval."""
+    """Upper end of the interval."""
 
 
 @dataclass(frozen=True)
 class Dot:
-    """One point of a scatter plot; parts of one."""
+    """One point of a scatter plot; values as fractions."""
 
     series: str
-    """Meaning of its colour."""
+    """Legend entry."""
     x: tuple[float, float, float]
     """Value and interval in the twin."""
     y: tuple[float, float, float]
@@ -43,9 +43,9 @@ class Dot:
 
 
 def bars(groups: Mapping[str, Sequence[Bar]]) -> np.ndarray:
-    """Groups of bars, (H, W, 3) uint8; the lines of a group's label stand below it."""
+    """Draw groups of bars, (H, W, 3) uint8, each with its label below."""
     wide, pitch, height, left, top = 30, 26, 240, 52, 34
-    # Seven pixels hold one letter of the labels.
+    # A letter of the labels is seven pixels wide.
     letters = [max(map(len, label.split("\n"))) for label in groups]
     widths = [
         max(116, 7 * count + 16, pitch * len(group) + wide)
@@ -68,7 +68,7 @@ def bars(groups: Mapping[str, Sequence[Bar]]) -> np.ndarray:
 
 
 def scatter(dots: Sequence[Dot], title: str) -> np.ndarray:
-    """One world against the twin, with intervals and the diagonal on which both agree, (H, W, 3) uint8."""
+    """Draw one world against the twin, with intervals and the diagonal of equality, (H, W, 3) uint8."""
     side, left, top = 340, 56, 58
     picture, pen = _sheet(left + side + 24, top + side + 50)
     _levels(pen, left, top, side, side)
@@ -97,7 +97,7 @@ def _sheet(width: int, height: int) -> tuple[Any, Any]:
 
 
 def _levels(pen: Any, left: float, top: float, width: float, height: float) -> None:
-    """Horizontal rules every 20 % with their numbers."""
+    """Draw labelled horizontal grid lines every 20 %."""
     for part in range(0, 101, 20):
         y = top + height * (1 - part / 100)
         pen.line([left, y, left + width, y], fill=RULE if part else FRAME)

@@ -1,4 +1,4 @@
-"""evaluate.dimensions: the size of the object nearest to the camera against measurements with a ruler."""
+"""evaluate.dimensions: the size of the object nearest to the camera against ruler measurements."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from dextera_build.rule import Context, Options, rule
 
 
 class DimensionsOptions(Options):
-    """Options of evaluate.dimensions: the truth, as far as it is known."""
+    """Options of evaluate.dimensions: the known true sizes."""
 
     size_m: tuple[PositiveFloat, PositiveFloat, PositiveFloat] | None = None
     """True edge lengths in any order [m]."""
     height_m: PositiveFloat | None = None
-    """True height as it stands [m]."""
+    """True height as standing [m]."""
     hollow: bool | None = None
-    """Whether the object is open upwards."""
+    """Whether the object is open at the top."""
 
 
 @rule(version=1, packages=("numpy", "scipy"))
 def dimensions(ctx: Context, assets: Collection[Asset], support: Support, *, options: DimensionsOptions) -> Table:
     """Return one row per known true size of the main object, the one nearest to the camera.
 
-    Sizes are the edges of the least upright box around the placed surface [m], sorted where the truth has no order.
+    Sizes are the edges of the smallest upright box around the placed surface [m], sorted if the truth is unordered.
     """
     ctx.check(bool(assets.items), "no object was found", hint="look at the masks: `dxb report`")
     name = min(assets.items, key=lambda label: _distance(assets.items[label], support))
@@ -68,7 +68,7 @@ def _worst(errors: list[float]) -> str:
 
 
 def _surface(asset: Asset) -> np.ndarray:
-    """Vertices of every link as it stands in the photograph, (N, 3) in the world frame [m]."""
+    """Vertices of every link at the photograph's joint positions, (N, 3) in the world frame [m]."""
     poses = kinematics.link_poses(asset.body, {joint.name: joint.position for joint in asset.body.joints})
     parts = [transforms.apply(poses[name], link.mesh.vertices) for name, link in asset.body.links.items()]
     return transforms.apply(asset.world_from_object, np.concatenate(parts))

@@ -1,4 +1,4 @@
-"""Pictures of tries, drawn by MuJoCo."""
+"""Pictures of trials, rendered by MuJoCo."""
 
 from __future__ import annotations
 

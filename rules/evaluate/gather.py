@@ -1,4 +1,4 @@
-"""evaluate.gather: tables of one form, one below the other."""
+"""evaluate.gather: concatenate tables with the same columns."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dextera_build.rule import Context, rule
 
 @rule(version=1)
 def gather(ctx: Context, tables: Collection[Table]) -> Table:
-    """Return all rows with the label of their table in front; the columns must agree."""
+    """Return all rows, prefixed with their table's label; the columns must match."""
     parts = list(tables.items.items())
     ctx.check(bool(parts), "no tables were given")
     _, first = parts[0]

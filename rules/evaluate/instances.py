@@ -1,4 +1,4 @@
-"""evaluate.instances: how well the found instances cover the true ones; nothing is dropped."""
+"""evaluate.instances: match found instances with the true ones; unmatched ones are listed too."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ class InstancesOptions(Options):
     """Options of evaluate.instances."""
 
     found_iou: Fraction = 0.5
-    """A true instance counts as found from this IoU on."""
+    """IoU from which a true instance counts as found."""
 
 
 @rule(version=1, packages=("numpy", "scipy"))
 def instances(ctx: Context, segmentation: Segmentation, truth: LabelImage, *, options: InstancesOptions) -> Table:
-    """Return one row per true instance and one per found instance that matches none.
+    """Return one row per true instance and one per unmatched found instance.
 
-    True and found instances are paired one to one so that the sum of IoUs is largest (Hungarian method).
+    True and found instances are paired one to one to maximize the sum of IoUs (Hungarian method).
     """
     found = segmentation.labels.labels
     if found.shape != truth.labels.shape:
@@ -84,7 +84,7 @@ def overlaps(truth: np.ndarray, numbers: list[int], found: np.ndarray, count: in
 
 
 def assign(matrix: np.ndarray) -> dict[int, int]:
-    """Row -> column of the one-to-one pairing with the largest sum; pairs that do not overlap are left out."""
+    """Row -> column of the one-to-one pairing with the largest sum; pairs without overlap are omitted."""
     from scipy.optimize import linear_sum_assignment
 
     rows, columns = linear_sum_assignment(-matrix)

@@ -1,4 +1,4 @@
-"""evaluate.objects: how well the assets of a twin agree with the truth of a reference world (paper, Table II)."""
+"""evaluate.objects: compare a twin's assets with the ground truth of a reference world (paper, Table II)."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ class ObjectsOptions(Options):
     """Options of evaluate.objects."""
 
     boundary_tolerance: PositiveFloat = 0.008
-    """Tolerance of the boundary F1: pixels, or a part of the image diagonal below 1."""
+    """Tolerance of the boundary F1 in pixels; below 1, a fraction of the image diagonal."""
     match_iou: Fraction = 0.1
-    """Least mask IoU of an asset and a true object that count as the same thing."""
+    """Minimum mask IoU at which an asset matches a true object."""
     samples: PositiveInt = 20000
     """Points on each surface."""
     seed: NonNegativeInt = 0
-    """Seed of the points."""
+    """Seed of the sampling."""
     threshold_m: PositiveFloat = 0.01
-    """Distance that counts as a hit in the F-score [m]."""
+    """Distance threshold of the F-score [m]."""
 
 
 @rule(version=1, packages=("numpy", "scipy", "open3d"))
@@ -62,7 +62,7 @@ def objects(
 ) -> Table:
     """Return one row per true object with its metrics, then mean, deviation and count, then the paper's row.
 
-    Surfaces are compared in the camera frame [m]: assets through the twin's own T_world_camera, the truth through its.
+    Surfaces are compared in the camera frame [m]: assets through the twin's T_world_camera, the truth through its own.
     """
     options = options or ObjectsOptions()
     if camera != truth.camera:

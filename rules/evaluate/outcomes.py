@@ -1,4 +1,4 @@
-"""evaluate.outcomes: every set of trials with its numbers: rate, interval, time, and why tries failed."""
+"""evaluate.outcomes: success rate, interval, time and failure reasons of every set of trials."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class OutcomesOptions(SeriesOptions):
     """Options of evaluate.outcomes."""
 
     reasons: PositiveInt = 4
-    """Reasons that are named, the most frequent first."""
+    """Maximum number of reasons listed, most frequent first."""
 
 
 @rule(version=1, packages=("numpy",))
 def outcomes(ctx: Context, trials: Collection[Trials], *, options: OutcomesOptions) -> Table:
-    """Return one row per set of trials: successes [%] with 95 % Wilson interval, mean time [s], reasons of failures."""
+    """Return one row per set of trials: successes [%] with 95 % Wilson interval, mean time [s], failure reasons."""
     series = Series(ctx, trials, options.robots)
     rows: list[tuple[Cell, ...]] = []
     for cell in series.cells:
@@ -66,7 +66,7 @@ def outcomes(ctx: Context, trials: Collection[Trials], *, options: OutcomesOptio
 
 
 def counted(reasons: dict[str, int], most: int) -> str:
-    """`12 x slipped, 3 x out of reach, 2 x others`, the most frequent first."""
+    """`12 x slipped, 3 x out of reach, 2 x others`, most frequent first."""
     ordered = sorted(reasons.items(), key=lambda item: (-item[1], item[0]))
     rest = sum(count for _, count in ordered[most:])
     shown = [f"{count} x {reason}" for reason, count in ordered[:most]]

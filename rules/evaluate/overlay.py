@@ -1,4 +1,4 @@
-"""evaluate.overlay: the photograph and the rendered twin, side by side and one over the other."""
+"""evaluate.overlay: the photograph and the rendered twin, side by side and blended."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ class OverlayOptions(Options):
     """Options of evaluate.overlay."""
 
     blend: Fraction = 0.5
-    """Part of the twin in the blended picture, 0..1."""
+    """Weight of the twin in the blended picture, 0..1."""
 
 
 @rule(version=1)
 def overlay(ctx: Context, capture: Capture, scene: Scene, *, options: OverlayOptions) -> Image:
     """Return four pictures from the photograph's camera: photograph, twin, blend, and the twin's outlines on the photo.
 
-    The twin stands as in keyframe `home`; around its objects the cleaned photograph shows.
+    The twin is rendered in keyframe `home` over the cleaned photograph.
     """
     camera = scene.camera
     size = capture.rgb.pixels.shape[:2]

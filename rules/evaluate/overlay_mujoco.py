@@ -15,7 +15,7 @@ BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu", "gpu"), package
 
 
 def render(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Colours (H, W, 3) uint8 and, per pixel, the position of its object in `scene.bodies` (H, W) int32, else -1."""
+    """Colours (H, W, 3) uint8 and, per pixel, the index of its object in `scene.bodies` (H, W) int32, or -1."""
     model = models.compile_folder(scene.model)
     data = models.at_home(model)
     with rendering.Eye(model, scene.camera, scene.world_from_camera) as eye:
@@ -29,7 +29,7 @@ def render(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _backed(pixels: np.ndarray, empty: np.ndarray, scene: Scene) -> np.ndarray:
-    """Objects over the cleaned photograph, which is the texture of the static surface seen from this very camera."""
+    """Composite objects over the cleaned photograph, the static surface's texture seen from this camera."""
     from PIL import Image
 
     data = scene.model.files.get("assets/background.png")

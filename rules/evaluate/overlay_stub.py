@@ -1,4 +1,4 @@
-"""evaluate.overlay without a renderer: a grey picture with no object in it."""
+"""evaluate.overlay without a renderer: a grey picture without objects."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ BACKEND = Backend(summary="no rendering: a grey picture", profiles=("stub",))
 
 
 def render(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Grey pixels of the camera's size, and no object anywhere."""
+    """A grey image of the camera's size, without objects."""
     size = (scene.camera.height, scene.camera.width)
     return np.full((*size, 3), 128, np.uint8), np.full(size, -1, np.int32)

@@ -1,4 +1,4 @@
-"""evaluate.paired: two sets of trials from the same starts, try by try."""
+"""evaluate.paired: two sets of trials from the same starts, compared trial by trial."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from dextera_build.statistics import paired as counts_of
 from .series import Cell, Series, SeriesOptions
 
 NEAR_M = 0.001
-"""Objects that stood within this [m] and ..."""
+"""Maximum distance between poses that count as equal [m]."""
 NEAR = 0.01
-"""... this distance of unit quaternions (about 1 deg) were placed alike."""
+"""Maximum distance between unit quaternions of equal poses (about 1 deg)."""
 
 
 class PairedOptions(SeriesOptions):
@@ -28,9 +28,9 @@ class PairedOptions(SeriesOptions):
 
 @rule(version=1, packages=("numpy",))
 def paired(ctx: Context, trials: Collection[Trials], *, options: PairedOptions) -> Table:
-    """Return one row per two sets of trials of a task, of two actors or in two worlds, with McNemar's exact p.
+    """Return one row per pair of trial sets of a task, of two actors or in two worlds, with McNemar's exact p.
 
-    Trials are matched by the seed of their start; those that only one side has are left out.
+    Trials are matched by the seed of their start; unmatched trials are omitted.
     """
     series = Series(ctx, trials, options.robots)
     rows = [_row(one, other) for one, other in combinations(series.cells, 2) if _comparable(one, other)]
@@ -60,7 +60,7 @@ def paired(ctx: Context, trials: Collection[Trials], *, options: PairedOptions) 
 
 
 def _comparable(one: Cell, other: Cell) -> bool:
-    """One task, and either the same world or the same actor; replays were chosen by success, policies were not."""
+    """Whether two cells share the task and either world or actor; replays are selected by success, policies are not."""
     alike = one.pair == other.pair and one.trials.actor == other.trials.actor
     return alike and (one.world == other.world or one.label == other.label)
 
@@ -80,7 +80,7 @@ def _row(one: Cell, other: Cell) -> tuple[Entry, ...]:
 
 
 def _alike(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether poses (O, 7) are the same; q and -q are one rotation."""
+    """Whether poses (O, 7) are equal; q and -q are the same rotation."""
     if one.shape != other.shape:
         return False
     apart = np.linalg.norm(one[:, :3] - other[:, :3], axis=1)

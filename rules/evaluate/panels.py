@@ -20,9 +20,9 @@ def board(photo: np.ndarray, twin: np.ndarray, owner: np.ndarray, names: tuple[s
     Args:
         photo: (H, W, 3) uint8 photograph.
         twin: (H, W, 3) uint8 render.
-        owner: (H, W) int32, index into `names` of the object in each pixel of the render, -1 where none is.
+        owner: (H, W) int32, index into `names` of the object in each pixel of the render, or -1.
         names: Object names.
-        blend: Part of the render in the blended panel.
+        blend: Weight of the render in the blended panel.
     """
     mixed = np.round(photo * (1.0 - blend) + twin * blend).astype(np.uint8)
     traced = outlined(photo, owner, names)
@@ -60,7 +60,7 @@ def outlined(photo: np.ndarray, owner: np.ndarray, names: tuple[str, ...]) -> np
 
 
 def spread(mask: np.ndarray) -> np.ndarray:
-    """A (H, W) mask grown by one pixel to all eight sides."""
+    """Dilate a (H, W) mask by one pixel in all eight directions."""
     padded = np.pad(mask, 1)
     height, width = mask.shape
     shifts = [padded[row : row + height, column : column + width] for row in range(3) for column in range(3)]
@@ -68,13 +68,13 @@ def spread(mask: np.ndarray) -> np.ndarray:
 
 
 def _colour(number: int) -> tuple[int, int, int]:
-    """Well separated hues: the golden angle apart."""
+    """Well separated hues, the golden angle apart."""
     red, green, blue = colorsys.hsv_to_rgb((0.92 + number * 0.381966) % 1.0, 0.85, 0.85)
     return round(red * 255), round(green * 255), round(blue * 255)
 
 
 def titled(pixels: np.ndarray, title: str) -> np.ndarray:
-    """The picture with a line of text above it."""
+    """Add a line of text above the picture."""
     from PIL import Image, ImageDraw
 
     picture = Image.new("RGB", (pixels.shape[1], pixels.shape[0] + BAR), PAPER)
@@ -84,7 +84,7 @@ def titled(pixels: np.ndarray, title: str) -> np.ndarray:
 
 
 def beside(first: np.ndarray, second: np.ndarray, axis: int) -> np.ndarray:
-    """Two pictures along `axis`, with a gap."""
+    """Join two pictures along `axis`, with a gap."""
     shape = list(first.shape)
     shape[axis] = GAP
     return np.concatenate([first, np.full(shape, PAPER[0], np.uint8), second], axis=axis)

@@ -1,4 +1,4 @@
-"""Shared by rollouts and replays: seeds of the starts, the record of every try, and the line about it."""
+"""Shared by rollouts and replays: start seeds, the record of every trial, and the summary line."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ class Attempt:
     seed: int
     """Seed of the start."""
     episode: Episode | None = None
-    """The try, or None where none came about."""
+    """The trial, or None if excluded."""
     placed: np.ndarray | None = None
     """Poses (O, 7) of the bundle's objects at the start, in the base frame."""
     excluded: str = ""
-    """Why there was no trial."""
+    """Reason of the exclusion."""
     rehearsal: Episode | None = None
-    """The rollout in the twin that a replay repeats."""
+    """The rollout in the twin that is replayed."""
 
 
 def seeds(seed: int, count: int) -> list[int]:
-    """Seeds of the starts; the i-th is a function of `seed` and i alone, so that every policy faces the same ones."""
+    """Seeds of the starts; the i-th depends only on `seed` and i, so all policies face the same starts."""
     return [seed_of("trial", seed, number) for number in range(count)]
 
 
 @dataclass
 class Record:
-    """Takes down the tries of one actor in one world.
+    """Records the trials of one actor in one world.
 
     Args:
         bundle: The world.
@@ -56,7 +56,7 @@ class Record:
     examples: dict[bool, tuple[int, Attempt]] = field(default_factory=dict)
 
     def add(self, attempt: Attempt) -> None:
-        """One attempt; the first success and the first failure are kept whole."""
+        """Add an attempt; the first success and the first failure are kept complete."""
         episode = attempt.episode
         if episode is None or attempt.placed is None:
             self.excluded[attempt.excluded] += 1
@@ -79,7 +79,7 @@ class Record:
         return Rate(sum(trial.success for trial in self.items), len(self.items))
 
     def trials(self, actor: Actor, *, label: str, source: Artifact, algorithm: str = "") -> Trials:
-        """All of it as an artifact."""
+        """Return the recorded trials as an artifact."""
         return Trials(
             actor=actor,
             label=label,
@@ -96,7 +96,7 @@ class Record:
         )
 
     def kept(self) -> Episodes:
-        """The examples, readable without the task's model."""
+        """The kept examples, readable without the task's model."""
         layout = of_bundle(self.bundle)
         roles = self.bundle.robot.frames
         kept = {
@@ -119,7 +119,7 @@ class Record:
 
 
 def close(ctx: Context, record: Record) -> None:
-    """Say how it went; refuse a record without tries."""
+    """Report the result; fail on a record without trials."""
     ctx.check(
         bool(record.items),
         f"no trial of `{record.bundle.task.name}` came about",
@@ -141,13 +141,13 @@ def close(ctx: Context, record: Record) -> None:
 
 
 def reasons(counts: Counter[str], most: int = 3) -> dict[str, str]:
-    """The most frequent reasons as a fact of an error."""
+    """The most frequent reasons, as a fact of an error."""
     listed: Sequence[tuple[str, int]] = counts.most_common(most)
     return {"reasons": "; ".join(f"{count} x {reason}" for reason, count in listed)} if listed else {}
 
 
 def digest_of(artifact: Artifact) -> str:
-    """Digest of an artifact, which is the one that the store gives it."""
+    """Digest of an artifact, the same as in the store."""
     return artifact.encode(digest.of_bytes)
 
 

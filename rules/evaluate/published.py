@@ -1,4 +1,4 @@
-"""Tables IV and V of the paper (DEXTERA), as data: success on hardware, against which ours is shown.
+"""Tables IV and V of the paper (DEXTERA), as data: success on hardware, for comparison.
 
 `OB` is OpenArm with BrainCo Revo1 hands, `KL` a KUKA LBR iiwa 7 with a LEAP Hand.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 from dextera_build.statistics import Rate
 
 POLICIES = ("ACT", "DP", "BC-RNN", "OpenVLA", "pi0.5", "T-S")
-"""Columns of Table V; `T-S` is a student distilled from a PPO teacher, the others are imitation."""
+"""Columns of Table V; `T-S` is a student distilled from a PPO teacher, the others are imitation learning."""
 TRIALS = (100, 20)
 """Trials per cell of Table V, in simulation and on hardware."""
 REPLAYS = 30
@@ -29,7 +29,7 @@ KL PlaceCoconutWaterInBasket 26
 KL LiftMustardBottle        27
 KL CloseLaptop              30
 """
-"""Embodiment, task, rollouts that succeeded in simulation and again on hardware."""
+"""Embodiment, task, number of rollouts that succeeded in simulation and on hardware."""
 
 _TABLE_5 = """
 OB LiftToyBus               67/55  71/50  5/0   14/5  73/65  53/20

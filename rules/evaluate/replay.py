@@ -1,4 +1,4 @@
-"""evaluate.replay: send what succeeds in the twin to another world (paper, Table IV)."""
+"""evaluate.replay: replay rollouts that succeed in the twin in another world (paper, Table IV)."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ class ReplayOptions(Options):
     """Options of evaluate.replay."""
 
     trials: int = Field(50, ge=1)
-    """Rollouts that succeeded in the twin and are sent to the other world."""
+    """Number of successful rollouts in the twin to replay in the other world."""
     resets: int = Field(100, ge=1)
-    """Starts that are drawn for them at most."""
+    """Maximum number of starts drawn for them."""
     seed: int = Field(0, ge=0)
     """Seed of the starts."""
     tries: int = Field(5, ge=1)
-    """Syntheses in the twin per start, until one succeeds."""
+    """Maximum number of syntheses in the twin per start until one succeeds."""
     nearest: int = Field(5, ge=1)
-    """The demonstration is drawn among this many whose object stood most alike."""
+    """The demonstration is drawn from this many with the most similar object pose."""
     tracker_m: float = Field(0.0, ge=0)
     """Standard deviation of the object tracker's positions, per axis [m]."""
     tracker_deg: float = Field(0.0, ge=0)
     """Standard deviation of the object tracker's rotations, per axis [deg]."""
     lag_m: PositiveFloat = 0.02
-    """Discarded: syntheses in which joint limits keep the palm farther than this from its command [m]."""
+    """Syntheses in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0
-    """Discarded: syntheses with an unintended contact of more than this force [N]."""
+    """Syntheses with an unintended contact above this force are discarded [N]."""
     linger_s: float = Field(1.0, ge=0)
-    """The last joint targets are held for so long after the trajectory [s]."""
+    """Time to hold the last joint targets after the trajectory [s]."""
     strip_frames: int = Field(6, ge=2)
     """Pictures in each film strip."""
 
@@ -55,11 +55,11 @@ def replay(
     *,
     options: ReplayOptions,
 ) -> Trials:
-    """Return how rollouts that succeed in the twin do in another world, joint targets [rad] sent open loop.
+    """Return the results of replaying the twin's successful rollouts in another world, joint targets [rad] open loop.
 
-    At every reset of `world` its tracked objects and joints are set into the twin, `sources` are adapted to them there
-    by object-centric synthesis (Eq. 4) without action noise, and a rollout that succeeds in the twin is then sent to
-    `world`. Resets for which none succeeds in the twin are counted as excluded, not as failures.
+    At every reset of `world`, its tracked objects and joints are copied to the twin, `sources` are adapted to them by
+    object-centric synthesis (Eq. 4) without action noise, and a rollout that succeeds in the twin is replayed in
+    `world`. Resets without a success in the twin count as excluded, not as failures.
     """
     _agree(ctx, twin, world)
     check_data(twin, sources)
@@ -112,7 +112,7 @@ def _joints(bundle: TaskBundle) -> str:
 def _show(
     ctx: Context, worlds: tuple[TaskBundle, TaskBundle], attempt: Attempt, view: View | None, count: int, title: str
 ) -> None:
-    """Two film strips, one below the other: the rollout in the twin and its replay at the same moments."""
+    """Show two film strips: the rollout in the twin above its replay, at the same times."""
     episodes = [episode for episode in (attempt.rehearsal, attempt.episode) if episode is not None]
     rows = moments(max(len(episode.action) for episode in episodes), count)
     shown: dict[str, np.ndarray] = {

@@ -11,7 +11,7 @@ from dextera_build.rule import Context, rule
 
 @rule(version=1)
 def rest(ctx: Context, settled: SettleReport) -> Table:
-    """Return one row per body: how far it moved and turned, how deep it stood, whether it rests."""
+    """Return one row per body: translation, rotation, penetration, and whether it rests."""
     resting = sum(body.resting for body in settled.bodies)
     ctx.say(f"{resting} of {len(settled.bodies)} bodies rest")
     return Table(

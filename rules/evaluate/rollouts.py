@@ -1,4 +1,4 @@
-"""evaluate.rollouts: let a policy try a task from many starts."""
+"""evaluate.rollouts: run a policy on a task from many starts."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class RolloutsOptions(Options):
     """Options of evaluate.rollouts."""
 
     trials: int = Field(100, ge=1)
-    """Starts."""
+    """Number of starts."""
     seed: int = Field(0, ge=0)
-    """Seed of the starts; the same for all policies that are compared."""
+    """Seed of the starts; use the same for all compared policies."""
     label: str = ""
-    """Name of the policy in tables; empty: its algorithm, `ACT`, and `ACT image` where it sees."""
+    """Name of the policy in tables; empty: its algorithm, `ACT`, or `ACT image` for an image policy."""
     strip_frames: int = Field(6, ge=2)
     """Pictures in each film strip."""
 
@@ -34,11 +34,11 @@ class RolloutsOptions(Options):
 def rollouts(
     ctx: Context, bundle: TaskBundle, checkpoint: Checkpoint, view: View | None = None, *, options: RolloutsOptions
 ) -> Trials:
-    """Return how the policy did in the bundle's world, try by try, with poses at the starts in the base frame [m].
+    """Return the policy's trials in the bundle's world, with start poses in the base frame [m].
 
-    The loop is closed: at every control period the policy sees a deployable observation and answers with joint targets.
-    A policy that gives no usable action has failed that try, and the next one goes on. A state policy does not look
-    through `view`; film strips do.
+    The loop is closed: at every control period the policy gets a deployable observation and returns joint targets.
+    A policy that returns no usable action fails that trial only. A state policy ignores `view`; film strips
+    use it.
     """
     contracts.check(checkpoint.contract, bundle, view=view)
     record = Record(bundle)
@@ -57,7 +57,7 @@ def rollouts(
 
 
 def _show(ctx: Context, bundle: TaskBundle, episode: Episode, number: int, view: View | None, count: int) -> None:
-    """A film strip of one try, where the backend can draw."""
+    """Show a film strip of one trial, if the backend can render."""
     rows = moments(len(episode.action), count)
     pictures = ctx.backend.stills(bundle, episode, rows, view)
     if pictures is not None:

@@ -1,4 +1,4 @@
-"""evaluate.rollouts without simulator and network: nine of ten trials succeed with every policy."""
+"""evaluate.rollouts without simulator and network: nine of ten trials succeed for every policy."""
 
 from __future__ import annotations
 

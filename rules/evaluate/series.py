@@ -1,4 +1,4 @@
-"""Trials sorted for tables: which cells there are, and which belong together."""
+"""Group trials into the cells of tables."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from dextera_build.rule import Context, Options
 from dextera_build.statistics import Rate
 
 JUDGED = ("primitive", "object", "height_m", "joints", "tolerance", "hold_s", "timeout_s", "control_hz")
-"""Fields of a task that say what counts as success; starts may be drawn differently in another world."""
+"""Fields of a task that define success; the distribution of starts may differ between worlds."""
 
 
 class SeriesOptions(Options):
-    """How tables call robots."""
+    """Names of robots in tables."""
 
     robots: dict[str, str] = Field(default_factory=lambda: {"kuka_leap": "KL", "openarm_revo": "OB"})
-    """Name of a robot's model -> its name in tables; the paper has KL and OB."""
+    """Name of a robot's model -> name in tables; the paper has KL and OB."""
 
 
 @dataclass(frozen=True, order=True)
@@ -37,14 +37,14 @@ class Pair:
 
 @dataclass(frozen=True)
 class Cell:
-    """All tries of one actor in one world of one pair."""
+    """All trials of one actor in one world of one pair."""
 
     pair: Pair
     """Task and embodiment."""
     label: str
     """Name of the actor in tables."""
     trials: Trials
-    """The tries."""
+    """The trials."""
 
     @property
     def world(self) -> str:
@@ -53,17 +53,17 @@ class Cell:
 
     @property
     def rate(self) -> Rate:
-        """Successes of all tries."""
+        """Success rate over all trials."""
         return Rate(self.trials.successes, len(self.trials.items))
 
 
 class Series:
-    """Cells in the order of pair, actor (replays last) and world (the twin first); labels of the inputs do not matter.
+    """Cells in the order of pair, actor (replays last) and world (the twin first); input labels are ignored.
 
     Args:
-        ctx: Refuses rows that cannot share a table.
+        ctx: Context for errors on rows that cannot share a table.
         trials: In any order.
-        robots: Name of a robot's model -> what tables call it.
+        robots: Name of a robot's model -> name in tables.
     """
 
     def __init__(self, ctx: Context, trials: Collection[Trials], robots: dict[str, str]) -> None:
@@ -92,16 +92,16 @@ class Series:
         return sorted({cell.label for cell in self.cells if cell.trials.actor == "policy"})
 
     def worlds(self, pair: Pair) -> list[str]:
-        """Kinds of worlds beside the twin in which a pair was tried."""
+        """Kinds of worlds other than the twin with trials of a pair."""
         return sorted({cell.world for cell in self.cells if cell.pair == pair} - {"twin"}, reverse=True)
 
     def find(self, pair: Pair, label: str, world: str) -> Cell | None:
-        """A cell, if there is one."""
+        """Return a cell, or None."""
         wanted = (pair, label, world)
         return next((cell for cell in self.cells if (cell.pair, cell.label, cell.world) == wanted), None)
 
     def rate(self, pair: Pair, label: str, world: str) -> Rate | None:
-        """Successes of a cell, if there is one."""
+        """Success rate of a cell, or None."""
         cell = self.find(pair, label, world)
         return cell.rate if cell else None
 
@@ -111,7 +111,7 @@ def _order(cell: Cell) -> tuple[Pair, bool, str, bool, str]:
 
 
 def _agree(ctx: Context, cells: list[Cell]) -> None:
-    """The same robot under the same name, and one meaning of success."""
+    """Check that each name refers to one robot and that success has one definition."""
     first = cells[0]
     for cell in cells[1:]:
         ctx.check(

@@ -1,4 +1,4 @@
-"""True objects and a twin's assets as a camera sees them, and their surfaces in its frame."""
+"""Views of true objects and a twin's assets, and their surfaces in the camera frame."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dextera_build.geometry import kinematics, raycast, transforms
 
 @dataclass(frozen=True)
 class Seen:
-    """One object as the camera sees it, and its whole surface in the camera frame."""
+    """The visible mask of one object, and its whole surface in the camera frame."""
 
     mask: np.ndarray  # (H, W) bool
     vertices: np.ndarray  # (V, 3) float64 [m]

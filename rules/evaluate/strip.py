@@ -1,4 +1,4 @@
-"""Film strips: pictures of one or more episodes at the same moments, each with its time."""
+"""Film strips: time-stamped pictures of one or more episodes at the same times."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from .panels import GAP, PAPER, beside, titled
 
 
 def moments(steps: int, count: int) -> np.ndarray:
-    """`count` evenly spaced rows of an episode of `steps` rows, the first and the last among them."""
+    """`count` evenly spaced rows of an episode of `steps` rows, including the first and the last."""
     return np.linspace(0, max(0, steps - 1), max(2, count)).round().astype(int)
 
 
 def strip(rows: Mapping[str, np.ndarray], times_s: np.ndarray) -> np.ndarray:
-    """One row of pictures per label, one below the other.
+    """Stack one row of pictures per label.
 
     Args:
         rows: Label -> pictures (N, H, W, 3) uint8.

@@ -21,16 +21,16 @@ class SuccessOptions(SeriesOptions):
     """Options of evaluate.success."""
 
     policies: tuple[str, ...] = ()
-    """Columns; empty: the policies that were tried. `T-S` and others of the paper can be named to show its numbers."""
+    """Columns; empty: the policies with trials. Name `T-S` or others of the paper to show its numbers."""
     paper: bool = True
-    """Whether the paper's rows for the same tasks stand below ours."""
+    """Whether to append the paper's rows for the same tasks."""
 
 
 @rule(version=1, packages=("numpy",))
 def success(ctx: Context, trials: Collection[Trials], *, options: SuccessOptions) -> table.Table:
     """Return success rates [%] with 95 % Wilson intervals, one row per task, robot and pair of worlds.
 
-    Below stand the means, in which every task counts the same, and the paper's numbers from hardware.
+    Means with equal weight per task and the paper's hardware numbers follow.
     """
     series = Series(ctx, trials, options.robots)
     columns = list(options.policies or series.policies)
@@ -72,11 +72,11 @@ def _mean(series: Series, columns: Sequence[str]) -> Row:
 
 
 Limits = tuple[float, float, float]
-"""A rate and its interval, parts of one."""
+"""A rate and its interval, as fractions."""
 
 
 def _means(series: Series, label: str) -> list[Limits | None]:
-    """Mean over tasks in the twin and in the other world; the reference world before a perturbed one."""
+    """Mean over tasks in the twin and in the other world, preferring the reference world over a perturbed one."""
     here = [series.rate(pair, label, "twin") for pair in series.pairs]
     there = [
         next((rate for world in series.worlds(pair) if (rate := series.rate(pair, label, world))), None)
@@ -86,7 +86,7 @@ def _means(series: Series, label: str) -> list[Limits | None]:
 
 
 def _paper(pairs: Sequence[Pair], columns: Sequence[str]) -> list[Row]:
-    """The paper's rows of the same task and robot, or of the same task with another robot, marked so; its means."""
+    """The paper's rows of the same task and robot, or marked rows with another robot; and its means."""
     rows: list[Row] = []
     for pair in pairs:
         same = [known for known in published.POLICY if known == (pair.robot, pair.task)]
@@ -138,7 +138,7 @@ def _counts(both: Sequence[Rate | None]) -> str:
 
 
 def _bars(series: Series) -> dict[str, list[Bar]]:
-    """Per task and actor one bar per world."""
+    """One bar per world for each task and actor."""
     groups: dict[str, list[Bar]] = {}
     for cell in series.cells:
         low, high = cell.rate.interval()

@@ -1,4 +1,4 @@
-"""evaluate.summary: one table from the tables of many captures, with pooled means and their intervals."""
+"""evaluate.summary: merge the tables of many captures, with pooled means and their intervals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class SummaryOptions(Options):
     draws: PositiveInt = 10000
     """Bootstrap samples."""
     confidence: float = Field(0.95, gt=0.0, lt=1.0)
-    """Probability that the interval covers."""
+    """Coverage probability of the interval."""
     seed: NonNegativeInt = 0
     """Seed of the bootstrap."""
 
@@ -25,7 +25,7 @@ class SummaryOptions(Options):
 def summary(ctx: Context, tables: Collection[Table], *, options: SummaryOptions) -> Table:
     """Return a row per table and a row for all rows pooled: mean, standard deviation, count and interval.
 
-    Numeric columns that say which direction is better are averaged; a column of results is counted.
+    Numeric columns with a preferred direction are averaged; a column of results is counted.
     """
     if not tables.items:
         ctx.fail("no table was given", hint="check the pattern of the captures")
@@ -102,7 +102,7 @@ def _columns(first: Table, measures: list[int], kinds: list[str]) -> tuple[Colum
 
 
 def _definitions(first: Table) -> tuple[str, ...]:
-    """Notes of the tables that define something; those that count belong to one table."""
+    """Notes that hold definitions; notes with counts apply to a single table."""
     return tuple(note for note in first.notes if ":" in note)
 
 

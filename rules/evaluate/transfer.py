@@ -1,4 +1,4 @@
-"""evaluate.transfer: how well success in the twin predicts success in the other world."""
+"""evaluate.transfer: correlation of success in the twin with success in other worlds."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from .charts import Dot, scatter
 from .series import Cell, Series, SeriesOptions
 
 Point = tuple[float, float]
-"""Success in the twin and in the other world, parts of one."""
+"""Success in the twin and in the other world, as fractions."""
 
 
 class TransferOptions(SeriesOptions):
     """Options of evaluate.transfer."""
 
     paper: bool = True
-    """Whether the paper's numbers stand below ours."""
+    """Whether to append the paper's numbers."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Match:
 def transfer(ctx: Context, trials: Collection[Trials], *, options: TransferOptions) -> table.Table:
     """Return Pearson's correlation and MMRV of success in the twin and in other worlds, over cells and over policies.
 
-    A cell is one policy in one task of one world; replays were chosen by their success in the twin and are left out.
+    A cell is one policy in one task of one world; replays are excluded, as they are selected by success in the twin.
     """
     series = Series(ctx, trials, options.robots)
     matches = _matches(series)
@@ -93,7 +93,7 @@ def _matches(series: Series) -> list[Match]:
 
 
 def _rows(matches: Sequence[Match]) -> list[tuple[table.Cell, ...]]:
-    """All cells, the cells of each kind of world if there are several, and the policies' means over their tasks."""
+    """All cells, the cells of each kind of world if there are several, and the policies' means over tasks."""
     rows = [_row("cells: policy in a task", [match.point for match in matches])]
     worlds = sorted({match.other.world for match in matches}, reverse=True)
     if len(worlds) > 1:

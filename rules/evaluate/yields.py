@@ -1,4 +1,4 @@
-"""evaluate.yields: how many attempts a data set took, and why the others were discarded."""
+"""evaluate.yields: attempts per data set, and why episodes were discarded."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ class YieldsOptions(Options):
     """Options of evaluate.yields."""
 
     reasons: PositiveInt = 4
-    """Reasons that are named, the most frequent first."""
+    """Maximum number of reasons listed, most frequent first."""
 
 
 @rule(version=1, packages=("numpy",))
 def yields(ctx: Context, episodes: Collection[Episodes], *, options: YieldsOptions) -> Table:
-    """Return one row per data set: attempts, yield [%] with 95 % Wilson interval, length [s], reasons of failures."""
+    """Return one row per data set: attempts, yield [%] with 95 % Wilson interval, length [s], failure reasons."""
     ctx.check(bool(episodes.items), "there are no episodes", hint="give the outputs of `demonstrate.gather`")
     rows: list[tuple[Cell, ...]] = []
     total = Rate(0, 0)

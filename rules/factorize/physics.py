@@ -20,23 +20,23 @@ class PhysicsOptions(Options):
     """Options of factorize.physics."""
 
     material: str = ""
-    """Key of the material table; empty takes the one that parsing proposed."""
+    """Key of the material table; empty uses the material proposed by parsing."""
     mass_kg: PositiveFloat | None = None
     """Weighed mass of the whole body [kg]; None estimates it from material and volume."""
     mass_sigma: NonNegativeFloat = 0.02
     """Relative standard deviation of `mass_kg`."""
     volume_sigma: NonNegativeFloat = 0.10
-    """Relative standard deviation of the volume of a body without a cavity: half of it was not seen."""
+    """Relative standard deviation of the volume of a body without a cavity, half of which is unseen."""
     wall_sigma: NonNegativeFloat = 0.35
-    """Relative standard deviation of the volume of walls, whose thickness is mostly guessed."""
+    """Relative standard deviation of the volume of walls; their thickness is mostly assumed."""
 
 
 @rule(version=1)
 def physics(ctx: Context, body: Body, seen: ObjectView, *, options: PhysicsOptions) -> Physics:
-    """Return mass properties of every link in the object frame at joints 0, in SI units of the unscaled body.
+    """Return mass properties of every link, in the object frame with all joints at 0, in SI units of the unscaled body.
 
-    A body with a cavity is made of walls, and the substance's density times their volume is its mass. Anything else is
-    a product with unseen contents and voids, and the bulk density of such products counts.
+    The mass of a body with a cavity is the material's density times the volume of its walls. Any other body has unseen
+    contents and voids, so the bulk density of such products is used.
     """
     name = options.material or seen.material
     if name not in TABLE:
@@ -65,7 +65,7 @@ def physics(ctx: Context, body: Body, seen: ObjectView, *, options: PhysicsOptio
 
 
 def _density(material: Material, name: str, hollow: bool, options: PhysicsOptions) -> tuple[float, float, str]:
-    """Density [kg/m^3], standard deviation of the log mass, and the words for it."""
+    """Density [kg/m^3], standard deviation of the log mass, and a description."""
     if hollow:
         sigma = math.hypot(material.wall_sigma, options.wall_sigma)
         return material.wall_density, sigma, f"material table: {name}, walls at {material.wall_density:.0f} kg/m3"

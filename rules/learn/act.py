@@ -1,4 +1,4 @@
-"""learn.act: imitation with action chunks (Zhao et al. 2023, arXiv 2304.13705)."""
+"""learn.act: imitation learning with action chunks (Zhao et al. 2023, arXiv 2304.13705)."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from .demonstrations import Demonstrations, prepare
 def act(
     ctx: Context, bundle: TaskBundle, episodes: Episodes, film: Film | None = None, *, options: ActOptions
 ) -> Checkpoint:
-    """Return a policy that imitates the episodes, trained with ACT on observations that a robot has.
+    """Return a policy that imitates the episodes, trained with ACT on deployable observations.
 
-    The training goes on where it was if it is interrupted, and ends with the same weights.
+    An interrupted training resumes and ends with the same weights.
     """
     if options.width % options.heads:
         ctx.fail(f"width {options.width} is not a multiple of {options.heads} heads")

@@ -13,16 +13,16 @@ class ActOptions(Options):
     """Options of learn.act."""
 
     inputs: tuple[str, ...] = ("joints", "objects", "displacement", "goal")
-    """Channels of the deployable observation that the policy gets; `rgb` where a film is given."""
+    """Input channels of the deployable observation; add `rgb` if a film is given."""
     objects: Literal["task", "all"] = "task"
-    """Whose poses and joints it gets: those of the task's object, or of every object. What does not matter to the task
-    can only mislead a policy that learns from a hundred episodes."""
+    """Objects with poses and joints in the input: the task's object only, or all. Irrelevant objects can only mislead a
+    policy trained on a hundred episodes."""
     chunk: int = Field(20, ge=1, le=200)
-    """Steps that are predicted at once."""
+    """Steps predicted at once."""
     width: int = Field(96, ge=8)
     """Features of a token."""
     heads: int = Field(4, ge=1)
-    """Attention heads; they divide `width`."""
+    """Attention heads; a divisor of `width`."""
     style_layers: int = Field(1, ge=1)
     """Blocks of the style encoder."""
     encoder_layers: int = Field(2, ge=1)
@@ -30,7 +30,7 @@ class ActOptions(Options):
     decoder_layers: int = Field(2, ge=1)
     """Blocks over the chunk's tokens."""
     latent: int = Field(8, ge=1)
-    """Size of the style."""
+    """Size of the latent style."""
     kl_weight: float = Field(10.0, ge=0.0)
     """Weight of the style's divergence from a normal distribution."""
     steps: int = Field(3000, ge=1)
@@ -38,18 +38,18 @@ class ActOptions(Options):
     batch: int = Field(64, ge=1)
     """Samples per step."""
     rate: float = Field(1e-3, gt=0.0)
-    """Learning rate of AdamW at its highest; it falls to 0 along a cosine."""
+    """Peak learning rate of AdamW, with cosine decay to 0."""
     decay: float = Field(1e-4, ge=0.0)
     """Weight decay of AdamW."""
     jitter: float = Field(0.0, ge=0.0)
-    """Noise that is added to inputs in training, in their standard deviations."""
+    """Noise added to inputs in training, in their standard deviations."""
     shift: int = Field(0, ge=0)
-    """Pictures are moved by up to this many pixels in training; through a camera that stands still, places are lost."""
+    """Maximum random shift of images in training [px]; with a fixed camera it loses positions."""
     held_out: float = Field(0.1, ge=0.0, lt=1.0)
-    """Share of the episodes that is not trained on, but only measured with."""
+    """Fraction of the episodes held out for validation."""
     every: int = Field(1, ge=1)
-    """At run time a new chunk is asked for after this many steps."""
+    """Steps between predictions of a new chunk at run time."""
     forget: NonNegativeFloat = 0.01
-    """At run time overlapping chunks are averaged with weights exp(-forget * i), i = 0 for the oldest."""
+    """Weights exp(-forget * i), i = 0 for the oldest, for averaging overlapping chunks at run time."""
     seed: int = Field(0, ge=0)
-    """Seed of first weights, order, noise and split."""
+    """Seed of initial weights, order, noise and split."""

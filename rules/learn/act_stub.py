@@ -1,4 +1,4 @@
-"""learn.act without a training: no weights, and a curve that falls."""
+"""learn.act without training: no weights, and a falling curve."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NOTHING = (2).to_bytes(8, "little") + b"{}"
 
 
 def train(ctx: Context, data: Demonstrations, options: ActOptions) -> Trained:
-    """A training that did nothing."""
+    """Return a result without training."""
     steps = np.array([1, max(2, options.steps)], np.int64)
     curve = np.array([1.0, 0.5], np.float32)
     return Trained(NOTHING, steps, curve, (steps[:0], curve[:0]), 0.0)

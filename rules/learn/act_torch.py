@@ -33,17 +33,17 @@ BACKEND = Backend(
 )
 
 SAVE_EVERY_S = 20.0
-"""The state of a training is written this often [s]."""
+"""Interval between checkpoints of the training state [s]."""
 WARM_UP = 100
-"""Steps over which the learning rate rises."""
+"""Steps of linear warm-up of the learning rate."""
 POINTS = 100
-"""Points of the loss curve."""
+"""Number of points of the loss curve."""
 MEASURED = 512
-"""Most held-out samples that an error is measured with."""
+"""Maximum number of held-out samples per error measurement."""
 
 
 def train(ctx: Context, data: Demonstrations, options: ActOptions) -> Trained:
-    """Train, or go on with a training that was interrupted."""
+    """Train, or resume an interrupted training."""
     with reproducible.one_thread():
         return Training(ctx, data, options).run()
 
@@ -51,7 +51,7 @@ def train(ctx: Context, data: Demonstrations, options: ActOptions) -> Trained:
 class Training:
     """One training: network, optimiser, measurements.
 
-    Randomness depends on seed and step alone, so that going on needs no generator's state.
+    Randomness depends only on seed and step, so resuming needs no generator state.
     """
 
     def __init__(self, ctx: Context, data: Demonstrations, options: ActOptions) -> None:
@@ -70,7 +70,7 @@ class Training:
         self._stride = max(1, options.steps // POINTS)
 
     def run(self) -> Trained:
-        """All steps that are left, and the result."""
+        """Run all remaining steps and return the result."""
         kept, file = self._kept, self._ctx.keep / "training.safetensors"
         if restore(file, kept, self._network, self._optimiser):
             self._ctx.log(f"goes on after step {kept.step:,}")
@@ -90,7 +90,7 @@ class Training:
     def _save(self, file: Path) -> None:
         try:
             save(file, self._kept, self._network, self._optimiser)
-        except OSError as error:  # a full disk must not end a training that would still succeed
+        except OSError as error:  # a full disk must not abort the training
             self._ctx.log(f"the state of the training could not be kept: {error.strerror or error}")
 
     def _step(self, step: int) -> float:
@@ -176,13 +176,13 @@ class Training:
 
 
 def rate_at(step: int, steps: int, highest: float) -> float:
-    """Learning rate: up over `WARM_UP` steps, then down to 0 along a cosine."""
+    """Learning rate: rising over `WARM_UP` steps, then cosine decay to 0."""
     rise = min(1.0, (step + 1) / WARM_UP)
     return highest * rise * 0.5 * (1 + math.cos(math.pi * step / steps))
 
 
 def shifted(pixels: Tensor, most: int, random: torch.Generator) -> Tensor:
-    """(B, 3, H, W) pictures, each moved by up to `most` pixels, its border repeated."""
+    """Shift each of (B, 3, H, W) images by up to `most` pixels, repeating its border."""
     height, width = pixels.shape[2:]
     wide = F.pad(pixels, (most,) * 4, mode="replicate")
     offsets = torch.randint(0, 2 * most + 1, (len(pixels), 2), generator=random).tolist()

@@ -1,4 +1,4 @@
-"""Curves of a training, for the report."""
+"""Training curves, for the report."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ COLOURS = ((36, 99, 170), (200, 90, 30), (46, 125, 70))
 
 
 def draw(curves: Mapping[str, tuple[np.ndarray, np.ndarray]], what: str, *, logarithmic: bool = True) -> np.ndarray:
-    """Curves over optimiser steps, (280, 640, 3) uint8.
+    """Draw curves over optimiser steps, (280, 640, 3) uint8.
 
     Args:
-        curves: Name -> (steps, values); empty ones are left out.
+        curves: Name -> (steps, values); empty ones are omitted.
         what: Name of the values.
-        logarithmic: Vertical axis; only where all values are positive.
+        logarithmic: Whether the vertical axis is logarithmic; only if all values are positive.
     """
     from PIL import Image
     from PIL import ImageDraw as Draw
@@ -48,7 +48,7 @@ def draw(curves: Mapping[str, tuple[np.ndarray, np.ndarray]], what: str, *, loga
 
 
 def _height(values: np.ndarray, low: float, high: float, logarithmic: bool) -> np.ndarray:
-    """Rows of values, the lowest at the bottom [px]."""
+    """Map values to image rows, lowest at the bottom [px]."""
     scaled = np.log(values / low) / np.log(high / low) if logarithmic else (values - low) / (high - low)
     return np.asarray(BOTTOM - scaled * (BOTTOM - TOP))
 

@@ -1,4 +1,4 @@
-"""Training data of imitation: normalised inputs and actions, split by episode."""
+"""Training data of imitation learning: normalised inputs and actions, split by episode."""
 
 from __future__ import annotations
 
@@ -20,39 +20,39 @@ if TYPE_CHECKING:
     from .act_options import ActOptions
 
 SETTINGS = ("chunk", "width", "heads", "style_layers", "encoder_layers", "decoder_layers", "latent", "every", "forget")
-"""Options that say the network's form and how it is run; the contract keeps them."""
+"""Options that define the network and its use at run time; stored in the contract."""
 
 
 @dataclass(frozen=True)
 class Demonstrations:
-    """All steps of all episodes, one row each, one episode after another."""
+    """All steps of all episodes, one row each, in episode order."""
 
     contract: PolicyContract
     """Inputs and outputs of the policy, with the normalisation of the training episodes."""
     inputs: dict[str, np.ndarray]
     """Vector channel -> (N, tokens, features) float32, normalised."""
     actions: np.ndarray
-    """Normalised joint targets as they were meant, (N, A) float32."""
+    """Normalised joint targets before noise, (N, A) float32."""
     last: np.ndarray
-    """Last row of the episode that a row belongs to, (N,) int64."""
+    """Last row of each row's episode, (N,) int64."""
     train: tuple[str, ...]
-    """Episodes that are trained on."""
+    """Training episodes."""
     held_out: tuple[str, ...]
-    """Episodes that are only measured with."""
+    """Validation episodes."""
     train_rows: np.ndarray
-    """Their rows, (n,) int64."""
+    """Rows of the training episodes, (n,) int64."""
     held_out_rows: np.ndarray
-    """Rows of the others, (m,) int64."""
+    """Rows of the validation episodes, (m,) int64."""
     frames: np.ndarray | None
     """Pictures (N, H, W, 3) uint8, or None."""
     places: np.ndarray | None
-    """Where the task's object is, (N, P) float32, normalised; None where no pictures are."""
+    """Normalised pose and joints of the task's object, (N, P) float32; None without images."""
 
 
 def prepare(
     ctx: Context, bundle: TaskBundle, episodes: Episodes, film: Film | None, options: ActOptions
 ) -> Demonstrations:
-    """Check the data and make numbers of them; the normalisation comes from the training episodes alone."""
+    """Check and normalise the data; the normalisation comes only from the training episodes."""
     _check(ctx, episodes, film, options)
     layout = of_episodes(episodes, of_bundle(bundle).goal, film)
     train, held_out = split(tuple(episodes.items), options.held_out, options.seed)
@@ -88,7 +88,7 @@ def prepare(
 
 
 def split(names: tuple[str, ...], share: float, seed: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """(training, held out) episodes, in their order; at least one is trained on."""
+    """(training, held out) episodes, in their order; at least one for training."""
     count = min(round(share * len(names)), len(names) - 1)
     drawn = set(np.random.default_rng([seed, 1]).permutation(len(names))[:count].tolist())
     return (
@@ -98,7 +98,7 @@ def split(names: tuple[str, ...], share: float, seed: int) -> tuple[tuple[str, .
 
 
 def _places(bundle: TaskBundle, layout: Layout, fields: features.Fields, chosen: np.ndarray) -> np.ndarray:
-    """Pose and joints of the task's object, (N, P), normalised."""
+    """Normalised pose and joints of the task's object, (N, P)."""
     name = bundle.task.object
     pose = contracts.channel(layout, "objects", (name,))
     joints = contracts.channel(layout, "displacement", bundle.objects[name].joints)
@@ -133,7 +133,7 @@ def _channels(bundle: TaskBundle, layout: Layout, options: ActOptions) -> tuple[
         only = {"objects": (name,), "displacement": bundle.objects[name].joints}
     made = [contracts.channel(layout, name, only.get(name)) for name in contracts.CHANNELS if name in options.inputs]
     unknown = [name for name in options.inputs if name not in contracts.CHANNELS]
-    made += [contracts.channel(layout, name) for name in unknown]  # refuses it
+    made += [contracts.channel(layout, name) for name in unknown]  # raises
     return tuple(one for one in made if one.shape[0])
 
 

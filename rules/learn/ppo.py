@@ -1,4 +1,4 @@
-"""learn.ppo: reinforcement in the task's own simulation (Schulman et al. 2017, arXiv 1707.06347)."""
+"""learn.ppo: reinforcement learning in the task's own simulation (Schulman et al. 2017, arXiv 1707.06347)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .reinforcement import contract_of
 
 @rule(version=1, packages=("numpy",), memory_gb=2.0)
 def ppo(ctx: Context, bundle: TaskBundle, *, options: PpoOptions) -> Checkpoint:
-    """Return a policy trained by reinforcement on observations that a robot has; its critic alone is privileged.
+    """Return a policy trained by PPO on deployable observations; only its critic is privileged.
 
-    The training goes on where it was if it is interrupted, and ends with the same weights.
+    An interrupted training resumes and ends with the same weights.
     """
     _check(ctx, bundle, options)
     contract = contract_of(bundle, options, ctx.backend.heading(bundle))

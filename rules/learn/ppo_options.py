@@ -14,31 +14,31 @@ class PpoOptions(Options):
     """Options of learn.ppo."""
 
     inputs: tuple[str, ...] = ("joints", "previous_action", "objects", "displacement", "goal")
-    """Channels of the deployable observation that the policy gets; `joints` and `previous_action` are needed."""
+    """Input channels of the deployable observation; `joints` and `previous_action` are required."""
     groups: tuple[Group, ...] = ("arm",)
-    """Joints that it moves; all others stay as in `grip`."""
+    """Groups of controlled joints; all others stay as in `grip`."""
     control: Literal["palm", "joints"] = "palm"
-    """How it moves the arm: by steps of the palm, which keeps its turn, or joint by joint."""
+    """Control of the arm: by steps of the palm with fixed orientation, or joint by joint."""
     step_m: float = Field(0.15, gt=0.0)
-    """Largest step of the palm by one decision, per axis [m]; light and slippery objects have to be pushed quickly."""
+    """Maximum step of the palm per decision and axis [m]; light and slippery objects must be pushed quickly."""
     grip: str | None = None
-    """Posture of the fingers, one of the robot's grips; None: the first that suits the task, or else as at home."""
+    """Posture of the fingers, one of the robot's grips; None: the first suitable one, otherwise home."""
     lean_rad: float = Field(0.4, ge=-1.6, le=1.6)
-    """How far the fingers lean from straight down towards where they push [rad]."""
+    """Tilt of the fingers from straight down towards the push [rad]."""
     every: int = Field(4, ge=1)
-    """Control periods that one decision holds for."""
+    """Control periods per decision."""
     step_rad: float = Field(0.35, gt=0.0)
-    """Largest change of a joint target by one decision [rad]."""
+    """Maximum change of a joint target per decision [rad]."""
     lead_rad: float = Field(0.5, gt=0.0)
-    """Farthest that a joint target may be ahead of its joint [rad]; bounds the pushing force."""
+    """Maximum lead of a joint target over its joint [rad]; bounds the pushing force."""
     width: int = Field(128, ge=1)
     """Features of a layer, of the policy and of its critic."""
     layers: int = Field(2, ge=1)
-    """Layers."""
+    """Number of layers."""
     steps: int = Field(80_000, ge=1)
-    """Decisions that are practised, in all environments together."""
+    """Total decisions of the training, over all environments."""
     worlds: int = Field(8, ge=1)
-    """Environments that are stepped side by side."""
+    """Number of parallel environments."""
     rollout: int = Field(32, ge=1)
     """Decisions per environment between two updates."""
     batch: int = Field(128, ge=2)
@@ -46,14 +46,14 @@ class PpoOptions(Options):
     epochs: int = Field(10, ge=1)
     """Passes over a rollout."""
     rate: float = Field(1e-3, gt=0.0)
-    """Learning rate of Adam at the start; it falls to a tenth."""
+    """Initial learning rate of Adam; decays to a tenth."""
     discount: float = Field(0.98, gt=0.0, le=1.0)
-    """Worth of a reward one decision later."""
+    """Discount factor per decision."""
     entropy: float = Field(0.0, ge=0.0)
     """Weight of the policy's entropy."""
     spread: float = Field(0.3, gt=0.0)
-    """Standard deviation of decisions at the start."""
+    """Initial standard deviation of decisions."""
     average: float = Field(0.97, ge=0.0, lt=1.0)
-    """The policy is a running average of its weights; an update leaves this share of it."""
+    """Decay per update of the running average of weights that forms the policy."""
     seed: int = Field(0, ge=0)
-    """Seed of first weights, exploration and starts."""
+    """Seed of initial weights, exploration and starts."""

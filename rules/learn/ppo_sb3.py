@@ -33,11 +33,11 @@ BACKEND = Backend(
 )
 
 NEVER = 1 << 30
-"""Iterations between logs of stable-baselines3, which print nothing here."""
+"""Iterations between logs of stable-baselines3; effectively disables them."""
 
 
 def heading(bundle: TaskBundle) -> float | None:
-    """Where the task's link is to be pushed at first, about the vertical in the base [rad]; None for a lift."""
+    """Initial push direction of the task's link about the vertical in the base [rad]; None for a lift."""
     if bundle.task.primitive != "articulate":
         return None
     environment = Environment(bundle)
@@ -51,7 +51,7 @@ def heading(bundle: TaskBundle) -> float | None:
 
 
 def practise(ctx: Context, bundle: TaskBundle, contract: PolicyContract, options: PpoOptions) -> Practised:
-    """Train, or go on with a training that was interrupted."""
+    """Train, or resume an interrupted training."""
     worlds = Worlds(bundle, contract, options.worlds, options.seed)
     try:
         with reproducible.one_thread(), own_generators(options.seed):
@@ -69,7 +69,7 @@ def _learn(model: PPO, watch: Watch, options: PpoOptions) -> None:
     try:
         model.learn(left, callback=watch, log_interval=NEVER, reset_num_timesteps=False)
     except ValueError as error:
-        # Torch's distributions refuse parameters that are not finite, or a spread of 0.
+        # Torch's distributions reject non-finite parameters and a spread of 0.
         if "distribution" not in str(error):
             raise
         raise RuleError(
@@ -118,7 +118,7 @@ class TwoSighted(ActorCriticPolicy):
 
 
 class Extractor(nn.Module):
-    """Features for actor and critic, in the form that stable-baselines3 asks for."""
+    """Features for actor and critic, with the interface of stable-baselines3."""
 
     def __init__(self, public: int, seen: int, width: int, layers: int) -> None:
         super().__init__()
@@ -132,11 +132,11 @@ class Extractor(nn.Module):
         return self.forward_actor(numbers), self.forward_critic(numbers)
 
     def forward_actor(self, numbers: Tensor) -> Tensor:
-        """Features (B, width) of the numbers that a robot can observe."""
+        """Features (B, width) of the deployable numbers."""
         found: Tensor = self.actor(numbers[:, : self._public])
         return found
 
     def forward_critic(self, numbers: Tensor) -> Tensor:
-        """Features (B, width) of everything."""
+        """Features (B, width) of all numbers."""
         found: Tensor = self.critic(numbers)
         return found

@@ -1,4 +1,4 @@
-"""Follows a reinforcement: its curve, and its state on disk, so that an interrupted one goes on."""
+"""Monitor a PPO training: its curve, and its state on disk for resuming."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ if TYPE_CHECKING:
     from .ppo_options import PpoOptions
 
 SAVE_EVERY_S = 30.0
-"""The state is written about this often [s], between two rollouts."""
+"""Minimum interval between checkpoints, which are taken between rollouts [s]."""
 WINDOW = 100
-"""Episodes that means are taken over."""
+"""Number of episodes in moving averages."""
 
 
 class Watch(BaseCallback):
-    """Called by stable-baselines3.
+    """Callback for stable-baselines3.
 
-    All randomness of a rollout and of the update after it follows from the seed and from how many decisions came
-    before, and an environment is where its decisions since the start of its episode lead to. So neither generators nor
-    simulators need be kept, and going on gives the bits that one go would have given.
+    All randomness of a rollout and the following update is derived from the seed and the number of previous decisions,
+    and an environment's state from its decisions since the start of the episode. So neither generator nor simulator
+    states are saved, and a resumed training is bit-identical to an uninterrupted one.
 
     Args:
-        ctx: Of the rule.
+        ctx: The rule's context.
         worlds: The environments.
-        contract: Of the policy.
-        options: Of the rule.
+        contract: The policy's contract.
+        options: The rule's options.
     """
 
     def __init__(self, ctx: Context, worlds: Worlds, contract: PolicyContract, options: PpoOptions) -> None:
@@ -86,7 +86,7 @@ class Watch(BaseCallback):
         self._follow()
 
     def practised(self) -> Practised:
-        """The result; its weights are the average, which does better than where the last update happened to end."""
+        """The result; its weights are the running average, which performs better than those after the last update."""
         data = weights.to_bytes(self._average)
         steps, reward, success = zip(*self._curve, strict=True) if self._curve else ((), (), ())
         return Practised(
@@ -98,7 +98,7 @@ class Watch(BaseCallback):
         )
 
     def save(self) -> None:
-        """Write everything to one file that is whole at any time."""
+        """Write the state to one file atomically."""
         model: Any = self.model
         tensors = {f"weight.{name}": tensor for name, tensor in model.policy.state_dict().items()}
         for number, moments in model.policy.optimizer.state_dict()["state"].items():
@@ -126,7 +126,7 @@ class Watch(BaseCallback):
             self._ctx.log(f"the state of the training could not be kept: {error.strerror}")
 
     def restore(self, model: PPO) -> None:
-        """Bring `model` and the environments to where an interrupted training was; else to the beginning."""
+        """Restore `model` and the environments from an interrupted training, or reset them."""
         found = self._read()
         if found is None or found[0].get("of") != self._of:
             model._last_obs = self._worlds.reset()  # type: ignore[assignment]
@@ -158,7 +158,7 @@ class Watch(BaseCallback):
         if self._averaged == self.model.num_timesteps:
             return
         self._averaged = self.model.num_timesteps
-        # At first the average is short, or the initial weights would stay in it for long.
+        # The average is short at first; otherwise the initial weights would persist in it.
         updates = self._averaged / (self._options.rollout * self._options.worlds)
         keep = min(self._options.average, updates / (9.0 + updates))
         for name, tensor in actor_tensors(self.model.policy).items():
@@ -166,7 +166,7 @@ class Watch(BaseCallback):
             self._average[name] = (keep * old + (1.0 - keep) * tensor).clone()
 
     def _note(self) -> None:
-        """A point of the curve, once per rollout."""
+        """Add a point to the curve, once per rollout."""
         step = self.model.num_timesteps
         if self._recent and (not self._curve or self._curve[-1][0] < step):
             rewards, successes = zip(*self._recent, strict=True)
@@ -190,14 +190,14 @@ class Watch(BaseCallback):
 
 
 def actor_tensors(policy: Any) -> dict[str, torch.Tensor]:
-    """The part of a policy that runs, under the names of `dextera_build.learning.ppo.Actor`."""
+    """The actor of a policy, with the names of `dextera_build.learning.ppo.Actor`."""
     tensors = {f"body.{name}": tensor for name, tensor in policy.mlp_extractor.actor.state_dict().items()}
     return tensors | {f"head.{name}": tensor for name, tensor in policy.action_net.state_dict().items()}
 
 
 @contextmanager
 def own_generators(seed: int) -> Iterator[None]:
-    """Torch's and NumPy's global generators seeded within the block, and afterwards as they were."""
+    """Seed the global generators of torch and NumPy within the block and restore them afterwards."""
     kept = torch.get_rng_state(), np.random.get_state()
     torch.manual_seed(seed)
     np.random.seed(seed % 2**32)

@@ -1,4 +1,4 @@
-"""learn.ppo without a training: no weights, and a curve that rises."""
+"""learn.ppo without training: no weights, and a rising curve."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ NOTHING = (2).to_bytes(8, "little") + b"{}"
 
 
 def heading(bundle: TaskBundle) -> float | None:
-    """No direction, because nothing is simulated."""
+    """Return no direction: nothing is simulated."""
     return None
 
 
 def practise(ctx: Context, bundle: TaskBundle, contract: PolicyContract, options: PpoOptions) -> Practised:
-    """A training that did nothing."""
+    """Return a result without training."""
     steps = np.array([1, max(2, options.steps)], np.int64)
     rising = np.array([0.0, 1.0], np.float32)
     return Practised(NOTHING, steps, rising, rising, 0)

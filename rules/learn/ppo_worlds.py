@@ -1,4 +1,4 @@
-"""Several environments side by side, on one core: other nodes of a build have the others."""
+"""Several environments on one core, because other nodes of a build use the others."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from dextera_build.artifacts.task import TaskBundle
 from dextera_build.sim.training.practice import Practice
 
 Place = tuple[int, list[np.ndarray]]
-"""Where one environment is: number of its episode, decisions since that began."""
+"""State of one environment: number of its episode, decisions since its start."""
 
 
 class Worlds(DummyVecEnv):
-    """Environments that can be put where an interrupted training was.
+    """Environments whose state can be restored from an interrupted training.
 
     Args:
         bundle: The task.
         contract: Inputs and outputs of the policy.
-        count: Environments.
-        seed: Seed of their starts.
+        count: Number of environments.
+        seed: Seed of the starts.
     """
 
     def __init__(self, bundle: TaskBundle, contract: PolicyContract, count: int, seed: int) -> None:
@@ -41,11 +41,11 @@ class Worlds(DummyVecEnv):
         return self._obs_from_buf(), np.copy(self.buf_rews), np.copy(self.buf_dones), list(self.buf_infos)
 
     def places(self) -> list[Place]:
-        """Where every environment is."""
+        """The state of every environment."""
         return [(practice.episode, list(practice.decisions)) for practice in self.practices]
 
     def go_to(self, places: Sequence[Place]) -> np.ndarray:
-        """Be at `places`; the observations there (W, N + P)."""
+        """Restore the states `places`; return the observations (W, N + P)."""
         return np.stack([practice.go_to(*place) for practice, place in zip(self.practices, places, strict=True)])
 
 

@@ -1,4 +1,4 @@
-"""The result of a backend of a reinforcement rule."""
+"""The result of a backend of a reinforcement learning rule."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Practised:
-    """Weights and how the training went."""
+    """Weights and training statistics."""
 
     weights: bytes
     """safetensors."""
     steps: np.ndarray
-    """Decisions at which `reward` and `success` were taken, (L,) int64."""
+    """Decisions at the points of `reward` and `success`, (L,) int64."""
     reward: np.ndarray
     """Mean reward of the latest episodes, (L,) float32."""
     success: np.ndarray
-    """Share of them that succeeded while exploring, (L,) float32."""
+    """Fraction of them that succeeded while exploring, (L,) float32."""
     episodes: int
-    """Episodes that ended."""
+    """Number of finished episodes."""

@@ -1,4 +1,4 @@
-"""The contract of a reinforced policy; its normalisation is fixed by the task, so nothing is learned from rollouts."""
+"""The contract of a PPO policy; the task fixes its normalisation, so no statistics of rollouts are needed."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ PLACE_M, TURN = 0.05, 0.3
 
 
 def contract_of(bundle: TaskBundle, options: PpoOptions, heading_rad: float | None = None) -> PolicyContract:
-    """Inputs and outputs of a policy that is trained with these options.
+    """Inputs and outputs of a policy trained with these options.
 
     Args:
         bundle: The task.
-        options: Of the rule.
-        heading_rad: Direction about the vertical, in the base, that the palm faces [rad]; None: as at home.
+        options: The rule's options.
+        heading_rad: Direction of the palm about the vertical, in the base [rad]; None: as at home.
     """
     layout = of_bundle(bundle)
     thing = bundle.objects[bundle.task.object]
@@ -69,7 +69,7 @@ def contract_of(bundle: TaskBundle, options: PpoOptions, heading_rad: float | No
 
 
 def grip_of(bundle: TaskBundle, name: str | None) -> Grip | None:
-    """The grip called `name`; None: one that suits the task, if the robot has any."""
+    """The grip named `name`; None: a suitable one, if the robot has any."""
     grips = bundle.robot.grips
     if name is not None:
         return grips[name]
@@ -78,7 +78,7 @@ def grip_of(bundle: TaskBundle, name: str | None) -> Grip | None:
 
 
 def _turned(grip: Grip, heading_rad: float, lean_rad: float) -> dict[str, float]:
-    """The palm's quaternion in the base: fingers down and leaning ahead, the palm facing ahead."""
+    """The palm's quaternion in the base: fingers down and tilted forward, the palm facing forward."""
     ahead, up = np.array([np.cos(heading_rad), np.sin(heading_rad), 0.0]), np.array([0.0, 0.0, 1.0])
     fingers = ahead * np.sin(lean_rad) - up * np.cos(lean_rad)
     out = ahead * np.cos(lean_rad) + up * np.sin(lean_rad)
@@ -89,7 +89,7 @@ def _turned(grip: Grip, heading_rad: float, lean_rad: float) -> dict[str, float]
 
 
 def _normalised(channel: Channel, bundle: TaskBundle) -> Channel:
-    """`channel` with the photograph's configuration as its mean and a scale that is the same for every task."""
+    """`channel` with the photograph's configuration as its mean and the same scale for every task."""
     mean, scale = _statistics(channel, bundle)
     plain = [tuple(float(value) for value in np.asarray(part, np.float32)) for part in (mean, scale)]
     return channel.model_copy(update={"mean": plain[0], "scale": plain[1]})

@@ -1,4 +1,4 @@
-"""The result of a backend of an imitation rule."""
+"""The result of a backend of an imitation learning rule."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Trained:
-    """Weights and how the training went."""
+    """Weights and training statistics."""
 
     weights: bytes
     """safetensors."""
@@ -20,4 +20,4 @@ class Trained:
     held_out: tuple[np.ndarray, np.ndarray]
     """Steps and loss of the held-out episodes."""
     error_rad: float
-    """Mean absolute error of the held-out chunks at the end [rad]; 0 where none is held out."""
+    """Mean absolute error of the held-out chunks at the end [rad]; 0 if none is held out."""

@@ -1,4 +1,4 @@
-"""The state of a training on disk, so that an interrupted one goes on."""
+"""The state of a training on disk, for resuming after an interruption."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from dextera_build.learning import weights
 
 @dataclass
 class Kept:
-    """Training state beside weights and moments."""
+    """Training state besides weights and moments."""
 
     of: str
-    """Digest of data and options; a state of anything else is not used."""
+    """Digest of data and options; a state with another digest is ignored."""
     step: int = 0
-    """Steps that are done."""
+    """Completed steps."""
     sum: float = 0.0
     """Loss summed since the last point of the curve."""
     steps: list[int] = field(default_factory=list)
@@ -37,7 +37,7 @@ class Kept:
 
 
 def save(file: Path, kept: Kept, network: nn.Module, optimiser: torch.optim.Optimizer) -> None:
-    """Write everything to one file that is whole at any time."""
+    """Write the state to one file atomically."""
     tensors = {f"weight.{name}": tensor for name, tensor in network.state_dict().items()}
     for number, moments in optimiser.state_dict()["state"].items():
         tensors |= {f"moment.{number}.{name}": torch.as_tensor(tensor) for name, tensor in moments.items()}
@@ -47,7 +47,7 @@ def save(file: Path, kept: Kept, network: nn.Module, optimiser: torch.optim.Opti
 
 
 def restore(file: Path, kept: Kept, network: nn.Module, optimiser: torch.optim.Optimizer) -> bool:
-    """Whether a state of the same training was there; if so, everything is as it was when it was written."""
+    """Restore a saved state of the same training; return whether there was one."""
     found = _read(file)
     if found is None or found[0].get("of") != kept.of:
         return False

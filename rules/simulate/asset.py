@@ -1,4 +1,4 @@
-"""simulate.asset: one object in metres, ready for any simulator."""
+"""simulate.asset: one object in metres, usable in any simulator."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from dextera_build.rule import Context, rule
 def asset(
     ctx: Context, body: Body, physics: Physics, collision: Collision, placement: Placement, seen: ObjectView
 ) -> Asset:
-    """Return the body with the placement's scale baked into every part, and its pose in the world [m].
+    """Return the body with the placement's scale applied to every part, and its pose in the world [m].
 
-    A uniform scale s makes meshes, walls, pieces, joint origins and prismatic limits s times as large, masses s^3 and
-    inertias s^5 at constant density; angles stay. The pose is left rigid, because simulators do not scale bodies.
+    A uniform scale s multiplies meshes, walls, pieces, joint origins and prismatic limits by s, masses by s^3 and
+    inertias by s^5 at constant density; angles are unchanged. The pose is rigid, as simulators do not scale bodies.
     """
     names = set(body.links)
     for what, links in (("physics", set(physics.links)), ("collision", set(collision.links))):
@@ -70,7 +70,7 @@ def _check_rigid(ctx: Context, placement: Placement) -> None:
 
 
 def scale_body(body: Body, s: float) -> Body:
-    """The body `s` times as large; its pose is kept, for the object's origin is the centre of the scaling."""
+    """Scale the body by `s` about the object's origin, so its pose is unchanged."""
     links = {
         name: Link(mesh=scale_mesh(link.mesh, s), walls=tuple(scale_hull(wall, s) for wall in link.walls))
         for name, link in body.links.items()
@@ -80,7 +80,7 @@ def scale_body(body: Body, s: float) -> Body:
 
 
 def scale_joint(joint: Joint, s: float) -> Joint:
-    """The joint of a body `s` times as large: its origin scales, and so do limits that are lengths."""
+    """Scale the joint's origin, and its limits if they are lengths, by `s`."""
     length = s if joint.type == "prismatic" else 1.0
     x, y, z = joint.origin
     changes = {name: getattr(joint, name) * length for name in ("lower", "upper", "position")}
@@ -88,7 +88,7 @@ def scale_joint(joint: Joint, s: float) -> Joint:
 
 
 def scale_physics(physics: Physics, s: float) -> Physics:
-    """Mass properties of a body `s` times as large at the same density."""
+    """Mass properties after scaling by `s` at constant density."""
     return physics.model_copy(update={"links": {name: _inertial(link, s) for name, link in physics.links.items()}})
 
 
@@ -99,12 +99,12 @@ def _inertial(link: Inertial, s: float) -> Inertial:
 
 
 def scale_mesh(mesh: Mesh, s: float) -> Mesh:
-    """The mesh `s` times as large."""
+    """Scale the mesh by `s`."""
     return mesh.model_copy(update={"vertices": _larger(mesh.vertices, s)})
 
 
 def scale_hull(hull: Hull, s: float) -> Hull:
-    """The convex piece `s` times as large."""
+    """Scale the convex piece by `s`."""
     return Hull(vertices=_larger(hull.vertices, s))
 
 

@@ -1,4 +1,4 @@
-"""Curves of a simulated scene, for the report."""
+"""Plots of a simulated scene, for the report."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ INK, SOFT, GOOD, BAD = (40, 44, 52), (205, 210, 216), (46, 125, 70), (190, 50, 4
 
 
 def settle_picture(report: SettleReport) -> np.ndarray:
-    """Kinetic energy over time (logarithmic) above one row of numbers per body, (H, 640, 3) uint8."""
+    """Plot kinetic energy over time (logarithmic) above one row of numbers per body, (H, 640, 3) uint8."""
     from PIL import Image
     from PIL import ImageDraw as Draw
 

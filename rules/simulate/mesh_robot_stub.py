@@ -1,4 +1,4 @@
-"""simulate.mesh_robot without meshes: the robot as it is."""
+"""simulate.mesh_robot without meshes: the unchanged robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""simulate.mjcf: a model in MJCF that lies in the project, with all the files that it is made of."""
+"""simulate.mjcf: an MJCF model of the project, with all its files."""
 
 from __future__ import annotations
 
@@ -17,27 +17,26 @@ _FOLDERS = {
     "flexcomp": "meshdir",
     "texture": "texturedir",
 }
-"""Element that names files -> attribute of `compiler` with the folder of these files."""
+"""Element with file references -> attribute of `compiler` with the folder of these files."""
 
 
 class MjcfOptions(Options):
-    """Options of simulate.mjcf. Every field enters the key."""
+    """Options of simulate.mjcf; every field is part of the key."""
 
     path: str
-    """The model's MJCF, from the project's folder."""
+    """Path of the model's MJCF, relative to the project."""
 
 
 @rule(version=1, discovers=True)
 def mjcf(ctx: Context, *, options: MjcfOptions) -> Folder:
-    """Return a model with the files that it includes and the meshes, height fields and textures that it names.
+    """Return a model with its included files, meshes, height fields and textures.
 
-    Which files these are stands in the model, so the rule finds them out: editing one of them makes the result stale,
-    editing a mesh beside them that no file names does not. They lie to one another as they did, below the nearest
-    folder that holds all of them.
+    The rule discovers these files from the model: editing one of them makes the result stale, editing an unreferenced
+    mesh does not. Their relative paths are kept, below the nearest common folder.
     """
     files: dict[str, bytes] = {}
     models = [posixpath.normpath(options.path)]
-    for model in models:  # grows by the models that are attached
+    for model in models:  # grows by attached models
         models += [other for other in _read(ctx, model, files) if other not in models]
     top = posixpath.commonpath([posixpath.dirname(name) for name in files])
     ctx.metric("files", len(files), "")
@@ -46,7 +45,7 @@ def mjcf(ctx: Context, *, options: MjcfOptions) -> Folder:
 
 
 def _read(ctx: Context, model: str, files: dict[str, bytes]) -> list[str]:
-    """Add a model's files, and give the models that it attaches; paths count from the folder of its own MJCF."""
+    """Add a model's files and return the models that it attaches; paths are relative to its MJCF."""
     folder = posixpath.dirname(model)
     documents: dict[str, ET.Element] = {}
     waiting = [model]
@@ -70,7 +69,7 @@ def _read(ctx: Context, model: str, files: dict[str, bytes]) -> list[str]:
 
 
 def _included(ctx: Context, folder: str, path: str, name: str) -> str:
-    """MuJoCo looks from the model's folder first, then from that of the file which includes."""
+    """MuJoCo searches the model's folder first, then that of the including file."""
     first, beside = _joined(folder, name), _joined(posixpath.dirname(path), name)
     return first if first == beside or ctx.exists(first) else beside
 
@@ -78,12 +77,12 @@ def _included(ctx: Context, folder: str, path: str, name: str) -> str:
 def _parsed(ctx: Context, path: str, data: bytes) -> ET.Element:
     try:
         return ET.fromstring(data)
-    except (ET.ParseError, LookupError, ValueError) as error:  # the last two: an encoding that Python lacks
+    except (ET.ParseError, LookupError, ValueError) as error:  # the last two: unknown encoding
         ctx.fail(f"`{path}` is not valid XML", parser=str(error), hint=f"`xmllint --noout {path}` shows the place")
 
 
 def _named(roots: Iterable[ET.Element], settings: dict[str, str]) -> Iterator[str]:
-    """Files of meshes, height fields, skins and textures, from the model's folder, as MuJoCo looks for them."""
+    """Files of meshes, height fields, skins and textures, relative to the model's folder, as MuJoCo resolves them."""
     for root in roots:
         for part in root.iter():
             if part.tag in _FOLDERS:

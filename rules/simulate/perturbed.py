@@ -1,4 +1,4 @@
-"""simulate.perturbed: a twin's task in a disturbed copy of the twin, where no reference world exists."""
+"""simulate.perturbed: a twin's task in a perturbed copy of the twin, for tasks without a reference world."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dextera_build.rule import Context, Options, rule
 
 
 class PerturbedOptions(Options):
-    """Options of simulate.perturbed: how far the copy is from the twin."""
+    """Options of simulate.perturbed: differences of the copy from the twin."""
 
     seed: NonNegativeInt = 0
     """Seed of all draws."""
@@ -18,7 +18,7 @@ class PerturbedOptions(Options):
     sizes: dict[str, tuple[PositiveFloat, PositiveFloat, PositiveFloat]] = Field(default_factory=dict)
     """Body -> scale factors along x, y, z of its frame, instead of drawn ones."""
     dynamics: NonNegativeFloat = 1.0
-    """Share of the twin's own intervals of mass and friction that is drawn from."""
+    """Fraction of the twin's own intervals of mass and friction to draw from."""
     hinge_sigma: NonNegativeFloat = 0.15
     """Standard deviation of the logarithm of the factor on a hinge's friction."""
     centre_m: NonNegativeFloat = 0.003
@@ -28,11 +28,11 @@ class PerturbedOptions(Options):
     gain_spread: float = Field(0.08, ge=0.0, lt=1.0)
     """Half range of the factors on stiffness and damping of every joint's controller."""
     arm_friction: NonNegativeFloat = 0.01
-    """Dry friction of an arm joint, as a part of its largest torque."""
+    """Dry friction of an arm joint, as a fraction of its maximum torque."""
     hand_friction: NonNegativeFloat = 0.03
-    """Dry friction of a hand joint, as a part of its largest torque."""
+    """Dry friction of a hand joint, as a fraction of its maximum torque."""
     skin_spread: float = Field(0.15, ge=0.0, lt=1.0)
-    """Half range of the factor on the friction of parts that are made to grip: fingertips."""
+    """Half range of the factor on the friction of gripping parts such as fingertips."""
     timestep_s: PositiveFloat = 0.001
     """Step of the simulation [s]."""
     latency_s: NonNegativeFloat = 0.01
@@ -41,10 +41,10 @@ class PerturbedOptions(Options):
 
 @rule(version=1, packages=("numpy",))
 def perturbed(ctx: Context, bundle: TaskBundle, *, options: PerturbedOptions | None = None) -> TaskBundle:
-    """Return the task in a disturbed copy of its twin: other sizes, masses, friction, gains and clock; simulated.
+    """Return the task in a perturbed copy of its twin, simulated: different sizes, masses, friction, gains, clock.
 
-    Masses and friction are drawn inside the twin's own intervals, everything else by the options. Names, frames,
-    joints, goal and success stay. Photographed poses and points stay too: they are the twin's belief.
+    Masses and friction are drawn from the twin's own intervals, everything else according to the options. Names,
+    frames, joints, goal and success are unchanged, as are photographed poses and points: they are the twin's estimate.
 
     The backend offers `build(bundle, options) -> (TaskBundle, body -> scale factors)` and `portraits(bundle)`.
     """

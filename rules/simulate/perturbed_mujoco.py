@@ -24,7 +24,7 @@ BACKEND = Backend(
 
 
 def build(bundle: TaskBundle, options: PerturbedOptions) -> tuple[TaskBundle, dict[str, perturb.Factors]]:
-    """The disturbed task and the scale factors of every object."""
+    """Build the perturbed task and the scale factors of every object."""
     robot = machine_of(options)
     most = perturb.Disturbance(
         size_sigma=options.size_sigma,
@@ -37,5 +37,5 @@ def build(bundle: TaskBundle, options: PerturbedOptions) -> tuple[TaskBundle, di
 
 
 def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
-    """The configuration of the photograph."""
+    """Render the configuration of the photograph."""
     return portrait.at_home(bundle)

@@ -1,4 +1,4 @@
-"""simulate.perturbed without a simulator: the twin under the disturbed twin's flag."""
+"""simulate.perturbed without a simulator: the twin, labelled as perturbed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BACKEND = Backend(summary="no simulation: nothing is disturbed", profiles=("stub
 
 
 def build(bundle: TaskBundle, options: PerturbedOptions) -> tuple[TaskBundle, dict[str, tuple[float, float, float]]]:
-    """The twin's model and objects, which do not vary."""
+    """Return the twin's model and objects unchanged."""
     still = {"mass_scale": (1.0, 1.0), "friction_sigma": 0.0}
     objects = {name: thing.model_copy(update=still) for name, thing in bundle.objects.items()}
     changed = bundle.model_copy(update={"objects": objects, "kind": "perturbed", "latency_s": options.latency_s})

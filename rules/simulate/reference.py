@@ -1,4 +1,4 @@
-"""simulate.reference: a twin's task in the reference world that the twin was photographed in."""
+"""simulate.reference: a twin's task in the reference world in which the twin was photographed."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from dextera_build.rule import Context, Options, rule
 
 
 class ReferenceOptions(Options):
-    """Options of simulate.reference: the robot's own dynamics, which the twin does not know."""
+    """Options of simulate.reference: the robot's own dynamics, unknown to the twin."""
 
     seed: NonNegativeInt = 0
     """Seed of the draws."""
     gain_spread: float = Field(0.08, ge=0.0, lt=1.0)
     """Half range of the factors on stiffness and damping of every joint's controller."""
     arm_friction: NonNegativeFloat = 0.01
-    """Dry friction of an arm joint, as a part of its largest torque."""
+    """Dry friction of an arm joint, as a fraction of its maximum torque."""
     hand_friction: NonNegativeFloat = 0.03
-    """Dry friction of a hand joint, as a part of its largest torque."""
+    """Dry friction of a hand joint, as a fraction of its maximum torque."""
     skin_spread: float = Field(0.15, ge=0.0, lt=1.0)
-    """Half range of the factor on the friction of parts that are made to grip: fingertips."""
+    """Half range of the factor on the friction of gripping parts such as fingertips."""
     contact_rate_rad_s: PositiveFloat = 200.0
     """Natural frequency of contacts; the twin's is 100 [rad/s]."""
     timestep_s: PositiveFloat = 0.001
@@ -30,7 +30,7 @@ class ReferenceOptions(Options):
     latency_s: NonNegativeFloat = 0.01
     """Time from a command to its effect [s]."""
     match_m: PositiveFloat = 0.05
-    """An asset and a thing whose surfaces are farther apart are not the same [m]."""
+    """Maximum surface distance between an asset and its true object [m]."""
 
 
 @rule(version=1, packages=("numpy", "scipy", "manifold3d"))
@@ -39,9 +39,9 @@ def reference(
 ) -> TaskBundle:
     """Return the task in its reference world: true shapes, masses, friction and hinges, in the twin's world frame [m].
 
-    The stand-in for hardware, simulated and not real. Names, frames, joints, goal and success are the twin's, as if
-    its assets were tracked: a body's frame is where the twin has it in the photograph, carried along by the true thing.
-    Both worlds meet in the robot's base.
+    A simulated substitute for hardware. Names, frames, joints, goal and success are the twin's, as if its assets were
+    tracked: a body's frame is the twin's in the photograph and moves with the true object. The robot's base aligns both
+    worlds.
 
     The backend offers `build(bundle, world, options) -> TaskBundle` and `portraits(bundle)`: captions and pixels.
     """

@@ -25,11 +25,11 @@ BACKEND = Backend(
 
 
 def build(bundle: TaskBundle, world: World, options: ReferenceOptions) -> TaskBundle:
-    """The task in the reference world."""
+    """Build the task in the reference world."""
     machine = machine_of(options)
     return builder.build(bundle, world, machine, contact_rate=options.contact_rate_rad_s, farthest_m=options.match_m)
 
 
 def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
-    """The configuration of the photograph."""
+    """Render the configuration of the photograph."""
     return portrait.at_home(bundle)

@@ -1,4 +1,4 @@
-"""simulate.reference without a simulator: the twin under the reference world's flag."""
+"""simulate.reference without a simulator: the twin, labelled as reference world."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BACKEND = Backend(summary="no simulation: the twin takes the place of the refere
 
 
 def build(bundle: TaskBundle, world: World, options: ReferenceOptions) -> TaskBundle:
-    """The twin's model and objects, which do not vary."""
+    """Return the twin's model and objects unchanged."""
     still = {"mass_scale": (1.0, 1.0), "friction_sigma": 0.0}
     objects = {name: thing.model_copy(update=still) for name, thing in bundle.objects.items()}
     return bundle.model_copy(update={"objects": objects, "kind": "reference", "latency_s": options.latency_s})

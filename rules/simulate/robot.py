@@ -16,16 +16,16 @@ Quaternion = tuple[float, float, float, float]
 
 
 class PieceOptions(Options):
-    """A primitive that makes up a link's look and collision geometry, in the link's frame."""
+    """A primitive of a link's visual and collision geometry, in the link's frame."""
 
     shape: Literal["capsule", "cylinder", "box", "sphere", "ellipsoid"]
     """Kind of primitive."""
     from_m: Vector | None = None
     """One end of a capsule's or cylinder's axis [m]."""
     to_m: Vector | None = None
-    """Its other end [m]."""
+    """Other end of the axis [m]."""
     at_m: Vector = (0.0, 0.0, 0.0)
-    """Middle of any other primitive [m]."""
+    """Centre of any other primitive [m]."""
     quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Rotation of any other primitive, w x y z."""
     radius_m: NonNegativeFloat = 0.0
@@ -35,19 +35,19 @@ class PieceOptions(Options):
     colour: str
     """Name in `colours`."""
     collides: bool = True
-    """False: only for the eye."""
+    """False: visual only."""
     drawn: bool = True
-    """False: only for contacts."""
+    """False: collision only."""
     friction: NonNegativeFloat | None = None
-    """Sliding friction coefficient of a skin made to grip; in a contact the larger of the two sides counts. None: the
-    other side's own."""
+    """Sliding friction coefficient of a gripping skin; a contact uses the larger of both sides. None: the other
+    side's."""
 
 
 class JointOptions(Options):
     """A hinge about the link's frame."""
 
     name: str
-    """Name; the mount's prefix comes before it."""
+    """Name, without the mount's prefix."""
     axis: Vector = (0.0, 0.0, 1.0)
     """Unit axis in the link's frame."""
     lower_rad: float
@@ -57,47 +57,47 @@ class JointOptions(Options):
     home_rad: float = 0.0
     """Home position [rad]."""
     velocity_rad_s: PositiveFloat
-    """Largest speed [rad/s]."""
+    """Maximum speed [rad/s]."""
     effort_nm: PositiveFloat
-    """Largest torque [N m]."""
+    """Maximum torque [N m]."""
     stiffness_nm_rad: NonNegativeFloat
     """Gain of the position actuator [N m/rad]."""
     damping_nms_rad: NonNegativeFloat
     """Damping of joint and actuator [N m s/rad]."""
     armature_kgm2: NonNegativeFloat = 0.0
-    """Inertia of the rotor seen at the joint [kg m^2]."""
+    """Rotor inertia reflected to the joint [kg m^2]."""
     friction_nm: NonNegativeFloat = 0.0
     """Dry friction [N m]."""
 
 
 class FollowerOptions(Options):
-    """A hinge about the link's frame without a motor, coupled to an actuated joint by a mechanism."""
+    """An unactuated hinge about the link's frame, mechanically coupled to an actuated joint."""
 
     name: str
-    """Name; the mount's prefix comes before it."""
+    """Name, without the mount's prefix."""
     leader: str
-    """Joint of the same copy that it follows, without the prefix."""
+    """The joint to follow, in the same copy, without the prefix."""
     ratio: float
-    """Its turn per turn of the leader."""
+    """Rotation per rotation of the leader."""
     offset_rad: float = 0.0
-    """Its position where the leader is at 0 [rad]."""
+    """Position with the leader at 0 [rad]."""
     axis: Vector = (0.0, 0.0, 1.0)
     """Unit axis in the link's frame."""
     damping_nms_rad: NonNegativeFloat = 0.0
     """Damping [N m s/rad]."""
     armature_kgm2: NonNegativeFloat = 0.0
-    """Inertia of the mechanism seen at the joint [kg m^2]."""
+    """Inertia of the mechanism reflected to the joint [kg m^2]."""
 
 
 class LinkOptions(Options):
     """One link of a chain."""
 
     name: str
-    """Name; the mount's prefix comes before it."""
+    """Name, without the mount's prefix."""
     at_m: Vector = (0.0, 0.0, 0.0)
-    """Origin in the previous link; of a chain's first link in its mount [m]."""
+    """Origin in the previous link, or in the mount for a chain's first link [m]."""
     quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
-    """Rotation against the previous link, w x y z."""
+    """Rotation relative to the previous link, w x y z."""
     mass_kg: NonNegativeFloat
     """Mass [kg]."""
     centre_m: Vector
@@ -107,24 +107,24 @@ class LinkOptions(Options):
     inertia_quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Rotation of the principal axes, w x y z."""
     joint: JointOptions | None = None
-    """The joint that moves it, or None for a link that is fixed or follows."""
+    """The actuated joint, or None for a fixed or following link."""
     follower: FollowerOptions | None = None
-    """The joint by which it follows another."""
+    """The joint of a following link."""
     pieces: tuple[PieceOptions, ...]
-    """Its primitives."""
+    """Primitives of the link."""
 
 
 class MountOptions(Options):
-    """Where one copy of a chain is fastened."""
+    """The mount of one copy of a chain."""
 
     parent: str = ""
-    """Link, with its prefix; empty for the world."""
+    """Parent link, with prefix; empty for the world."""
     at_m: Vector = (0.0, 0.0, 0.0)
     """Origin in the parent [m]."""
     quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
-    """Rotation against the parent, w x y z."""
+    """Rotation relative to the parent, w x y z."""
     prefix: str = ""
-    """Put before every name of this copy."""
+    """Prefix of all names of this copy."""
 
 
 class ChainOptions(Options):
@@ -133,29 +133,29 @@ class ChainOptions(Options):
     group: Group
     """Morphology class."""
     mounts: tuple[MountOptions, ...]
-    """One copy each."""
+    """Mounts, one per copy."""
     links: tuple[LinkOptions, ...]
-    """From the mount outwards."""
+    """Links, from the mount outwards."""
 
 
 class FrameOptions(Options):
     """A named frame."""
 
     link: str
-    """Link, with its prefix."""
+    """Link, with prefix."""
     at_m: Vector = (0.0, 0.0, 0.0)
     """Origin in the link [m]."""
     quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
-    """Rotation against the link, w x y z."""
+    """Rotation relative to the link, w x y z."""
 
 
 class GripOptions(Options):
-    """A way to use the hand."""
+    """A grip of the hand."""
 
     against: Literal["thumb", "palm", "nothing"]
     """The opposing side of the grip; `nothing`: the fingers push with their tips."""
     open_rad: dict[str, float]
-    """Joint -> position at its widest [rad]."""
+    """Joint -> position at the widest opening [rad]."""
     closed_rad: dict[str, float] = Field(default_factory=dict)
     """Joint -> position with nothing in the hand [rad]."""
     facing: Vector = (0.0, 0.0, -1.0)
@@ -174,17 +174,17 @@ class RobotOptions(Options):
     name: str
     """Name of the model."""
     source: str
-    """Where kinematics, masses and limits come from."""
+    """Source of kinematics, masses and limits."""
     colours: dict[str, tuple[Fraction, Fraction, Fraction]]
     """Name -> sRGB 0..1."""
     chains: tuple[ChainOptions, ...]
-    """The first link of the first chain is called `base` and does not move."""
+    """Chains; the first link of the first chain is named `base` and fixed."""
     frames: dict[str, FrameOptions]
     """Role -> frame: `flange`, `palm`, `tip_index`, ..."""
     grips: dict[str, GripOptions] = Field(default_factory=dict)
-    """Name -> a way to use the hand."""
+    """Name -> grip of the hand."""
     apart: tuple[tuple[str, str], ...] = ()
-    """Pairs of links whose contact is not looked at, beside neighbours."""
+    """Pairs of links excluded from contact, in addition to neighbours."""
 
 
 @rule(version=1, packages=("mujoco",))

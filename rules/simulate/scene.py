@@ -1,4 +1,4 @@
-"""simulate.scene: put the assets into their static scene as a model that loads in MuJoCo."""
+"""simulate.scene: combine the assets and the static scene into a MuJoCo model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""simulate.settle: let the scene go and see whether everything stays where the photograph shows it."""
+"""simulate.settle: simulate the scene and check that everything stays as in the photograph."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ class SettleOptions(Options):
     seconds: PositiveFloat = 3.0
     """Simulated time [s]."""
     max_tilt_rad: PositiveFloat = 0.17
-    """A body that turned further fell over [rad]."""
+    """Maximum rotation of a body that did not fall over [rad]."""
     max_drift_m: PositiveFloat = 0.05
-    """A body that moved further was thrown or slid off [m]."""
+    """Maximum displacement of a body that was not thrown and did not slide off [m]."""
     max_joint_rad: PositiveFloat = 0.05
-    """A joint that moved further does not hold [rad or m]."""
+    """Maximum motion of a joint that holds [rad or m]."""
     max_speed_m_s: PositiveFloat = 0.01
-    """A body that is faster at the end is not at rest [m/s]."""
+    """Maximum final speed of a body at rest [m/s]."""
     max_turn_rad_s: PositiveFloat = 0.1
-    """A body that turns faster at the end is not at rest [rad/s]."""
+    """Maximum final angular speed of a body at rest [rad/s]."""
 
 
 @rule(version=1)
 def settle(ctx: Context, scene: Scene, *, options: SettleOptions) -> SettleReport:
     """Return how far each body of `scene` moved [m, rad, world frame] within `options.seconds` of free simulation.
 
-    The report is valid whether or not the scene passes: `passed` says it.
+    The report is valid whether or not the scene passes; see `passed`.
     """
     report: SettleReport = ctx.backend.let_go(scene, options)
     names = {body.name for body in report.bodies}

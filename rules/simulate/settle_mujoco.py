@@ -38,7 +38,7 @@ def let_go(scene: Scene, options: SettleOptions) -> SettleReport:
 
 
 def rests(motion: runner.Motion, options: SettleOptions) -> bool:
-    """At rest at the end, upright as it stood, joints where they were, and not thrown or fallen off."""
+    """Whether a body is finally at rest, upright, with unchanged joints, and was not thrown and did not fall off."""
     within = (
         motion.tilt_rad <= options.max_tilt_rad,
         motion.drift_m <= options.max_drift_m,

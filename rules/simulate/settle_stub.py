@@ -1,4 +1,4 @@
-"""simulate.settle without a simulator: every body rests where it is."""
+"""simulate.settle without a simulator: every body rests."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BACKEND = Backend(summary="no simulation: everything rests", profiles=("stub",))
 
 
 def let_go(scene: Scene, options: SettleOptions) -> SettleReport:
-    """A report in which nothing moves."""
+    """Return a report without motion."""
     bodies = tuple(
         Settled(name=name, drift_m=0.0, tilt_rad=0.0, penetration_m=0.0, resting=True) for name in scene.bodies
     )

@@ -1,4 +1,4 @@
-"""simulate.task: a scene, an embodiment and a primitive become a task that can be run."""
+"""simulate.task: combine a scene, an embodiment and a primitive into a runnable task."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ class ResetOptions(Options):
     """Start distribution: half ranges around the photograph's configuration."""
 
     position_m: NonNegativeFloat = 0.05
-    """Half width of the square in which the task's object stands [m]."""
+    """Half width of the square in which the task's object is placed [m]."""
     yaw_deg: NonNegativeFloat = 20.0
-    """Largest turn of the task's object about the vertical [deg]."""
+    """Maximum rotation of the task's object about the vertical [deg]."""
     clutter_m: NonNegativeFloat = 0.01
-    """Half width of the square in which every other object stands [m]."""
+    """Half width of the square in which every other object is placed [m]."""
     joint_deg: NonNegativeFloat = 0.0
     """Half range of the joints of the task's object [deg]."""
     robot_deg: NonNegativeFloat = 2.0
     """Half range of every joint of the robot around home [deg]."""
     dynamics: NonNegativeFloat = 1.0
-    """Share of the twin's own intervals that masses, friction and gains are drawn from."""
+    """Fraction of the twin's own intervals to draw masses, friction and gains from."""
 
 
 class TaskOptions(Options):
@@ -42,23 +42,23 @@ class TaskOptions(Options):
     primitive: Primitive
     """Kind of objective."""
     object: str
-    """Label of the asset that the task is about."""
+    """Label of the task's asset."""
     height_m: PositiveFloat = 0.10
-    """lift: how far it must rise [m]."""
+    """lift: required rise [m]."""
     joints_deg: dict[str, float] = Field(default_factory=dict)
     """articulate: joint of the asset -> commanded position [deg]."""
     tolerance_deg: PositiveFloat = 5.0
-    """articulate: largest distance from the command [deg]."""
+    """articulate: maximum distance from the command [deg]."""
     hold_s: NonNegativeFloat = 0.5
-    """How long the condition must hold [s]."""
+    """Time for which the condition must hold [s]."""
     timeout_s: PositiveFloat = 8.0
-    """When an episode is given up [s]."""
+    """Time limit of an episode [s]."""
     control_hz: PositiveFloat = 20.0
     """Rate of observations and actions [Hz]."""
     reset: ResetOptions = ResetOptions()
     """Start distribution."""
     points: PositiveInt = 256
-    """Points sampled on every object's surface."""
+    """Number of points sampled on every object's surface."""
 
 
 @rule(version=1, packages=("numpy",))
@@ -71,7 +71,7 @@ def task(
     *,
     options: TaskOptions,
 ) -> TaskBundle:
-    """Return the task in the twin: scene and robot as one MJCF in the world frame [m, kg, rad], and what success is.
+    """Return the task in the twin: scene and robot as one MJCF in the world frame [m, kg, rad], and its success test.
 
     The backend offers `fitted(options, joints) -> options`, `compose(scene, robot, world_from_base) -> Folder` and
     `portraits(bundle) -> list of (caption, pixels)`. Masses and friction carry the twin's own uncertainty (90 %

@@ -1,4 +1,4 @@
-"""simulate.task with MuJoCo: compose, and show where episodes begin."""
+"""simulate.task with MuJoCo: compose the model and show starts."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ BACKEND = Backend(
     extra="twin",
 )
 SHOWN = 3
-"""Starts that are drawn and shown."""
+"""Number of starts shown."""
 
 
 def fitted(options: TaskOptions, joints: Mapping[str, list[str]]) -> TaskOptions:
-    """The options as they are."""
+    """Return the options unchanged."""
     return options
 
 
@@ -39,7 +39,7 @@ def compose(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) -> Fo
 
 
 def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
-    """Captions and pictures of the photograph's configuration and of some starts; fails where no start can be drawn."""
+    """Captions and pictures of the photograph's configuration and of some starts; fails if no start can be drawn."""
     environment = Environment(bundle)
     found = [("as photographed", portrait(environment.model, environment.data))]
     for seed in range(SHOWN):

@@ -1,4 +1,4 @@
-"""simulate.task without a simulator: the files of scene and robot side by side."""
+"""simulate.task without a simulator: the files of scene and robot together."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BACKEND = Backend(summary="no simulation: scene and robot side by side", profile
 
 
 def fitted(options: TaskOptions, joints: Mapping[str, list[str]]) -> TaskOptions:
-    """The options, about the first object where the stubs before it did not find the one that is meant.
+    """Return the options, with the first object if upstream stubs did not find the requested one.
 
     Args:
         options: The recipe's options.
@@ -34,7 +34,7 @@ def fitted(options: TaskOptions, joints: Mapping[str, list[str]]) -> TaskOptions
 
 
 def compose(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) -> Folder:
-    """All files of both."""
+    """Return all files of both."""
     return Folder(files={**scene.files, **robot.model.files})
 
 

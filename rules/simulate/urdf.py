@@ -20,31 +20,31 @@ Point = tuple[float, ...]
 
 
 class UrdfOptions(Options):
-    """Options of simulate.urdf: properties of joints that URDF demands and a photograph cannot show."""
+    """Options of simulate.urdf: joint properties required by URDF but not visible in a photograph."""
 
     name: str = "object"
     """Name of the robot element."""
     effort_nm: PositiveFloat = 5.0
-    """Largest torque or force of a joint [N m or N]."""
+    """Maximum torque or force of a joint [N m or N]."""
     velocity_rad_s: PositiveFloat = 5.0
-    """Largest speed of a joint [rad/s or m/s]."""
+    """Maximum speed of a joint [rad/s or m/s]."""
     damping: NonNegativeFloat = 0.02
     """Viscous damping of a joint [N m s/rad or N s/m]."""
     friction: NonNegativeFloat = 0.1
-    """Dry friction of a joint [N m or N]; holds a lid where it stands."""
+    """Dry friction of a joint [N m or N]; holds a lid in place."""
 
 
 @rule(version=1, packages=("scipy",))
 def urdf(ctx: Context, asset: Asset, *, options: UrdfOptions) -> Folder:
     """Return `object.urdf` with its meshes, in metres and radians, all paths relative.
 
-    A link's frame lies at the origin of the joint that moves it and is parallel to the object frame at joints 0; the
-    root link's frame is the object frame. `placement.json` says where the object frame is in the world and how its
-    joints stand, which URDF cannot.
+    A link's frame is at the origin of its parent joint and parallel to the object frame with all joints at 0; the root
+    link's frame is the object frame. `placement.json` contains the object's pose in the world and its joint positions,
+    which URDF cannot express.
     """
     files: dict[str, bytes] = {}
     robot = Node("robot", name=options.name)
-    # MuJoCo drops folders from mesh paths, visuals, and the mass of the root link, unless told otherwise.
+    # MuJoCo drops folders from mesh paths, visuals, and the mass of the root link, by default.
     compiler = {"strippath": "false", "discardvisual": "false", "fusestatic": "false", "balanceinertia": "false"}
     ElementTree.SubElement(ElementTree.SubElement(robot, "mujoco"), "compiler", compiler)
     origins = {joint.child: joint.origin for joint in asset.body.joints}
@@ -139,5 +139,5 @@ def _numbers(values: Point | list[float]) -> str:
 
 
 def _number(value: float) -> str:
-    """Shortest text that gives the same double back; no negative zero."""
+    """Shortest text that round-trips the double; no negative zero."""
     return repr(float(value) + 0.0)

@@ -1,4 +1,4 @@
-"""simulate.usd: the same twin as USD, for simulators and viewers that read it."""
+"""simulate.usd: the twin as USD, for simulators and viewers."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from dextera_build.rule import Context, rule
 
 @rule(version=1)
 def usd(ctx: Context, assets: Collection[Asset], background: Background, support: Support, camera: Camera) -> Folder:
-    """Return `scene.usda` and its textures [m, kg, degrees], z up, in the world frame, every path relative.
+    """Return `scene.usda` and its textures [m, kg, degrees], z up, in the world frame, all paths relative.
 
-    Rigid bodies with explicit mass properties, convex hulls as colliders, joints between links side by side.
+    Rigid bodies with explicit mass properties, convex hulls as colliders, joints between sibling links.
     """
     result: Folder = ctx.backend.write(assets.items, background, camera, support.world_from_camera)
     ctx.check("scene.usda" in result.files, "the folder holds no `scene.usda`", files=listing(result.files))

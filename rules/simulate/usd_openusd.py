@@ -29,5 +29,5 @@ def write(assets: Mapping[str, Asset], background: Background, camera: Camera, w
 
 
 def problems(folder: Folder, scratch: Path) -> list[str]:
-    """Complaints of the validators, one line each."""
+    """Errors and warnings of the validators, one line each."""
     return usd_check.problems(folder, scratch)

@@ -25,5 +25,5 @@ def write(assets: Mapping[str, Asset], background: Background, camera: Camera, w
 
 
 def problems(folder: Folder, scratch: Path) -> list[str]:
-    """Nothing is checked."""
+    """Return no problems."""
     return []

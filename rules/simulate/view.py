@@ -1,4 +1,4 @@
-"""simulate.view: the camera that policies and films look through."""
+"""simulate.view: the camera of policies and films."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ class ViewOptions(Options):
     height_px: PositiveInt = 96
     """Height of a frame [px]."""
     eye_m: Point | None = None
-    """Where the camera stands in the world [m]; absent: where the photograph was taken."""
+    """Position of the camera in the world [m]; absent: the photograph's camera."""
     target_m: Point | None = None
     """Target of a camera at `eye_m`, in the world [m]; image right is horizontal."""
     samples: Literal[1, 2, 4, 8] = 1
-    """Samples per pixel: with four, edges are smooth, and a frame takes more than twice as long to render."""
+    """Samples per pixel; with four, edges are smooth, and rendering takes more than twice as long."""
     shift_m: Point = (0.0, 0.0, 0.0)
-    """Then moved by this in the world, without turning [m]: a camera that was bumped."""
+    """Additional translation in the world [m], as of a bumped camera."""
 
 
 @rule(version=1, packages=("numpy",))
 def view(ctx: Context, scene: Scene, *, options: ViewOptions) -> View:
-    """Return the photograph's camera at another size, cropped evenly to the new shape, or one put elsewhere."""
+    """Return the photograph's camera, cropped evenly and scaled to the new size, or one at another position."""
     if (options.eye_m is None) != (options.target_m is None):
         ctx.fail("`eye_m` and `target_m` go together", eye_m=options.eye_m, target_m=options.target_m)
     camera = scaled(scene.camera, options.width_px, options.height_px)
@@ -51,7 +51,7 @@ def view(ctx: Context, scene: Scene, *, options: ViewOptions) -> View:
 def scaled(camera: Camera, width: int, height: int) -> Camera:
     """`camera` cropped evenly on two sides to the shape `width` : `height`, then scaled to that size [px].
 
-    Pixel centres are integers, so the left border of the picture lies at -0.5 before and after.
+    Pixel centres are integers, so the left border of the image is at -0.5 before and after.
     """
     scale = max(width / camera.width, height / camera.height)
     left, top = (camera.width - width / scale) / 2, (camera.height - height / scale) / 2

@@ -1,1 +1,1 @@
-"""How a hand is moved: kinematics, commands of operators, decisions of reinforced policies."""
+"""Moving a hand: kinematics, commands of operators, actions of reinforcement-learned policies."""

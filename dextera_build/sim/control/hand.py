@@ -1,4 +1,4 @@
-"""Kinematics of a hand alone: where its fingertips are in the palm's frame."""
+"""Kinematics of a hand on its own: fingertip positions in the palm's frame."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class HandKinematics:
         self._data = mujoco.MjData(self._model)
 
     def posture(self, joints: Mapping[str, float]) -> np.ndarray:
-        """(H,) joint positions [rad] of a posture by joint name; joints left out stand at home."""
+        """(H,) joint positions [rad] of a posture by joint name; omitted joints are at home."""
         return np.array([joints.get(name, home) for name, home in zip(self.joints, self.home, strict=True)])
 
     def tip(self, role: str, posture: np.ndarray) -> np.ndarray:
@@ -46,5 +46,5 @@ class HandKinematics:
         return np.asarray(palm.xmat.reshape(3, 3).T @ away)
 
     def reach(self, posture: np.ndarray) -> np.ndarray:
-        """Middle (3,) [m] of the fingertips that oppose the thumb, in the palm's frame."""
+        """Mean position (3,) [m] of the fingertips that oppose the thumb, in the palm's frame."""
         return np.asarray(np.mean([self.tip(role, posture) for role in self.fingers], axis=0))

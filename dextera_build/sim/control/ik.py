@@ -1,4 +1,4 @@
-"""Inverse kinematics of a robot's hand frame, on the robot alone: nothing here knows of objects."""
+"""Inverse kinematics of a robot's hand frame; objects are ignored."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from dextera_build.sim.model.robot import load
 
 SOLVER = "daqp"
 POSITION_COST = 10.0
-"""Weight of a metre in the least squares; a radian has weight 1, so a millimetre counts as much as 0.6 degrees."""
+"""Weight of a metre in the least squares; a radian has weight 1, so a millimetre weighs as much as 0.6 degrees."""
 POSTURE_COST = 1e-2
-"""Weight of a radian away from the seed: it settles the arm's redundancy without pulling at the hand."""
+"""Weight of a radian away from the seed: resolves the arm's redundancy without displacing the hand."""
 ITERATIONS = 120
-"""Steps of one descent towards a goal."""
+"""Maximum iterations per descent."""
 SEED_SPREAD_RAD = 0.6
-"""Restarts begin this far from the seed, standard deviation [rad]."""
+"""Standard deviation of restarts around the seed [rad]."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Where the arm must stand so that the frame has a pose, or how near it comes."""
+    """Arm joints that bring the frame to a pose, with the residual error."""
 
     joints: np.ndarray
     """(A,) arm joints [rad]."""
     position_error_m: float
-    """Distance that is left [m]."""
+    """Remaining position error [m]."""
     rotation_error_rad: float
-    """Angle that is left [rad]."""
+    """Remaining rotation error [rad]."""
     margin_rad: float
     """Smallest distance of a joint to its limit [rad]."""
 
@@ -43,11 +43,11 @@ class Solution:
 
 
 class ArmKinematics:
-    """The arm of a robot, its hand stiff: poses of one of its frames in the base, and back.
+    """Forward and inverse kinematics of one frame of a robot's arm, with the hand fixed.
 
     Args:
         robot: The embodiment; joints of group `hand` are fixed at home.
-        frame: Role of the frame that is moved: `palm`, `flange`, a fingertip.
+        frame: Role of the target frame: `palm`, `flange`, a fingertip.
     """
 
     def __init__(self, robot: RobotModel, frame: str = "palm") -> None:
@@ -83,13 +83,13 @@ class ArmKinematics:
         restarts: int = 6,
         posture: np.ndarray | None = None,
     ) -> Solution:
-        """The nearest joints for which the frame has pose `target`, from several starts.
+        """Solve for the nearest joints that bring the frame to `target`, from several starts.
 
         Args:
             target: (4, 4) T_base_frame.
-            seed: (A,) joints to start from [rad]; None: home. Restarts begin around it, always the same ones.
-            restarts: Further starts where the first does not reach the target.
-            posture: (A,) joints that the redundancy is settled towards [rad]; None: the seed.
+            seed: (A,) initial joints [rad]; None: home. Restarts are drawn around it deterministically.
+            restarts: Further starts if the first does not reach the target.
+            posture: (A,) preferred joints for the redundancy [rad]; None: the seed.
         """
         start = self.home if seed is None else np.asarray(seed, np.float64)
         rest = start if posture is None else np.asarray(posture, np.float64)
@@ -108,7 +108,7 @@ class ArmKinematics:
     def track(
         self, target: np.ndarray, joints: np.ndarray, dt: float, *, posture: np.ndarray | None = None
     ) -> np.ndarray:
-        """Joints (A,) [rad] one control step of `dt` [s] later, as near to `target` (4, 4) as speed limits allow."""
+        """Joints (A,) [rad] after one control step of `dt` [s], as near to `target` (4, 4) as speed limits allow."""
         self._state.update(self._spread(joints))
         self._hand.set_target(_se3(target))
         self._posture.set_target(self._spread(self.home if posture is None else posture))

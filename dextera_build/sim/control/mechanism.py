@@ -1,4 +1,4 @@
-"""A joint of an object as something to be moved by hand: where its link is, and where behind it to push."""
+"""An object's joint to be moved by a hand: the pose of its link and where to push it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from dextera_build.geometry import transforms
 
 
 class Mechanism:
-    """One joint of an object and the link that it moves.
+    """One joint of an object and its link.
 
-    Poses are relative to the object's root body, so nothing depends on where the object stands.
+    Poses are relative to the object's root body, so they do not depend on the object's pose.
 
     Args:
-        model: Compiled model with the object in it.
+        model: Compiled model that contains the object.
         joint: Name of a hinge or slide.
     """
 
@@ -33,7 +33,7 @@ class Mechanism:
         self.pivot = model.jnt_pos[number].copy()
         """A point of the axis (3,) in the link's frame [m]."""
         self.points = surface_points(model, self._link)
-        """(N, 3) corners of what collides of the link, in its frame [m]."""
+        """(N, 3) corners of the link's collision geometry, in its frame [m]."""
 
     def pose(self, position: float) -> np.ndarray:
         """T_root_link (4, 4) with the joint at `position` [rad or m]."""
@@ -46,11 +46,11 @@ class Mechanism:
         return np.asarray(transforms.invert(root) @ link)
 
     def pushed_at(self, way: float, share: float) -> tuple[np.ndarray, np.ndarray]:
-        """Where to push the link, and along what, both (3,) in the link's frame [m].
+        """Contact point and direction of a push, both (3,) in the link's frame [m].
 
         Args:
-            way: Sign says which way the joint is to move.
-            share: How far out, as a share of the link's reach from the axis; for a slide it has no meaning.
+            way: Direction of the joint's motion, by sign.
+            share: Distance from the axis, as a fraction of the link's reach; ignored for a slide.
         """
         arms = self.points - self.pivot
         along = arms @ self.axis
@@ -69,7 +69,7 @@ class Mechanism:
 
 
 def surface_points(model: mujoco.MjModel, body: int) -> np.ndarray:
-    """Corners of what collides of a body, in its frame (N, 3) [m]; its centre of mass where nothing does."""
+    """Corners (N, 3) of a body's collision geometry, in its frame [m]; its centre of mass if it has none."""
     found = []
     for geom in np.flatnonzero(model.geom_bodyid == body):
         if not (model.geom_contype[geom] or model.geom_conaffinity[geom]):

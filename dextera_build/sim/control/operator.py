@@ -1,7 +1,7 @@
-"""Operators that move a robot by hand poses: the interface of a teleoperation device, a script and a recording.
+"""Operators that move a robot by hand poses: the common interface of teleoperation devices, scripts and recordings.
 
-Once per control step an operator sees a `State` and answers with a `Command`: target poses of the palm and the fingers.
-A `PoseControl` makes joint targets of it, so that every operator drives every robot that has an arm and a hand.
+Once per control step an operator receives a `State` and returns a `Command`: target poses of the palm and the fingers.
+A `PoseControl` converts it to joint targets, so every operator drives every robot with an arm and a hand.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ class Command:
     segment: str
     """Part of the demonstration: `approach`, `grasp`, `lift`, ..."""
     frame: str = ""
-    """The body that the palm is moved relative to here; empty: free motion."""
+    """The body that the palm moves relative to; empty: free motion."""
     contact: bool = False
-    """Whether the hand is meant to touch the task's object here."""
+    """Whether contact of the hand with the task's object is intended."""
 
 
-class OutOfReach(Exception):  # noqa: N818  it is a verdict on a start, not a fault
+class OutOfReach(Exception):  # noqa: N818  a verdict on a start, not a fault
     """The operator cannot do the task from this start; the text is the recorded reason."""
 
 
@@ -56,7 +56,7 @@ class Operator(Protocol):
         """Prepare for an episode that starts in `state`.
 
         Raises:
-            OutOfReach: It cannot be done from here.
+            OutOfReach: The task cannot be done from this start.
         """
 
     def command(self, state: State) -> Command | None:
@@ -64,9 +64,9 @@ class Operator(Protocol):
 
 
 class PoseControl:
-    """Joint targets from commands: differential inverse kinematics for the arm, the fingers as commanded.
+    """Joint targets from commands: differential inverse kinematics for the arm, commanded positions for the fingers.
 
-    Targets follow the commands and not the measured joints, so that contact forces do not make them drift.
+    Targets follow the commands, not the measured joints, so contact forces cause no drift.
 
     Args:
         robot: The embodiment.
@@ -90,7 +90,7 @@ class PoseControl:
         self._targets = np.array(joints, np.float64)
 
     def follow(self, command: Command) -> np.ndarray:
-        """Joint targets (A,) for the coming control step [rad], within position and speed limits."""
+        """Joint targets (A,) for the next control step [rad], within position and speed limits."""
         targets = self._targets.copy()
         targets[self._arm] = self.arm.track(command.palm, targets[self._arm], self._dt)
         step = self._speed[self._hand] * self._dt
@@ -100,6 +100,6 @@ class PoseControl:
         return self._targets.copy()
 
     def lag_m(self, command: Command) -> float:
-        """How far the commanded palm is from where the targets put it [m]."""
+        """Distance between the commanded palm and its position at the targets [m]."""
         reached = self.arm.pose(self._targets[self._arm])
         return float(np.linalg.norm((transforms.invert(reached) @ command.palm)[:3, 3]))

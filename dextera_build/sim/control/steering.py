@@ -1,7 +1,7 @@
-"""Inputs and decisions of a reinforced policy: small steps of the palm or of joints.
+"""Inputs and actions of a reinforcement-learned policy: small steps of the palm or of joints.
 
-A decision holds for several control periods, over which the joint targets move evenly to its goal. It depends only on
-the targets that were sent last and on the joint positions, so nothing is remembered from decision to decision.
+A decision holds for several control periods, over which the joint targets move linearly to its goal. It depends only on
+the last targets and the joint positions, so no state is kept between decisions.
 """
 
 from __future__ import annotations
@@ -16,31 +16,31 @@ from dextera_build.learning.ppo import flat, raw
 from dextera_build.policy.features import Fields
 
 ITERATIONS = 3
-"""Newton steps towards a pose of the palm; it is near."""
+"""Newton steps towards a pose of the palm, which is near."""
 DAMPING = 0.05
-"""Of the least squares, where a metre counts as much as `RADIAN_M` of a radian."""
+"""Damping of the least squares, in which rotation is weighted by `RADIAN_M`."""
 RADIAN_M = 0.3
-"""Weight of a radian of the palm's turn in metres."""
+"""Weight of a radian of palm rotation, in metres."""
 TURN_RAD = 0.3
-"""Largest turn of the palm towards its target orientation in one Newton step [rad]."""
+"""Maximum rotation of the palm towards its target orientation per Newton step [rad]."""
 PLACE_M = 0.2
-"""Scale of the places that the network is told [m]."""
+"""Scale of positions in the network's input [m]."""
 POSTURE = 0.02
-"""Share of the way home that the arm's redundancy goes with each Newton step."""
+"""Fraction of the way home that the arm's redundancy moves per Newton step."""
 
 
 class Steering:
-    """Decisions (M,), each -1 to 1, to joint targets.
+    """Maps decisions (M,), each -1 to 1, to joint targets.
 
     With `control` "palm" the first three decisions move the palm along the axes of the robot's base by up to `step_m`,
-    while it turns to the quaternion `palm_w` ... `palm_z` in the base, or stays turned as at home without one. All
-    other decisions, or all with "joints", move the target of one joint by up to `step_rad`. Joints that nothing moves
-    go to the contract's mean. With "palm" the network is also told where the palm and the middle of the fingertips are,
-    which follows from the joints: kinematics need not be learned.
+    while it turns to the quaternion `palm_w` ... `palm_z` in the base, or keeps its home orientation without one. All
+    other decisions, or all with "joints", move the target of one joint by up to `step_rad`. Uncontrolled joints
+    go to the contract's mean. With "palm" the network's input also contains the positions of the palm and the mean
+    fingertip, so kinematics need not be learned.
 
     Args:
         robot: The embodiment.
-        contract: Of the policy; its settings say the rest.
+        contract: The policy's contract, with these settings.
     """
 
     def __init__(self, robot: RobotModel, contract: PolicyContract) -> None:
@@ -65,16 +65,16 @@ class Steering:
         return np.concatenate([plain, self._palm.places(raw(inputs, self._channels, "joints"))[None]], axis=1)
 
     def steered(self, decision: np.ndarray, inputs: Fields) -> np.ndarray:
-        """`targets` where joints and targets are those of `inputs`."""
+        """`targets` with the joints and last targets of `inputs`."""
         sent, joints = (raw(inputs, self._channels, name) for name in ("previous_action", "joints"))
         return self.targets(decision, sent, joints)
 
     def targets(self, decision: np.ndarray, sent: np.ndarray, joints: np.ndarray) -> np.ndarray:
-        """Joint targets (`every`, A) float64 [rad] for the coming control periods.
+        """Joint targets (`every`, A) float64 [rad] for the next control periods.
 
         Args:
             decision: Output of the network (M,).
-            sent: Targets that were sent last (A,) [rad].
+            sent: Last targets (A,) [rad].
             joints: Positions of the joints (A,) [rad].
         """
         wanted = np.clip(np.asarray(decision, np.float64), -1.0, 1.0)
@@ -113,7 +113,7 @@ class _Palm:
         self._upright = quaternions.to_matrix(turn) if len(turn) else self._pose(home)[1].copy()
 
     def moved(self, joints: np.ndarray, way: np.ndarray) -> np.ndarray:
-        """Arm joints [rad] that bring the palm from where it is at `joints` (A,) by `way` (3,) [m] in the base."""
+        """Arm joints [rad] that move the palm from its position at `joints` (A,) by `way` (3,) [m] in the base."""
         found = joints.copy()
         goal = self._pose(found)[0] + way
         for _ in range(ITERATIONS):
@@ -127,7 +127,7 @@ class _Palm:
         return np.asarray(found[self.arm])
 
     def places(self, joints: np.ndarray) -> np.ndarray:
-        """Palm and middle of the fingertips (6,) float32 in the base, from where they are at home, over `PLACE_M`."""
+        """Palm and mean fingertip (6,) float32 in the base, relative to home, in units of `PLACE_M`."""
         palm, _ = self._pose(joints)
         found = np.concatenate([palm, self._data.site_xpos[self._tips].mean(axis=0)])
         return np.asarray((found - self._origin) / PLACE_M, np.float32)
@@ -140,7 +140,7 @@ class _Palm:
 
 
 def _turn(wanted: np.ndarray, now: np.ndarray) -> np.ndarray:
-    """Rotation vector (3,) [rad] from `now` to `wanted`, not longer than `TURN_RAD`."""
+    """Rotation vector (3,) [rad] from `now` to `wanted`, limited to `TURN_RAD`."""
     quaternion, found = np.zeros(4), np.zeros(3)
     mujoco.mju_mat2Quat(quaternion, (wanted @ now.T).ravel())
     mujoco.mju_quat2Vel(found, quaternion, 1.0)

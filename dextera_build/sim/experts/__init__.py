@@ -1,1 +1,1 @@
-"""Scripted operators, and demonstrations that are synthesised from recorded ones."""
+"""Scripted operators, and demonstrations synthesised from recorded ones."""

@@ -17,31 +17,31 @@ from dextera_build.sim.runtime.environment import Environment
 
 @dataclass(frozen=True)
 class Push:
-    """How the hand pushes; the same for every start, relative to the object's root."""
+    """Parameters of a push, relative to the object's root; the same for every start."""
 
     lean_rad: float
-    """Turn of the fingers from straight down towards where the push goes at the start [rad]."""
+    """Tilt of the fingers from straight down towards the initial push direction [rad]."""
     turn_rad: float
-    """Turn of the hand about the vertical, from the push's own plane [rad]."""
+    """Rotation of the hand about the vertical, from the plane of the push [rad]."""
     share: float = 0.9
-    """How far out on the link, see `Mechanism.pushed_at`; far out takes the least force, so light things stay put."""
+    """Distance from the axis, see `Mechanism.pushed_at`; far out needs the least force, so light objects stay put."""
     clear_m: float = 0.06
-    """Distance behind the link from which the push begins [m]."""
+    """Distance behind the link at which the push begins [m]."""
     press_m: float = 0.008
-    """How far into the link the fingertips aim [m]."""
+    """Depth inside the link at which the fingertips aim [m]."""
     above_m: float = 0.16
-    """Height above the begin of the push through which the hand comes [m]."""
+    """Height of the approach above the start of the push [m]."""
     seconds: tuple[float, float, float, float, float] = (1.4, 0.7, 0.3, 1.0, 0.8)
     """Durations: over, down behind, touch, push, press [s]."""
 
 
 class Articulate:
-    """Pushes the joint of a task to its command.
+    """Pushes a task's joint to its commanded position.
 
     Args:
-        environment: The task; only its geometry is looked at.
+        environment: The task; only its geometry is used.
         reach: Kinematics of its robot.
-        push: How.
+        push: Parameters of the push.
     """
 
     def __init__(self, environment: Environment, reach: Reach, push: Push) -> None:
@@ -86,7 +86,7 @@ class Articulate:
         over, down, touch, sweep, press = push.seconds
         legs = [
             Leg(palm(now, push.clear_m, push.above_m), self._fingers, over, "approach"),
-            # In the object's frame, so that a synthesised episode comes near from the same side (Eq. 4a).
+            # In the object's frame: a synthesised episode approaches from the same side (Eq. 4a).
             Leg(palm(now, push.clear_m), self._fingers, down, "reach", self._object),
             leg(palm(now, 0.0), touch),
         ]
@@ -97,7 +97,7 @@ class Articulate:
         return [*legs, leg(legs[-1].palm, press)]
 
     def _orientation(self, now: float) -> np.ndarray:
-        """The palm's rotation in the object's root: fingers down, leaning and turned, palm towards the push."""
+        """The palm's rotation in the object's root: fingers down, tilted and turned, palm towards the push."""
         _, along = self._mechanism.pushed_at(self._goal - now, 1.0)
         up = np.array([0.0, 0.0, 1.0])
         ahead = self._mechanism.pose(now)[:3, :3] @ along

@@ -1,4 +1,4 @@
-"""Let an operator act in an environment, with action noise and filters, and record it."""
+"""Run an operator in an environment with action noise and filters, and record the episode."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from dextera_build.sim.runtime.recorder import Recorder
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of the action noise of Eq. 4d; it never enters the label."""
+    """Standard deviations of the action noise of Eq. 4d, which never enters the label."""
 
     position_m: float = 0.0
-    """Of the palm, per axis [m]."""
+    """Noise of the palm's position, per axis [m]."""
     rotation_rad: float = 0.0
-    """Of the palm's rotation vector, per axis, applied from the right [rad]."""
+    """Noise of the palm's rotation vector, per axis, applied from the right [rad]."""
     finger_rad: float = 0.0
-    """Of every finger joint [rad]."""
+    """Noise of every finger joint [rad]."""
     correlation: float = 0.8
-    """Correlation of the noise of one step with that of the step before, 0..1: white noise shakes the arm."""
+    """Correlation of noise in consecutive steps, 0..1; white noise would shake the arm."""
     in_contact: bool = False
-    """Whether segments that mean to touch the object are disturbed too."""
+    """Whether to add noise in segments with intended contact, too."""
 
 
 @dataclass(frozen=True)
@@ -35,16 +35,16 @@ class Filters:
     """Limits whose violation discards an episode."""
 
     lag_m: float = 0.02
-    """Farthest that joint targets may stay behind the commanded palm, for limits of joints and speeds [m]."""
+    """Maximum lag of joint targets behind the commanded palm due to position and speed limits [m]."""
     press_n: float = 1.0
-    """Largest force of a contact that was not intended [N]."""
+    """Maximum force of an unintended contact [N]."""
 
 
 class Driver:
     """Runs operators in one environment.
 
     Args:
-        environment: The task; its episodes are begun here.
+        environment: The task; the driver begins its episodes.
     """
 
     def __init__(self, environment: Environment) -> None:
@@ -63,7 +63,7 @@ class Driver:
         filters: Filters | None = None,
         seed: int = 0,
     ) -> Episode:
-        """The episode that `operator` produces from `start`; a failed one holds the reason."""
+        """Run `operator` from `start` and return the episode; a failed one contains the reason."""
         environment, rules = self.environment, filters or Filters()
         environment.begin(start)
         recorder, labels = Recorder(environment), _Labels()
@@ -98,7 +98,7 @@ class Driver:
         return f"touched `{touched}` in `{command.segment}`" if touched else ""
 
     def state(self) -> State:
-        """The operator's observation now."""
+        """The operator's current observation."""
         bundle, measured = self.environment.bundle, self.environment.measure()
         placed = zip(bundle.objects, measured.objects, strict=True)
         inner = zip(bundle.displacement_names, map(float, measured.displacement), strict=True)
@@ -110,7 +110,7 @@ class Driver:
 
 
 class _Disturbance:
-    """Noise of one episode: a stationary first-order process, so that its spread is the same in every step."""
+    """Noise of one episode: a stationary first-order process with the same spread in every step."""
 
     def __init__(self, noise: Noise, seed: int) -> None:
         self._noise = noise
@@ -118,7 +118,7 @@ class _Disturbance:
         self._value: np.ndarray | None = None
 
     def on(self, command: Command) -> Command:
-        """The command with noise; itself where noise is off."""
+        """The command with noise, or unchanged if noise is off."""
         noise = self._noise
         drawn = self._random.standard_normal(6 + len(command.fingers))
         keep = noise.correlation

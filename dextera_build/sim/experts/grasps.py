@@ -1,7 +1,7 @@
-"""Candidate grasps from an object's shape and a hand's grips: none is made for one object.
+"""Candidate grasps from an object's shape and a hand's grips, without object-specific rules.
 
-A grip `against: thumb` takes the object between the thumb and the other fingertips; a grip `against: palm` lays it into
-the palm and closes the fingers around it.
+A grip `against: thumb` holds the object between the thumb and the other fingertips; a grip `against: palm` puts it
+into the palm and closes the fingers around it.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from dextera_build.sim.experts.lift import Grasp
 
 UP = np.array([0.0, 0.0, 1.0])
 SPARE_M = 0.03
-"""The fingers open by this much more than the object is wide [m]."""
+"""Opening of the fingers beyond the object's width [m]."""
 SLAB_M = 0.03
-"""Half height and half width of the part of the object that decides how wide it is where it is held [m]."""
+"""Half height and half width of the slab in which the object's width is measured [m]."""
 RETREAT_M = 0.08
-"""How far from its grasp a hand waits that comes from above [m]; from the side it waits nearer."""
+"""Distance from the grasp at which a hand waits for a top grasp [m]; for a side grasp it is shorter."""
 AROUND = 12
-"""Directions around the vertical."""
+"""Number of directions around the vertical."""
 
 
 def candidates(points: np.ndarray, grips: dict[str, Grip], hand: HandKinematics) -> Iterator[Grasp]:
-    """Grasps of an object that stands upright.
+    """Generate grasps of an upright object.
 
     Args:
         points: (P, 3) on its surface, in its frame, z up [m].
-        grips: The hand's.
-        hand: Its kinematics.
+        grips: The hand's grips.
+        hand: The hand's kinematics.
     """
     for name, grip in grips.items():
         if grip.against == "thumb":
@@ -43,7 +43,7 @@ def candidates(points: np.ndarray, grips: dict[str, Grip], hand: HandKinematics)
 
 
 def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> Iterator[Grasp]:
-    """Between thumb and fingertips, from above and from the side."""
+    """Generate grasps between thumb and fingertips, from above and from the side."""
     opened, closed = hand.posture(grip.open), hand.posture({**grip.open, **grip.closed})
     travel = [_gap(hand, opened + part * (closed - opened)) for part in np.linspace(0.0, 1.0, 21)]
     top, facing = float(points[:, 2].max()), np.array(grip.facing)
@@ -56,7 +56,7 @@ def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> 
             continue
         wide = _part(travel, held[1] + 2 * grip.tip_radius_m + SPARE_M) or 0.0
         thumb, fingers = _tips(hand, opened + touch * (closed - opened))
-        # Thumb and fingers press along a horizontal line: one that leans uses up the friction that is to hold.
+        # Thumb and fingers press along a horizontal line: a tilted line uses up friction.
         for tilt in (0.0, 0.35, -0.35, 0.7, -0.7):
             down = np.cross(UP, across) * np.sin(tilt) - UP * np.cos(tilt)
             turned = _align(fingers - thumb, facing, across, down)
@@ -74,7 +74,7 @@ def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> 
 
 
 def wraps(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> Iterator[Grasp]:
-    """In the palm, from the side."""
+    """Generate grasps in the palm, from the side."""
     opened, closed = hand.posture(grip.open), hand.posture({**grip.open, **grip.closed})
     top, middle = float(points[:, 2].max()), (points.min(axis=0) + points.max(axis=0)) / 2
     heights = sorted({min(top * part, 0.12) for part in (0.4, 0.5, 0.65)})
@@ -105,7 +105,7 @@ def _label(grip: str, height: float, **angles: float) -> str:
 
 
 def _laid(points: np.ndarray, middle: np.ndarray, out: np.ndarray, along: np.ndarray, forward: float) -> np.ndarray:
-    """Where the palm's surface touches the object when it faces `out` and the object lies `forward` of it [m]."""
+    """Position at which the palm, facing `out`, touches the object, with the object `forward` of it [m]."""
     across = np.cross(out, along)
     origin = middle - forward * along
     local = points - origin
@@ -115,7 +115,7 @@ def _laid(points: np.ndarray, middle: np.ndarray, out: np.ndarray, along: np.nda
 
 
 def _held(points: np.ndarray, height: float, across: np.ndarray) -> tuple[np.ndarray, float] | None:
-    """Middle (3,) and width [m] along `across` of the object at a height, near its vertical axis."""
+    """Centre (3,) and width [m] along `across` of the object at a height, near its vertical axis."""
     middle = np.median(points, axis=0)
     local = points - np.array([middle[0], middle[1], height])
     beside = np.cross(UP, across)
@@ -136,14 +136,14 @@ def _gap(hand: HandKinematics, posture: np.ndarray) -> float:
 
 
 def _part(travel: list[float], gap: float) -> float | None:
-    """How far closed (0-1) the tips are `gap` apart [m]; None where the hand does not open as wide."""
+    """Closing fraction (0-1) at which the tips are `gap` apart [m]; None if the hand cannot open that wide."""
     if gap > travel[0]:
         return None
     return float(np.interp(-gap, -np.array(travel), np.linspace(0.0, 1.0, len(travel))))
 
 
 def _align(first: np.ndarray, second: np.ndarray, to_first: np.ndarray, to_second: np.ndarray) -> np.ndarray:
-    """The rotation (3, 3) that takes `first` to `to_first`, and `second` as near to `to_second` as it gets."""
+    """The rotation (3, 3) that maps `first` to `to_first`, and `second` as close to `to_second` as possible."""
     return np.asarray(_frame(to_first, to_second) @ _frame(first, second).T)
 
 

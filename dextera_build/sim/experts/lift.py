@@ -1,4 +1,4 @@
-"""Scripted operator of primitive `lift`: come near, close the hand, raise it."""
+"""Scripted operator of primitive `lift`: approach, close the hand, raise it."""
 
 from __future__ import annotations
 
@@ -13,42 +13,42 @@ from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.runtime.environment import Environment
 
 MORE_M = 0.03
-"""The object is raised this much farther than the task asks [m]."""
+"""Height by which the object is raised beyond the task's goal [m]."""
 
 
 @dataclass(frozen=True)
 class Grasp:
-    """How the hand holds the object; the same for every start, relative to the object."""
+    """A grasp relative to the object; the same for every start."""
 
     palm: np.ndarray
     """(4, 4) T_object_palm when the fingers close."""
     away: np.ndarray
-    """(3,) from there to where the hand waits before it, in the object's frame [m]."""
+    """(3,) offset from there to the hand's waiting position, in the object's frame [m]."""
     open: np.ndarray
-    """(H,) finger joints before [rad]."""
+    """(H,) finger joints before closing [rad]."""
     closed: np.ndarray
-    """(H,) targets of the finger joints that press [rad]."""
+    """(H,) targets of the pressing finger joints [rad]."""
     name: str = ""
-    """Description for people."""
+    """Human-readable description."""
     way: str = ""
-    """Grasps of the same way differ in detail."""
+    """Kind of grasp; grasps of one kind differ in detail."""
     above_m: float = 0.08
-    """Height above the waiting place through which the hand comes [m]."""
+    """Height of the approach above the waiting position [m]."""
     aside: float = 1.0
-    """How much farther away the hand is there, as a multiple of `away`."""
+    """Offset from the grasp at that height, as a multiple of `away`."""
     arc_m: float = 0.08
-    """Height of the middle of the way there above the straight line [m]."""
+    """Height of the approach's midpoint above the straight line [m]."""
     seconds: tuple[float, float, float, float, float, float] = (1.3, 0.5, 0.6, 0.6, 1.2, 0.8)
     """Durations: over, down, near, close, lift, hold [s]."""
 
 
 class Lift:
-    """Grasps and raises the task's object.
+    """Grasps and lifts the task's object.
 
     Args:
-        environment: The task; only its data are looked at.
+        environment: The task; only its data are used.
         reach: Kinematics of its robot.
-        grasp: How.
+        grasp: The grasp to execute.
     """
 
     def __init__(self, environment: Environment, reach: Reach, grasp: Grasp) -> None:
@@ -80,7 +80,7 @@ class Lift:
         seconds = grasp.seconds
         return [
             Leg(over, grasp.open, seconds[0], "approach", arc_m=grasp.arc_m),
-            # In the object's frame, so that a synthesised episode comes near from the same side (Eq. 4a).
+            # In the object's frame: a synthesised episode approaches from the same side (Eq. 4a).
             Leg(wait, grasp.open, seconds[1], "reach", self._object),
             Leg(hold, grasp.open, seconds[2], "grasp", self._object, True),
             Leg(hold, grasp.closed, seconds[3], "grasp", self._object, True),

@@ -1,4 +1,4 @@
-"""Motions of a hand as legs with a duration: minimum jerk, straight in position, shortest in rotation."""
+"""Hand motions as timed legs: minimum jerk, straight in position, shortest in rotation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dextera_build.sim.control.operator import Command
 
 @dataclass(frozen=True)
 class Leg:
-    """Move to a pose and a finger posture, and come to rest there."""
+    """A motion to a pose and a finger posture, ending at rest."""
 
     palm: np.ndarray
     """(4, 4) T_base_palm at the end."""
@@ -28,7 +28,7 @@ class Leg:
     contact: bool = False
     """See `Command.contact`."""
     arc_m: float = 0.0
-    """Height of the way's middle above the straight line, along z of the base [m]."""
+    """Height of the path's midpoint above the straight line, along z of the base [m]."""
 
 
 def sample(palm: np.ndarray, fingers: np.ndarray, legs: Sequence[Leg], control_hz: float) -> Iterator[Command]:
@@ -50,12 +50,12 @@ def sample(palm: np.ndarray, fingers: np.ndarray, legs: Sequence[Leg], control_h
 
 
 def minimum_jerk(part: float) -> float:
-    """Progress 0-1 after `part` 0-1 of the time: at rest at both ends, without jerk beyond what that needs."""
+    """Progress 0-1 after fraction `part` 0-1 of the time: at rest at both ends, with minimum jerk."""
     return float(part**3 * (10.0 - 15.0 * part + 6.0 * part**2))
 
 
 def between(first: np.ndarray, last: np.ndarray, part: float) -> np.ndarray:
-    """Pose (4, 4) at `part` 0-1 of the way: position along a line, rotation along the shortest arc."""
+    """Pose (4, 4) at fraction `part` 0-1 of the path: position along a line, rotation along the shortest arc."""
     turn = first[:3, :3].T @ last[:3, :3]
     place = first[:3, 3] + part * (last[:3, 3] - first[:3, 3])
     return transforms.rigid(first[:3, :3] @ registration.rotation(rotation_vector(turn) * part), place)

@@ -1,4 +1,4 @@
-"""From a task to a scripted operator: candidates from geometry, sorted by the arm's comfort, then rehearsed."""
+"""Plan a scripted operator for a task: candidates from geometry, sorted by the arm's comfort, then rehearsed."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ Progress = Callable[[int, int, str], None]
 
 
 class Practised:
-    """The operator that did best in rehearsal, among those that the workspace has room for.
+    """The operator that did best in rehearsal and is free of collisions.
 
     Args:
-        rehearsed: The best first.
-        room: Of the task.
+        rehearsed: Candidates, best first.
+        room: The task's collision checker.
     """
 
     def __init__(self, rehearsed: list[Rehearsed], room: Room) -> None:
@@ -35,7 +35,7 @@ class Practised:
         self._now = rehearsed[0].candidate.operator
 
     def begin(self, state: State) -> None:
-        """Choose the first path that is free from `state`; if none is, the best one holds the reason."""
+        """Choose the first free path from `state`; if none is free, the best one reports the reason."""
         for one in self.rehearsed:
             if self._room.comfort(one.candidate.operator.legs(state), state) is not None:
                 self._now = one.candidate.operator
@@ -45,19 +45,19 @@ class Practised:
         self._now.begin(state)
 
     def command(self, state: State) -> Command | None:
-        """The reason of that path."""
+        """The next command of that path."""
         return self._now.command(state)
 
 
 def practise(driver: Driver, progress: Progress = lambda done, total, what: None) -> Practised:
-    """The scripted operator of the driver's task.
+    """Find the scripted operator of the driver's task.
 
     Args:
-        driver: Its environment is used and left in some state.
-        progress: Is told how far the rehearsal is.
+        driver: Its environment is used and left in an arbitrary state.
+        progress: Receives the progress of the rehearsal.
 
     Raises:
-        RuleError: The robot's hand or the task leaves nothing to try, or nothing that was tried succeeded.
+        RuleError: The robot's hand or the task yields no candidates, or none succeeded.
     """
     environment = driver.environment
     task, robot = environment.task, environment.bundle.robot
@@ -84,7 +84,7 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
 
 
 def _lifts(driver: Driver, reach: Reach, room: Room, state: State) -> list[Candidate]:
-    """Grasps of the task's object for which there is room from the photographed start, the most comfortable first."""
+    """Collision-free grasps of the task's object from the photographed start, most comfortable first."""
     environment = driver.environment
     points = environment.bundle.objects[environment.task.object].points.astype(np.float64)
     found: list[tuple[float, Candidate]] = []
@@ -98,7 +98,7 @@ def _lifts(driver: Driver, reach: Reach, room: Room, state: State) -> list[Candi
 
 
 def _pushes(driver: Driver, reach: Reach) -> list[Candidate]:
-    """Ways of pushing the task's joint, the plainest first."""
+    """Pushes of the task's joint, simplest first."""
     ways = [Push(lean, turn) for turn in (0.0, 0.3, -0.3, 0.6, -0.6) for lean in (0.0, -0.4, 0.4)]
     return [
         Candidate(

@@ -1,4 +1,4 @@
-"""Shared by scripted operators: the pose of the hand, and whether the arm can move it along a plan."""
+"""Shared by scripted operators: the hand's pose, and whether the arm can follow a plan."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from dextera_build.sim.control.operator import OutOfReach, State
 from dextera_build.sim.experts.motion import Leg
 
 POSITION_M = 0.004
-"""A pose is in reach when the hand comes this near [m]."""
+"""Position tolerance of a reachable pose [m]."""
 ROTATION_RAD = 0.04
-"""... and as near as this in rotation [rad]."""
+"""Rotation tolerance of a reachable pose [rad]."""
 
 
 class Reach:
-    """Kinematics of a robot as its scripted operators need them.
+    """Kinematics of a robot for scripted operators.
 
     Args:
         robot: The embodiment.
@@ -46,7 +46,7 @@ class Reach:
         """Smallest distance to a joint limit along the plan [rad].
 
         Raises:
-            OutOfReach: The arm does not reach the end of a leg.
+            OutOfReach: The arm cannot reach the end of a leg.
         """
         arm, margin = self.joints(state), np.inf
         for leg in legs:

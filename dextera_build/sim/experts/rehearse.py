@@ -1,6 +1,6 @@
-"""Choose how to do a task by trying: candidates are rehearsed in the task's own world and the best are kept.
+"""Choose how to do a task by trial: rehearse candidates in the task's own world and keep the best.
 
-A scripted operator is thus a function of the task alone; nothing of it is made for one object.
+A scripted operator is thus a function of the task alone, without object-specific code.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.seeds import seed_of
 
 TRIED = 24
-"""Candidates that are tried once as photographed and once under hard conditions."""
+"""Candidates tried once as photographed and once under hard conditions."""
 FINAL = 5
-"""The steadiest of them that are rehearsed from drawn starts."""
+"""Number of the steadiest candidates rehearsed from drawn starts."""
 STARTS = 6
-"""Drawn starts of the final."""
+"""Number of drawn starts."""
 HARD = 0.9
-"""How far the hard start goes towards the heavy, slippery and weak ends of the twin's own intervals."""
+"""Position of the hard start between nominal and the heavy, slippery and weak ends of the twin's intervals."""
 STRAY_M_RAD = 0.1
-"""Straying by this counts as much as straying by one radian [m]."""
+"""Displacement equivalent to a rotation by one radian [m]."""
 
 
 T = TypeVar("T")
 
 
 class Planned(Operator, Protocol):
-    """An operator whose plan can be looked at."""
+    """An operator with an inspectable plan."""
 
     def legs(self, state: State) -> list[Leg]:
         """The plan from `state`."""
@@ -49,11 +49,11 @@ class Candidate:
     """A way to do the task."""
 
     name: str
-    """Description for people."""
+    """Human-readable description."""
     way: str
-    """Ways of the same kind differ in detail; one of a kind is enough."""
+    """Kind of motion; candidates of one kind differ in detail."""
     operator: Planned
-    """It."""
+    """The operator to rehearse."""
 
 
 @dataclass(frozen=True)
@@ -61,24 +61,24 @@ class Rehearsed:
     """The outcome of a candidate."""
 
     candidate: Candidate
-    """It."""
+    """The rehearsed candidate."""
     stray: float
-    """How much the object moved where it was meant to stay: in the hand, or on its support [rad, see `STRAY_M_RAD`]."""
+    """Unintended motion of the object in the hand or on its support [rad, see `STRAY_M_RAD`]."""
     passed: int
-    """Starts from which it succeeded."""
+    """Number of successful starts."""
     of: int
-    """Starts that it was rehearsed from."""
+    """Number of rehearsed starts."""
 
 
 def rehearse(
     driver: Driver, candidates: Sequence[Candidate], progress: Callable[[int, int, str], None]
 ) -> list[Rehearsed]:
-    """Candidates that succeeded in both trials, the best first.
+    """Rehearse candidates and return those that succeeded in both trials, best first.
 
     Args:
-        driver: Of the task.
-        candidates: The likeliest first.
-        progress: Is told how far it is.
+        driver: The task's driver.
+        candidates: Candidates, likeliest first.
+        progress: Receives the progress.
     """
     bundle, model = driver.environment.bundle, driver.environment.model
     first = starts.photographed(bundle, model)
@@ -92,7 +92,7 @@ def rehearse(
     tried.sort(key=lambda one: (-one.passed, one.stray))
     drawn = [start for number in range(STARTS) if (start := _drawn(driver, number)) is not None]
     final: list[Rehearsed] = []
-    # The best of every way first: where one way has no room, another one may.
+    # The best of every kind first: if one kind has no room, another may.
     finalists = taking_turns(tried, [one.candidate.way for one in tried])[:FINAL]
     for number, one in enumerate(finalists):
         progress(total - FINAL + number, total, one.candidate.name)
@@ -104,10 +104,10 @@ def rehearse(
 
 
 def stray(episode: Episode, task: TaskSpec, names: Sequence[str]) -> float:
-    """How much the task's object moved where it was meant to stay; see `Rehearsed.stray`.
+    """Unintended motion of the task's object; see `Rehearsed.stray`.
 
     Args:
-        episode: Of the task.
+        episode: Episode of the task.
         task: The task.
         names: Bodies of `Episode.objects`.
     """
@@ -117,7 +117,7 @@ def stray(episode: Episode, task: TaskSpec, names: Sequence[str]) -> float:
     objects = episode.objects[:, list(names).index(task.object)]
     first, last = poses.to_matrix(objects[touching[0]]), poses.to_matrix(objects[-1])
     if task.primitive == "lift":
-        # The palm stands still relative to the object only once it has come near: what came before is undone here.
+        # The palm is still relative to the object only at the end of the approach; undo earlier motion.
         first = transforms.invert(poses.to_matrix(episode.hand[_near(episode, touching[0])])) @ first
         last = transforms.invert(poses.to_matrix(episode.hand[-1])) @ last
     moved = transforms.invert(first) @ last
@@ -125,7 +125,7 @@ def stray(episode: Episode, task: TaskSpec, names: Sequence[str]) -> float:
 
 
 def taking_turns(items: Sequence[T], ways: Sequence[str]) -> list[T]:
-    """The first item of every way, then the second of every way, and so on; in order otherwise."""
+    """Round-robin: the first item of every way, then the second of every way, and so on."""
     seen: Counter[str] = Counter()
     ranks = []
     for way in ways:
@@ -135,7 +135,7 @@ def taking_turns(items: Sequence[T], ways: Sequence[str]) -> list[T]:
 
 
 def _near(episode: Episode, first: int) -> int:
-    """The step from `first` on at which the palm has come to rest before the lift."""
+    """The first step from `first` on at which the palm is at rest before the lift."""
     lift = next((segment.first for segment in episode.segments if segment.name == "lift"), len(episode.hand))
     return max(first, min(lift, len(episode.hand)) - 1)
 
@@ -160,7 +160,7 @@ def _drawn(driver: Driver, number: int) -> Start | None:
 
 
 def _hard(bundle: TaskBundle, start: Start) -> Start:
-    """The start with weak gains and the task's object slippery and, where it is lifted, heavy; else light."""
+    """The start with weak gains and a slippery object, heavy if it is lifted, otherwise light."""
     name, width = bundle.task.object, bundle.task.reset.dynamics * HARD
     thing = bundle.objects[name]
     mass = 1.0 + width * (thing.mass_scale[bundle.task.primitive == "lift"] - 1.0)

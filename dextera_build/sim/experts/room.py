@@ -1,4 +1,4 @@
-"""Whether the arm can follow a plan clear of the obstacles."""
+"""Check whether the arm can follow a plan without collisions."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime.environment import Environment
 
 ENOUGH_RAD = 0.35
-"""Distance to the joint limits beyond which comfort does not grow [rad]."""
+"""Distance to the joint limits beyond which comfort no longer increases [rad]."""
 TOUCH_M = 0.004
-"""How deep the task's object may reach into the hand where contact is meant [m]."""
+"""Allowed penetration between hand and task object during intended contact [m]."""
 CLEAR_M = 0.010
-"""How far the robot keeps from everything that it is not meant to touch [m]."""
+"""Clearance of the robot from everything else [m]."""
 EVERY = 2
-"""Control steps between two looks along a plan."""
+"""Control steps between collision checks along a plan."""
 
 
 class Room:
-    """Checks plans against the collision shapes of a task's model; objects stay where they are seen.
+    """Checks plans against the collision shapes of a task's model; objects do not move.
 
     Args:
         environment: The task; only its model is used.
@@ -43,24 +43,24 @@ class Room:
         roots = model.body_rootid[model.geom_bodyid]
         self._robot = roots == model.body(ROBOT + "base").id
         self._object = roots == model.body(environment.task.object).id
-        # Contacts are reported from this distance on.
+        # Contacts are reported from this distance.
         model.geom_margin[self._robot] = CLEAR_M
         self._arm = self._addresses(reach.arm.joints)
         self._fingers = self._addresses(reach.fingers.joints)
 
     def comfort(self, legs: Sequence[Leg], state: State) -> float | None:
-        """How comfortable the arm is along a plan, the more the better; None where it does not reach or has no room.
+        """Comfort of the arm along a plan, higher is better; None if unreachable or in collision.
 
         Args:
             legs: The plan.
-            state: Where the robot and the objects are.
+            state: Poses of the robot and the objects.
         """
         self._place(state)
         arm = self._reach.arm
         seed: np.ndarray | None = None
         margin, far = np.inf, 0.0
         first = next(number for number, leg in enumerate(legs) if leg.contact)
-        # What fails most often comes first: taking hold, then the way there, then the end.
+        # The most frequent failures first: the grasp, then the approach, then the end.
         for leg in (legs[first], *reversed(legs[:first]), legs[-1]):
             solved = arm.solve(leg.palm, seed, restarts=1 if seed is None else 0, posture=arm.home)
             if not solved.reached():
@@ -72,9 +72,9 @@ class Room:
         return 3.0 * min(margin, ENOUGH_RAD) - far if self._clear(legs, state) else None
 
     def _clear(self, legs: Sequence[Leg], state: State) -> bool:
-        """Whether there is room all along the way that the arm takes, up to where the object moves."""
+        """Whether the arm's path is free of collisions until the object moves."""
         arm, joints = self._reach.arm, self._reach.joints(state)
-        # Once the hand has come near, the object goes along with it: what happens then only a rehearsal tells.
+        # After the approach the object moves with the hand, which only a rehearsal can check.
         near = next(number for number, leg in enumerate(legs) if leg.contact) + 1
         commands: list[Command] = list(sample(*self._reach.hand(state), legs[:near], self._rate))
         for number, command in enumerate(commands):

@@ -1,8 +1,8 @@
-"""Object-centric trajectory synthesis: one demonstration, moved to where the object stands now (Eq. 4 of the paper).
+"""Object-centric trajectory synthesis: one demonstration, adapted to the object's current pose (Eq. 4 of the paper).
 
 Segments that belong to a body keep the palm's pose relative to that body's frame F (Eq. 4a); the motion between is
-interpolated, positions by LERP (4b) and rotations by SLERP (4c), timed by speed and not by a fixed number of steps;
-noise (4d) disturbs the executed command and never the label. This is not a screw motion.
+interpolated, positions by LERP (4b) and rotations by SLERP (4c), timed by speed instead of a fixed number of steps;
+noise (4d) perturbs the executed command, never the label. This is not a screw motion.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from dextera_build.sim.experts.motion import between, minimum_jerk
 from dextera_build.sim.runtime.environment import Environment
 
 ALIKE_M, ALIKE_RAD = 0.04, 0.5
-"""Two demonstrations take hold in the same way where their palms are nearer than this [m, rad]."""
+"""Demonstrations with palms nearer than this grasp in the same way [m, rad]."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """How fast interpolated motion is."""
+    """Speed of interpolated motion."""
 
     speed_m_s: float = 0.35
-    """Of the palm [m/s]."""
+    """Speed of the palm [m/s]."""
     turn_rad_s: float = 1.2
-    """Of its rotation [rad/s]."""
+    """Angular speed of the palm [rad/s]."""
 
 
 def transfer(poses: np.ndarray, source_frame: np.ndarray, new_frame: np.ndarray) -> np.ndarray:
@@ -47,15 +47,15 @@ def transfer(poses: np.ndarray, source_frame: np.ndarray, new_frame: np.ndarray)
 
 
 def bent(path: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Waypoints of a free motion, laid so that they lead from `start` to `end` (Eq. 4b and 4c).
+    """Bend a free motion to lead from `start` to `end` (Eq. 4b and 4c).
 
-    Every waypoint lies between where it would be if the path were moved to `start` and if it were moved to `end`, by
-    its share of the path's length; so an arc around something stays an arc.
+    Every waypoint interpolates between the path moved to `start` and the path moved to `end`, by its fraction of the
+    path's length; an arc around an obstacle stays an arc.
 
     Args:
         path: (N, 4, 4) demonstrated poses.
-        start: (4, 4) where the first is to be.
-        end: (4, 4) where the last is to be.
+        start: (4, 4) new first pose.
+        end: (4, 4) new last pose.
     """
     first, last = start @ transforms.invert(path[0]), end @ transforms.invert(path[-1])
     length = np.concatenate([[0.0], np.cumsum(_lengths(path))])
@@ -64,18 +64,18 @@ def bent(path: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def slowed(shown: np.ndarray, path: np.ndarray) -> float:
-    """By how much `path` must take longer than `shown`, (N, 4, 4) each, so that no step of it is faster; 1 at least."""
+    """Factor, at least 1, by which to slow `path` for no step to be faster than in `shown`, (N, 4, 4) each."""
     return max(1.0, float(_lengths(path).max() / max(_lengths(shown).max(), 1e-9)))
 
 
 def _lengths(path: np.ndarray) -> np.ndarray:
-    """Lengths of steps (N - 1,): metres and radians count alike, as for a point one metre from the palm."""
+    """Lengths of steps (N - 1,); metres and radians count equally, as for a point one metre from the palm."""
     turns = [transforms.angle(one[:3, :3].T @ other[:3, :3]) for one, other in pairwise(path)]
     return np.asarray(np.linalg.norm(np.diff(path[:, :3, 3], axis=0), axis=1) + turns)
 
 
 def steps_between(first: np.ndarray, last: np.ndarray, rate_hz: float, timing: Timing) -> int:
-    """Control steps, one at least, from pose `first` to `last`, (4, 4) each, at the speed limits."""
+    """Number of control steps, at least 1, from pose `first` to `last`, (4, 4) each, at the speed limits."""
     seconds = max(
         float(np.linalg.norm(last[:3, 3] - first[:3, 3])) / timing.speed_m_s,
         transforms.angle(first[:3, :3].T @ last[:3, :3]) / timing.turn_rad_s,
@@ -85,25 +85,25 @@ def steps_between(first: np.ndarray, last: np.ndarray, rate_hz: float, timing: T
 
 @dataclass(frozen=True)
 class Manner:
-    """How episodes are synthesised."""
+    """Settings of the synthesis."""
 
     noise: Noise = field(default_factory=Noise)
-    """Eq. 4d."""
+    """Action noise (Eq. 4d)."""
     filters: Filters = field(default_factory=Filters)
     """Limits whose violation discards an episode."""
     timing: Timing = field(default_factory=Timing)
     """Speed of interpolated motion."""
     nearest: int = 3
-    """The source is drawn among this many whose object stood most alike."""
+    """The source is drawn from this many with the most similar object pose."""
 
 
 class Synthesis:
-    """An operator that repeats a source demonstration relative to where the objects stand now.
+    """An operator that repeats a source demonstration relative to the objects' current poses.
 
     Args:
         source: A successful episode with segments.
         names: Bodies of `source.objects`, in order.
-        environment: The task, begun; its palm, finger targets and control rate are taken as they are now.
+        environment: The task, begun; its current palm, finger targets and control rate are used.
         timing: Speed of interpolated motion.
     """
 
@@ -118,12 +118,12 @@ class Synthesis:
         self._frames = (np.eye(4), np.eye(4))
 
     def begin(self, state: State) -> None:
-        """Take in where the objects stand."""
+        """Record the objects' poses."""
         self._objects = state.objects
         self._commands = self._walk()
 
     def command(self, state: State) -> Command | None:
-        """The next command; frames of later segments are taken from the objects as they stand then."""
+        """The next command; frames of later segments use the objects' poses at that time."""
         self._objects = state.objects
         return next(self._commands, None)
 
@@ -134,7 +134,7 @@ class Synthesis:
             if not segment.frame:
                 pending.append(segment)
                 continue
-            # Once the hand is at the object, where that stands follows from the hand: the frame stays.
+            # Once the hand is at the object, the object moves with it: keep the frame.
             if pending or segment.frame != held:
                 self._frames = self._frames_of(segment)
             held = segment.frame
@@ -144,7 +144,7 @@ class Synthesis:
                 yield self._at(segment.first + row, pose, segment)
             self._palm, self._fingers = poses[-1], self._finger_rows(segment)[-1]
             pending = []
-        # Free motion at the end is relative to where it begins.
+        # Free motion at the end is relative to its start.
         for segment in pending:
             poses = transfer(self._poses(segment), self._poses(segment)[0], self._palm)
             for row, pose in enumerate(poses):
@@ -152,7 +152,7 @@ class Synthesis:
             self._palm = poses[-1]
 
     def _connect(self, free: list[Segment], target: np.ndarray, coming: Segment) -> Iterator[Command]:
-        """Eq. 4b and 4c from where the palm is to `target`, along the demonstrated free motion."""
+        """Eq. 4b and 4c from the current palm to `target`, along the demonstrated free motion."""
         if not free:
             yield from self._straight(target, coming)
             return
@@ -204,13 +204,13 @@ class Synthesis:
 
 
 def nearest(sources: Sequence[Episode], place: int, state: np.ndarray, keep: int, random: np.random.Generator) -> int:
-    """A source whose object stood nearly as it stands now: one of the `keep` nearest, drawn.
+    """Draw one of the `keep` sources with the object pose nearest to the current one.
 
     Args:
         sources: Demonstrations.
         place: Index of the task's object in `Episode.objects`.
-        state: Its pose now (7,).
-        keep: How many are drawn from.
+        state: Current pose of the object (7,).
+        keep: Number of candidates.
         random: Source of the draw.
     """
     distances = []
@@ -223,9 +223,9 @@ def nearest(sources: Sequence[Episode], place: int, state: np.ndarray, keep: int
 
 
 def alike(sources: Sequence[Episode], names: Sequence[str]) -> list[Episode]:
-    """The largest set of demonstrations that take hold in the same way, so that what is learnt is not contradictory.
+    """The largest set of demonstrations with the same grasp, which avoids contradictory training data.
 
-    Two are alike where the palm, at the end of the first contact, stands alike in the frame that contact belongs to.
+    Two are alike if the palm, at the end of the first contact, has a similar pose in the contact's frame.
 
     Args:
         sources: Demonstrations with segments.
@@ -252,13 +252,13 @@ def _near(one: np.ndarray, other: np.ndarray) -> bool:
 
 
 def synthesise(driver: Driver, sources: Episodes, start: Start, seed: int, manner: Manner) -> Episode:
-    """One synthetic episode from `start`, successful or with the reason why it was discarded.
+    """Synthesise one episode from `start`, successful or with the reason why it was discarded.
 
     Args:
-        driver: Of the task's environment.
-        sources: Successful demonstrations, in `items`; those that take hold in the most common way are used.
-        start: Where the episode begins.
-        seed: Of the choice of a source and of the noise.
+        driver: Driver of the task's environment.
+        sources: Successful demonstrations, in `items`; only those with the most common grasp are used.
+        start: Start of the episode.
+        seed: Seed of the choice of a source and of the noise.
         manner: Noise, filters, timing.
     """
     environment = driver.environment

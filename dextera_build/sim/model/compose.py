@@ -1,4 +1,4 @@
-"""Put a robot into a twin: one MJCF with the names `robot/...` for everything of the robot."""
+"""Add a robot to a twin: one MJCF in which the robot's names are prefixed with `robot/`."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ ROBOT = "robot/"
 def with_robot(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) -> Folder:
     """The scene with the robot fixed to the world at `world_from_base`, as a new folder.
 
-    Cameras are taken out, because a task does not depend on its observers (see `View`). Keyframe `home` is extended by
-    the robot at home.
+    Cameras are removed, because a task does not depend on its observers (see `View`). Keyframe `home` is extended by
+    the robot's home configuration.
 
     Args:
         scene: `scene.xml` and its files.
@@ -27,7 +27,7 @@ def with_robot(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) ->
         world_from_base: (4, 4) T_world_base.
 
     Raises:
-        RuleError: MuJoCo refuses the scene, the robot or the two together.
+        RuleError: MuJoCo rejects the scene, the robot or the combination.
     """
     import mujoco
 
@@ -45,9 +45,9 @@ def with_robot(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) ->
         spec.delete(key)
     frame = spec.worldbody.add_frame(pos=world_from_base[:3, 3], quat=quaternions.from_matrix(world_from_base[:3, :3]))
     frame.attach_body(arm.body("base"), ROBOT, "")
-    # Attaching does not hand on the files of the attached.
+    # Attaching does not copy the attached spec's files.
     spec.assets = {**spec.assets, **arm.assets}
-    # Controllers of such arms carry the robot's own weight; a payload is unknown to them.
+    # The arm's controller compensates the robot's own weight, not a payload.
     for body in spec.bodies:
         body.gravcomp = float(body.name.startswith(ROBOT))
     try:
@@ -68,7 +68,7 @@ def with_robot(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) ->
 
 
 def load(model: Folder, main: str) -> Any:
-    """The `mujoco.MjSpec` of the file `main` of a folder, with all other files at hand."""
+    """The `mujoco.MjSpec` of the file `main` of a folder, with all other files as assets."""
     import mujoco
 
     files = {name: data for name, data in model.files.items() if name != main}

@@ -1,4 +1,4 @@
-"""The robot of a world that is not the twin: its own gains, friction, clock and delay, and how its model is written."""
+"""The robot of a world other than the twin: its gains, friction, clock and delay, and the writing of its model."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from dextera_build.sim.model.compose import ROBOT
 
 @dataclass(frozen=True)
 class Machine:
-    """How a robot and its clock differ from the twin's."""
+    """Differences of a robot and its clock from the twin's."""
 
     seed: int
     """Seed of the draws."""
     gain_spread: float
     """Half range of the factors on stiffness and damping of every joint's controller."""
     arm_friction: float
-    """Dry friction of an arm joint, as a part of its largest torque."""
+    """Dry friction of an arm joint, as a fraction of its maximum torque."""
     hand_friction: float
-    """... of a hand joint."""
+    """Dry friction of a hand joint, as a fraction of its maximum torque."""
     skin_spread: float
-    """Half range of the factor on the friction of parts that are made to grip."""
+    """Half range of the factor on the friction of gripping parts."""
     timestep_s: float
     """Step of the simulation [s]."""
     latency_s: float
@@ -37,7 +37,7 @@ class Machine:
 
 
 def machine_of(options: Any) -> Machine:
-    """The machine that the options of a rule describe, field by field."""
+    """The machine described by a rule's options, field by field."""
     return Machine(**{field.name: getattr(options, field.name) for field in fields(Machine)})
 
 
@@ -45,7 +45,7 @@ def load(model: Folder) -> Any:
     """The `mujoco.MjSpec` of a folder with `scene.xml`.
 
     Raises:
-        RuleError: MuJoCo refuses it.
+        RuleError: MuJoCo rejects it.
     """
     try:
         return compose.load(model, "scene.xml")
@@ -54,7 +54,7 @@ def load(model: Folder) -> Any:
 
 
 def disturb(spec: Any, robot: RobotModel, machine: Machine) -> None:
-    """Give the robot its own gains and friction, and the model its own step."""
+    """Set the robot's gains and friction, and the model's time step."""
     random = np.random.default_rng([machine.seed])
     for joint in robot.joints:
         stiff, damped = 1.0 + machine.gain_spread * random.uniform(-1.0, 1.0, 2)
@@ -73,7 +73,7 @@ def disturb(spec: Any, robot: RobotModel, machine: Machine) -> None:
 
 
 def drop_unused(spec: Any) -> set[str]:
-    """Delete meshes, materials and textures that no geom uses any more; return the files that they named."""
+    """Delete unused meshes, materials and textures; return their files."""
     meshes = {geom.meshname for geom in spec.geoms}
     materials = {geom.material for geom in spec.geoms} | {site.material for site in spec.sites}
     dropped = set()
@@ -98,11 +98,11 @@ def finish(spec: Any, positions: Mapping[str, np.ndarray], before: Any, files: M
     Args:
         spec: The `mujoco.MjSpec`.
         positions: Joint -> positions in the keyframe [rad or m].
-        before: The twin's `mujoco.MjData` at home, whose controls are kept.
-        files: Files that the spec names; its own `scene.xml` is replaced.
+        before: The twin's `mujoco.MjData` at home; its controls are kept.
+        files: Files referenced by the spec; `scene.xml` is replaced.
 
     Raises:
-        RuleError: MuJoCo refuses the model.
+        RuleError: MuJoCo rejects the model.
     """
     for key in list(spec.keys):
         spec.delete(key)

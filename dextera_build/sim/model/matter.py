@@ -1,4 +1,4 @@
-"""Things of a reference world as MuJoCo geoms: textured surfaces to look at, convex pieces to touch, true masses."""
+"""Objects of a reference world as MuJoCo geoms: textured visual surfaces, convex collision pieces, true masses."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from dextera_build.geometry.shading import corner_normals
 from dextera_build.sim.model import mjcf_contact
 
 BOX = 0.995
-"""A convex piece that fills this much of its bounding box collides as a box, which rests more quietly than a mesh."""
+"""Fraction of its bounding box from which a convex piece collides as a box, which rests more stably than a mesh."""
 FRICTION = (mjcf_contact.TORSION_M, mjcf_contact.ROLLING_M)
 """Torsional and rolling friction [m], as in the twin; neither was measured."""
 
 
 class Stock:
-    """Adds geoms to a spec and keeps the files that they name.
+    """Adds geoms to a spec and collects their files.
 
     Args:
-        spec: The `mujoco.MjSpec`; its meshes and textures lie below `assets/`.
+        spec: The `mujoco.MjSpec`; its meshes and textures are under `assets/`.
         rate: Natural frequency of contacts [rad/s].
     """
 
@@ -36,10 +36,10 @@ class Stock:
         self.files: dict[str, bytes] = {}
 
     def look(self, body: Any, name: str, part: Part, pose: np.ndarray) -> None:
-        """Add a part's surface at `pose` (T_body_part); it touches nothing."""
+        """Add a part's visual surface at `pose` (T_body_part), without collision."""
         self._file(f"{name}.obj", shaded_obj(part.mesh).encode())
         mesh = self.spec.add_mesh(name=name, file=f"{name}.obj")
-        # A thin or open part must not stop the compiler; masses are written out.
+        # Thin or open parts must not fail compilation; masses are explicit.
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         material = self.spec.add_material(
             name=name, specular=part.gloss, shininess=0.5, rgba=[*part.mesh.colour, 1.0], reflectance=0.0
@@ -54,7 +54,7 @@ class Stock:
         geom.group, geom.contype, geom.conaffinity, geom.mass = 2, 0, 0, 0.0
 
     def touch(self, body: Any, name: str, piece: Hull, pose: np.ndarray, matter: Matter | None) -> None:
-        """Add a convex piece at `pose` (T_body_piece); without `matter` it belongs to what never moves."""
+        """Add a convex piece at `pose` (T_body_piece); without `matter` it is static."""
         centre, half = as_box(piece)
         if half is not None:
             geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half)
@@ -70,7 +70,7 @@ class Stock:
         geom.group, geom.condim, geom.rgba = 3, 4, [0.9, 0.6, 0.3, 0.4]
         geom.solref = self._solref(0.0 if matter is None else matter.restitution)
         if matter is not None:
-            # As in the twin, a thing's own friction and restitution hold wherever it touches something fixed.
+            # As in the twin, an object's own friction and restitution apply to contacts with static geometry.
             geom.priority = 1
             geom.friction = [matter.friction, *FRICTION]
 
@@ -83,7 +83,7 @@ class Stock:
 
 
 def weigh(body: Any, parts: Sequence[Part], mass_kg: float, pose: np.ndarray) -> None:
-    """Write a body's inertial: `mass_kg` spread evenly over the union of the parts, at `pose` (T_body_part)."""
+    """Write a body's inertial: `mass_kg` distributed uniformly over the union of the parts, at `pose` (T_body_part)."""
     filled = solids.union([solids.Solid(part.mesh.vertices.astype(np.float64), part.mesh.faces) for part in parts])
     whole = massprops.of_mesh(filled.vertices, filled.faces)
     turn = pose[:3, :3]
@@ -100,7 +100,7 @@ def put(body: Any, mass_kg: float, centre: np.ndarray, inertia: np.ndarray) -> N
 
 
 def as_box(piece: Hull) -> tuple[np.ndarray, np.ndarray | None]:
-    """Middle (3,) of a piece's bounding box, and its half edges (3,) where the piece fills the box, else None [m]."""
+    """Centre (3,) of a piece's bounding box, and its half edges (3,) if the piece fills the box, otherwise None [m]."""
     low, high = piece.vertices.min(axis=0).astype(np.float64), piece.vertices.max(axis=0).astype(np.float64)
     vertices, faces = convex.surface(piece.vertices)
     filled = solids.Solid(vertices.astype(np.float64), faces).volume / float(np.prod(high - low))
@@ -123,7 +123,7 @@ def shaded_obj(mesh: Mesh) -> str:
 
 
 def quick_png(pixels: np.ndarray) -> bytes:
-    """PNG bytes of (H, W, 3) uint8, written fast rather than small: tables and walls have large textures."""
+    """PNG bytes of (H, W, 3) uint8, optimized for speed over size: tables and walls have large textures."""
     buffer = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(pixels)).save(buffer, format="PNG", compress_level=1)
     return buffer.getvalue()

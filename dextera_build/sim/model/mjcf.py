@@ -1,9 +1,9 @@
-"""Write a twin as MJCF: pure functions from artifacts to the bytes of `scene.xml` and the files that it names.
+"""Write a twin as MJCF: pure functions from artifacts to the bytes of `scene.xml` and its files.
 
-Visual geoms are group 2 and touch nothing; collision geoms are group 3 convex pieces. Mass properties are always
-written out, because MuJoCo's own guess from meshes is wrong for thin and open ones. A link's body stands at its joint's
-origin with the object's axes; a root body stands at the object's frame. Positive hinge motion and limits are those of
-`Joint`; keyframe `home` holds the pose in the photograph.
+Visual geoms are group 2 without collision; collision geoms are group 3 convex pieces. Mass properties are always
+explicit, because MuJoCo's estimate from meshes is wrong for thin and open ones. A link's body is at its joint's origin
+with the object's axes; a root body is at the object's frame. Direction and limits of hinges are as in `Joint`;
+keyframe `home` holds the pose in the photograph.
 """
 
 from __future__ import annotations
@@ -25,33 +25,33 @@ from dextera_build.geometry.cameras import GL_FROM_CV
 from dextera_build.sim.model import mjcf_contact, names
 
 PIXEL_M = 1e-6
-"""Sensor pitch that is written for the camera; only its ratio to the image matters [m]."""
+"""Nominal sensor pitch of the camera; only ratios matter [m]."""
 
 Element = ElementTree.Element
 
 
 def scene(assets: Mapping[str, Asset], background: Background, camera: Camera, world_from_camera: np.ndarray) -> Folder:
-    """The MJCF of a whole twin.
+    """Write the MJCF of a complete twin.
 
     Args:
-        assets: Label -> placed asset; the label, made safe, becomes the root body's name.
+        assets: Label -> placed asset; the sanitized label is the root body's name.
         background: Static surface and boxes in the world frame.
         camera: Intrinsics of the photograph [px].
         world_from_camera: (4, 4) T_world_camera, OpenCV axes.
 
     Returns:
-        `scene.xml` with `assets/*.obj` and `assets/*.png`, the same bytes for the same twin.
+        `scene.xml` with `assets/*.obj` and `assets/*.png`; byte-identical for the same twin.
     """
     return _Writer(assets).folder(background, camera, world_from_camera)
 
 
 def numbers(values: Sequence[float] | np.ndarray) -> str:
-    """Numbers as MJCF attributes: nine significant digits, no negative zero."""
+    """Format numbers as MJCF attributes: nine significant digits, no negative zero."""
     return " ".join(f"{float(value) + 0.0:.9g}" for value in values)
 
 
 class _Writer:
-    """Collects elements and files while it walks over the assets."""
+    """Collects elements and files from the assets."""
 
     def __init__(self, assets: Mapping[str, Asset]) -> None:
         self.assets = assets
@@ -83,7 +83,7 @@ class _Writer:
     def _head(self, camera: Camera) -> None:
         root = self.root
         _add(root, "compiler", angle="radian", meshdir="assets", texturedir="assets")
-        # MuJoCo 4.0.0 diverges with sparse Jacobians; elliptic cones with a high impratio keep still things still.
+        # MuJoCo 4.0.0 diverges with sparse Jacobians; elliptic cones with a high impratio keep resting objects at rest.
         _add(root, "option", jacobian="dense", integrator="implicitfast", cone="elliptic", impratio="10")
         visual = _add(root, "visual")
         _add(visual, "global", offwidth=str(camera.width), offheight=str(camera.height))
@@ -101,7 +101,7 @@ class _Writer:
         _add(solid, "geom", group="3", condim="4", solref=numbers(mjcf_contact.solref(0.0)), rgba="0.3 0.6 0.9 0.4")
 
     def _view(self, camera: Camera, pose: np.ndarray, background: Background) -> None:
-        # The picture's mean colour, so that the border of the static surface does not glow.
+        # The image's mean colour, to keep the border of the static surface from glowing.
         sky = numbers((background.image.pixels.mean(axis=(0, 1)) / 255).round(3))
         _add(
             self.asset, "texture", name="sky", type="skybox", builtin="flat", rgb1=sky, rgb2=sky, width="8", height="48"
@@ -117,7 +117,7 @@ class _Writer:
             specular="0 0 0",
         )
         gl = pose @ GL_FROM_CV
-        # The offset counts from the image's middle, which is half a pixel off the integer centres; y is up since 3.6.
+        # The offset is from the image centre, half a pixel off the integer pixel centres; y is up since 3.6.
         offset = (camera.width / 2 - camera.cx - 0.5, camera.height / 2 - camera.cy - 0.5)
         _add(
             self.world,
@@ -156,7 +156,7 @@ class _Writer:
                 _add(self.contact, "exclude", body1=first, body2=second)
 
     def _link(self, parent: Element, label: str, link: str, joint: Joint | None, outer: np.ndarray) -> None:
-        """Add a link's body and all beyond it; `outer` is the parent's origin in the object frame [m]."""
+        """Add a link's body and its descendants; `outer` is the parent's origin in the object frame [m]."""
         asset, name = self.assets[label], self.names[label, link]
         body = _add(parent, "body", name=name)
         origin = np.zeros(3)
@@ -214,7 +214,7 @@ class _Writer:
         if mesh.texture is None:
             material.set("rgba", numbers((*mesh.colour, 1.0)))
         else:
-            # The photograph's light is in the texture already: shown as it is, unlit.
+            # The texture already contains the photograph's lighting: render it unlit.
             material.set("texture", self._texture(name, png(mesh.texture.pixels)))
             material.set("emission", "1")
         _add(body, "geom", {"class": "visual"}, name=f"{name}_visual", mesh=name, material=name)

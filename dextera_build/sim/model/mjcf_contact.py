@@ -1,19 +1,18 @@
-"""How physics artifacts become MuJoCo contact and joint parameters.
+"""Convert physics artifacts to MuJoCo contact and joint parameters.
 
 **Restitution.** A MuJoCo contact is a damped spring that pushes and never pulls. For a damping ratio z < 1 it returns
 the speed times e = exp(-z (pi - 2 asin z) / sqrt(1 - z^2)), for z > 1 times exp(-z / r ln((z + r) / (z - r))) with
 r = sqrt(z^2 - 1) (Schwager and Poeschel 2007); z = 1 gives e^-2. `solref` takes (time constant, z); the natural
-frequency is 1 / (time constant * z), and it is kept at `CONTACT_RATE` whatever e is, so that bouncy things are no
-stiffer than others. Contacts are never damped more than `MOST_DAMPED` (e = 0.11), because beyond 1.6 resting bodies
-chatter at a 2 ms step. A body that starts in slight penetration is pushed out slowly and not thrown.
+frequency is 1 / (time constant * z) and is kept at `CONTACT_RATE` for every e, so bouncy objects are no stiffer than
+others. Damping is limited to `MOST_DAMPED` (e = 0.11), because above 1.6 resting bodies chatter at a 2 ms step. A body
+that starts in slight penetration is pushed out slowly, not thrown.
 
 **Friction.** Sliding friction is the body's own. Object geoms have priority 1, the static scene 0, so the object's
-parameters win over the table's; between two objects MuJoCo takes the larger friction. Torsion and rolling are lengths
-[m]: the radius of a small contact patch.
+parameters take precedence over the table's; between two objects MuJoCo uses the larger friction. Torsional and rolling
+friction are lengths [m], from the radius of a small contact patch.
 
-**Hinges.** A joint that holds its place in the photograph has at least as much dry friction as gravity asks of it.
-`HOLD` times the largest gravity torque over the motion is what laptop hinges are built for: they hold, and a hand
-moves them.
+**Hinges.** A joint that holds its position in the photograph has at least the dry friction to resist gravity. `HOLD`
+times the maximum gravity torque over the motion matches laptop hinges: they hold, and a hand moves them.
 """
 
 from __future__ import annotations
@@ -27,9 +26,9 @@ from dextera_build.artifacts.object import Body, Joint, Physics
 GRAVITY = 9.81
 """[m/s^2]."""
 CONTACT_RATE = 100.0
-"""Natural frequency of contacts [rad/s]; with a 2 ms step this is far from instability."""
+"""Natural frequency of contacts [rad/s]; stable by a wide margin at a 2 ms step."""
 MOST_DAMPED = 1.2
-"""Largest damping ratio that is written."""
+"""Maximum damping ratio."""
 TORSION_M = 0.003
 """Torsional friction: 2/3 of the radius of a contact patch of 4.5 mm [m]."""
 ROLLING_M = 0.0001
@@ -37,7 +36,7 @@ ROLLING_M = 0.0001
 HOLD = 1.5
 """Dry joint friction over the largest gravity load."""
 DAMPING_S = 0.05
-"""Viscous damping over dry friction [s/rad or s/m]: at 1 rad/s it adds a twentieth."""
+"""Viscous damping divided by dry friction [s/rad or s/m]: at 1 rad/s it adds 5 %."""
 SLIDER_FRICTION = 0.2
 """Friction coefficient of drawer rails."""
 
@@ -52,7 +51,7 @@ def solref(restitution: float) -> tuple[float, float]:
 
 
 def bounce(damping_ratio: float) -> float:
-    """Coefficient of restitution of a damped spring that cannot pull; falls with the damping ratio > 0."""
+    """Coefficient of restitution of a damped spring that cannot pull; decreases with the damping ratio > 0."""
     z = damping_ratio
     root = math.sqrt(abs(1.0 - z * z))
     if root < 1e-6:
@@ -83,7 +82,7 @@ def joint_friction(joint: Joint, body: Body, physics: Physics) -> tuple[float, f
 
 
 def carried_links(link: str, body: Body) -> list[str]:
-    """`link` and all links beyond it."""
+    """`link` and all its descendants."""
     found = [link]
     for name in found:
         found += [joint.child for joint in body.joints if joint.parent == name]

@@ -9,14 +9,14 @@ from dextera_build.errors import RuleError
 
 
 def compile_folder(model: Folder) -> Any:
-    """The `mujoco.MjModel` of a folder with `scene.xml` and the files that it names.
+    """The `mujoco.MjModel` of a folder with `scene.xml` and its files.
 
     Raises:
-        RuleError: There is no `scene.xml`, or MuJoCo refuses it.
+        RuleError: `scene.xml` is missing, or MuJoCo rejects it.
     """
     import mujoco
 
-    # MuJoCo would write `MUJOCO_LOG.TXT` into the user's folder. What diverges shows in `MjData.warning` and in speeds.
+    # Keep MuJoCo from writing `MUJOCO_LOG.TXT` to the user's folder; `MjData.warning` and speeds show divergence.
     mujoco.set_mju_user_warning(lambda message: None)
     if "scene.xml" not in model.files:
         raise RuleError("the folder holds no `scene.xml`", code="DXB-B210", facts={"files": len(model.files)})

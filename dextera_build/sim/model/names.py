@@ -1,4 +1,4 @@
-"""Names in simulator files: labels made safe and unique."""
+"""Names in simulator files: sanitized, unique labels."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def body_names(labels: Iterable[str]) -> dict[str, str]:
 
 
 def link_names(assets: Mapping[str, Asset]) -> dict[tuple[str, str], str]:
-    """(label, link) -> the name of that link's body; a root link bears the object's name."""
+    """(label, link) -> the name of that link's body; a root link has the object's name."""
     roots = body_names(assets)
     taken = {*RESERVED, *roots.values()}
     names: dict[tuple[str, str], str] = {}
@@ -30,13 +30,13 @@ def link_names(assets: Mapping[str, Asset]) -> dict[tuple[str, str], str]:
 
 
 def root_link(body: Body) -> str:
-    """The link that no joint moves."""
+    """The link without a parent joint."""
     moved = {joint.child for joint in body.joints}
     return next(link for link in sorted(body.links) if link not in moved)
 
 
 def plain(label: str) -> str:
-    """`Blue Mug (2)` -> `blue_mug_2`; never empty, never a digit in front."""
+    """`Blue Mug (2)` -> `blue_mug_2`; never empty, never starts with a digit."""
     word = re.sub(r"[^a-z0-9]+", "_", label.lower()).strip("_") or "object"
     return f"object_{word}" if word[0].isdigit() else word
 

@@ -12,14 +12,14 @@ from dextera_build.geometry import transforms
 from dextera_build.sim.model import compose
 
 CONTACT_GROUP = 3
-"""Geom group of what touches and is not drawn."""
-# Stiff enough that a follower lags by well under a degree, and stable at steps of 2 ms.
+"""Group of invisible collision geoms."""
+# Stiff enough for followers to lag by well under a degree, and stable at steps of 2 ms.
 COUPLING_SOLREF = [0.005, 1.0]
 COUPLING_SOLIMP = [0.95, 0.99, 0.001, 0.5, 2.0]
 
 
 def load(model: Folder) -> Any:
-    """The `mujoco.MjSpec` of a robot's folder: `robot.xml` and the meshes that it names."""
+    """The `mujoco.MjSpec` of a robot's folder: `robot.xml` and its meshes."""
     return compose.load(model, "robot.xml")
 
 
@@ -27,14 +27,14 @@ def mjcf(robot: Any) -> str:
     """MJCF text of a robot description (the options of rule `simulate.robot`).
 
     Bodies carry explicit inertials, joints position actuators of the same name, frames are sites; link geometry is in
-    group 0, or 3 where it is not drawn, and collides unless it says otherwise. A follower has no actuator: an equality
-    constraint of its name couples it to its leader. Units: metres, radians, kilograms.
+    group 0, or 3 if not drawn, and collides unless disabled. A follower has no actuator: an equality
+    constraint of the same name couples it to its leader. Units: metres, radians, kilograms.
     """
     spec = mujoco.MjSpec()
     spec.modelname = robot.name
     spec.compiler.degree = False
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    # Like scenes: an explicit step makes the strong dampers of light, folded links tremble.
+    # As in scenes: an explicit integrator makes the strong dampers of light, folded links tremble.
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     for name, colour in robot.colours.items():
         spec.add_material(name=name, rgba=[*colour, 1.0], specular=0.35, shininess=0.5)
@@ -135,7 +135,7 @@ def _add_piece(body: Any, piece: Any) -> None:
     if not piece.drawn:
         geom.group = CONTACT_GROUP
     if piece.friction is not None:
-        # The priority of objects, so that MuJoCo takes the larger friction of the two.
+        # The same priority as objects, so MuJoCo uses the larger friction of the two.
         geom.priority = 1
         geom.friction[0] = piece.friction
 

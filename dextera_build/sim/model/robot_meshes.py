@@ -1,4 +1,4 @@
-"""The bodies and meshes of published robot models on the drives and frames of a model that exists."""
+"""Combine bodies and meshes of published robot models with the drives and frames of an existing model."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from dextera_build.errors import RuleError, listing
 from dextera_build.sim.model import robot as robots
 
 SEEN, VISUAL, COLLISION = 0, 2, 3
-"""Geom groups: seen and touching, only seen, only touching; the last is not drawn, as in a twin's scene."""
+"""Geom groups: visible with collision, visual only, collision only; the last is not drawn, as in a twin's scene."""
 LIMIT_RAD = 1e-3
-"""Joint limits that differ by more are other limits [rad]."""
+"""Tolerance of equal joint limits [rad]."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """One MJCF file and what of it is taken."""
+    """One MJCF file and the selection from it."""
 
     file: Path
     """Path of the MJCF."""
     root: str
-    """Body whose subtree is taken; its place is that of the link of the same name in the model."""
+    """Body whose subtree is used, placed at the link of the same name in the model."""
     prefix: str = ""
-    """Put before the names of its meshes."""
+    """Prefix of its mesh names."""
     renamed: dict[str, str] = field(default_factory=dict)
     """Body in the file -> link."""
     drawn: tuple[str, ...] = ()
-    """Meshes that touch and are seen; of all other geoms that touch only their twin that does not is seen."""
+    """Meshes that collide and are visible; other collision geoms are represented by their visual counterpart."""
 
     def link(self, body: str) -> str:
         """Name of a body's link."""
@@ -41,10 +41,10 @@ class Part:
 
 
 def dressed(model: RobotModel, parts: list[Part]) -> Folder:
-    """The robot with kinematics, masses and geometry out of `parts`, and everything else as in `model`.
+    """Build the robot with kinematics, masses and geometry from `parts`, and everything else from `model`.
 
-    From `model` come the place of each part's root, armature and dry friction, the actuators with their limits, the
-    frames, the pairs that do not touch, and the inertia of a link for which a file gives none. Contact parameters are
+    `model` provides the pose of each part's root, armature and dry friction, the actuators with their limits, the
+    frames, the pairs excluded from contact, and the inertia of links without one in the file. Contact parameters are
     MuJoCo's defaults, as in `model`.
 
     Raises:
@@ -58,9 +58,9 @@ def dressed(model: RobotModel, parts: list[Part]) -> Folder:
 
 
 def misplaced(part: Part, robot: Folder) -> float:
-    """How far geoms of a part stand elsewhere in the robot than in the part's own file: m, or rotation entries.
+    """Largest difference of geom poses between the robot and the part's own file: m, or rotation matrix entries.
 
-    Both are looked at with all joints at 0, relative to the part's root. It is infinite where geoms are missing.
+    Both are compared with all joints at 0, relative to the part's root. Missing geoms give infinity.
     """
     whole = _places(robots.load(robot).compile(), part.link(part.root))
     worst = 0.0
@@ -72,10 +72,10 @@ def misplaced(part: Part, robot: Folder) -> float:
 
 
 class _Assembly:
-    """A robot that is put together from parts.
+    """A robot assembled from parts.
 
     Args:
-        old: `MjSpec` of the model whose drives and frames are kept.
+        old: `MjSpec` of the model that provides drives and frames.
     """
 
     def __init__(self, old: Any) -> None:
@@ -89,7 +89,7 @@ class _Assembly:
         """Link -> its body."""
 
     def add(self, part: Part) -> None:
-        """Take over a part's bodies, joints, geoms and meshes."""
+        """Add a part's bodies, joints, geoms and meshes."""
         source = _read(part)
         for mesh in source.meshes:
             name = f"meshes/{part.prefix}{Path(mesh.file).name}"
@@ -133,7 +133,7 @@ class _Assembly:
             self._add_body(body, child, child, part, colours)
 
     def finished(self) -> Folder:
-        """MJCF and meshes, once drives and frames are added."""
+        """Add drives and frames, and return MJCF and meshes."""
         for joint in self._old.joints:
             self._spec.joint(joint.name).armature = joint.armature
             self._spec.joint(joint.name).frictionloss = joint.frictionloss

@@ -1,4 +1,4 @@
-"""The geoms of a compiled MuJoCo model as triangles in the world frame."""
+"""Tessellate the geoms of a compiled MuJoCo model in the world frame."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from dextera_build.geometry.raycast import Surface
 
 RINGS = 12
-"""Rows from pole to equator and facets per quarter circle."""
+"""Rows from pole to equator, and facets per quarter circle."""
 
 
 def surfaces(model: Any, data: Any) -> list[Surface]:
-    """One surface per geom, in geom order, after `mj_forward`; planes and height fields come out empty."""
+    """One surface per geom, in geom order, after `mj_forward`; planes and height fields give empty surfaces."""
     made = []
     for geom in range(model.ngeom):
         vertices, faces = _geom(model, geom)
@@ -47,7 +47,7 @@ def _geom(model: Any, geom: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def turned(profile: np.ndarray, segments: int = 4 * RINGS) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and faces of a profile (P, 2) of radius and z, turned about z; it begins and ends on the axis."""
+    """Vertices and faces of a profile (P, 2) of radius and z, revolved about z; its ends are on the axis."""
     angle = 2 * np.pi * np.arange(segments) / segments
     rows = len(profile)
     vertices = np.stack(
@@ -66,7 +66,7 @@ def turned(profile: np.ndarray, segments: int = 4 * RINGS) -> tuple[np.ndarray, 
 
 
 def _arc(radius: float, half: float) -> np.ndarray:
-    """Profile of a sphere of `radius` whose halves are drawn apart by `half` each."""
+    """Profile of a sphere of `radius` with its halves moved apart by `half` each."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, 2 * RINGS)
     shift = np.where(np.arange(2 * RINGS) < RINGS, -half, half)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle) + shift], axis=1)

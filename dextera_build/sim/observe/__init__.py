@@ -1,1 +1,1 @@
-"""Facts that only a simulator knows: privileged observations, contacts, progress."""
+"""Simulator-only quantities: privileged observations, contacts, progress."""

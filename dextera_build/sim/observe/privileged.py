@@ -1,7 +1,7 @@
-"""Quantities that only a simulator knows, read from its state; for teachers, critics and rewards alone.
+"""Privileged quantities read from the simulator's state, only for teachers, critics and rewards.
 
-Velocities are those of a frame's origin: linear [m/s], then angular [rad/s], both in the robot's base frame. MuJoCo's
-own `qvel` of a free joint would mix frames (linear in the world, angular in the body), so `mj_objectVelocity` is asked.
+Velocities refer to a frame's origin: linear [m/s], then angular [rad/s], both in the robot's base frame. MuJoCo's
+`qvel` of a free joint mixes frames (linear in the world, angular in the body), so `mj_objectVelocity` is used.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Insight:
         self._points = bundle.objects[environment.task.object].points.astype(np.float64)
 
     def read(self) -> PrivilegedObservation:
-        """Everything, as it is now."""
+        """Read all current quantities."""
         environment = self._environment
         data = environment.data
         sites = [self._velocity(mujoco.mjtObj.mjOBJ_SITE, site) for site in self._tips]
@@ -64,7 +64,7 @@ class Insight:
         return self._environment.poses(data.site_xpos[self._tips], turns)
 
     def _surface(self, data: Any) -> np.ndarray:
-        """The sampled points of the task's object (P, 3) [m]; its joints as they were in the photograph."""
+        """The sampled points of the task's object (P, 3) [m]; with the joint positions of the photograph."""
         body = int(self._environment.model.body(self._environment.task.object).id)
         world = self._points @ data.xmat[body].reshape(3, 3).T + data.xpos[body]
         return np.asarray((world - self._origin) @ self._rotation.T)

@@ -1,4 +1,4 @@
-"""How far an episode has come, read from the simulator; only rewards see it, never a policy."""
+"""Progress of an episode, read from the simulator; used only by rewards, never by a policy."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from dextera_build.sim.primitives import articulate, lift
 from dextera_build.sim.runtime.environment import Environment
 
 SHARE = 0.95
-"""How far out on a link to push it, see `Mechanism.pushed_at`."""
+"""Distance of the push from the axis, see `Mechanism.pushed_at`."""
 BEHIND_M = 0.02
-"""A fingertip pushes from this far behind the link's surface [m]."""
+"""Distance behind the link's surface from which a fingertip pushes [m]."""
 CLEAR_M = 0.06
-"""A hand that goes around a link's free edge keeps this far from it [m]."""
+"""Clearance of a hand from the link's free edge when going around it [m]."""
 
 
 class Progress:
     """Follows one environment.
 
     Args:
-        environment: Episodes may begin and end; each is measured against its own start.
+        environment: The task; each episode is measured against its own start.
     """
 
     def __init__(self, environment: Environment) -> None:
@@ -35,13 +35,13 @@ class Progress:
         self._links = {} if self._lift else {name: _Link(self._model, name) for name in environment.task.joints}
 
     def value(self, success: bool) -> float:
-        """Value of this moment; see `dextera_build.sim.primitives`."""
+        """Value of the current state; see `dextera_build.sim.primitives`."""
         if self._lift:
             return lift.value(self.lifting(success))
         return articulate.value(self.articulating(success))
 
     def lifting(self, success: bool) -> lift.Progress:
-        """How far a lift has come."""
+        """Progress of a lift."""
         environment = self._environment
         state, start = environment.state(), environment.judge.start
         local = (self._reached() - state.world_from_object[:3, 3]) @ state.world_from_object[:3, :3]
@@ -50,7 +50,7 @@ class Progress:
         return lift.Progress(float(reach), state.grasp, rise, success)
 
     def articulating(self, success: bool) -> articulate.Progress:
-        """How far an articulation has come: the joint that is farthest from its command, and the tip nearest to it."""
+        """Progress of an articulation: the joint farthest from its command, and the fingertip nearest to it."""
         environment, data = self._environment, self._environment.data
         start, left, reach = environment.judge.start.joints, 0.0, np.inf
         for name, goal in environment.task.joints.items():
@@ -68,16 +68,16 @@ class Progress:
 
 
 class _Link:
-    """How far a hand has to go to push a joint's link from behind."""
+    """Distance of a hand from pushing a joint's link from behind."""
 
     def __init__(self, model: mujoco.MjModel, joint: str) -> None:
         self._mechanism = Mechanism(model, joint)
         self._body = int(model.jnt_bodyid[model.joint(joint).id])
 
     def distances(self, data: mujoco.MjData, way: float, points: np.ndarray) -> np.ndarray:
-        """How far points (N, 3) are from where the joint can be pushed by `way`, (N,) [m], all in the world.
+        """Path lengths (N,) [m] from points (N, 3) to the place where the joint is pushed by `way`, all in the world.
 
-        From the side that the link moves towards, the way leads around its free edge, for straight on is the link.
+        From the side that the link moves towards, the path leads around its free edge, because the link is in between.
         """
         place, along = self._mechanism.pushed_at(way, SHARE)
         pose = transforms.rigid(data.xmat[self._body].reshape(3, 3), data.xpos[self._body])

@@ -30,7 +30,7 @@ class Touch:
 
         Args:
             contact: Whether the task's object may be touched now.
-            press_n: Force that is let pass.
+            press_n: Tolerated force [N].
         """
         data, model = self._environment.data, self._environment.model
         for number in range(data.ncon):
@@ -40,7 +40,7 @@ class Touch:
             thing = other if self._robot[one] else one
             if contact and self._target[thing]:
                 continue
-            # Fingers of a closing hand meet one another.
+            # Fingers of a closing hand may touch each other.
             if contact and self._robot[one] and self._robot[other]:
                 continue
             force = np.zeros(6)

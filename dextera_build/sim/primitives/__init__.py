@@ -1,1 +1,1 @@
-"""Task primitives: one file each with its success and its reward, the judge of all, and the hold of a hand."""
+"""Task primitives: one file each with success condition and reward, the common judge, and grasp estimation."""

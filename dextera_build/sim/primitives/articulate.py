@@ -1,4 +1,4 @@
-"""Primitive `articulate`: joints of an object are at commanded positions, and the object stays where it stood."""
+"""Primitive `articulate`: an object's joints are at their commanded positions, and the object has not moved."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, near
 from dextera_build.sim.primitives.state import TaskState
 
 LIMIT_RAD = 0.05
-"""A joint farther beyond its limit than this was forced [rad or m]."""
+"""Distance beyond its limit from which a joint counts as forced [rad or m]."""
 REST = 0.25
-"""A joint that moves faster than this has not arrived but passes through [rad/s or m/s]."""
+"""Maximum speed of a joint at rest; a faster one is passing through [rad/s or m/s]."""
 STRAY_M = 0.15
-"""An articulated object whose base was carried farther than this was thrown or dragged, not operated [m]."""
+"""Maximum displacement of the base; beyond it the object was thrown or dragged, not operated [m]."""
 TILT_RAD = 0.5
-"""... or tipped by more than this [rad]."""
+"""Maximum tilt of the base [rad]."""
 DRAG = 0.4
-"""Cost of dragging an object by the allowed distance; small, because slippery objects move a little."""
+"""Cost of dragging an object by the allowed distance; small, because slippery objects move slightly."""
 
 
 def succeeded(task: TaskSpec, start: TaskState, now: TaskState) -> bool:
     """Whether every selected joint is within tolerance of its command, at rest and not forced past a limit."""
     moved = now.world_from_object[:3, 3] - start.world_from_object[:3, 3]
     upright = float(now.world_from_object[:3, 2] @ start.world_from_object[:3, 2])
-    # Comparisons are put so that NaN fails them.
+    # Comparisons are written to fail on NaN.
     stands = float(np.linalg.norm(moved)) <= STRAY_M and upright >= np.cos(TILT_RAD)
     return bool(stands) and all(_arrived(task, now, name) for name in task.joints)
 
@@ -39,23 +39,23 @@ def _arrived(task: TaskSpec, now: TaskState, name: str) -> bool:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far moving joints has come."""
+    """Progress of moving joints."""
 
     reach_m: float
-    """Distance of the nearest fingertip from where it has to push [m]."""
+    """Distance of the nearest fingertip from the push position [m]."""
     left: float
-    """Distance of the joints from their commands as a share of its value at the start."""
+    """Distance of the joints from their commands, as a fraction of the initial distance."""
     strayed: float
-    """How far the object was dragged as a share of the allowance."""
+    """Distance dragged, as a fraction of the allowance."""
     success: bool
-    """The task is done."""
+    """Whether the task is done."""
 
 
 def value(progress: Progress) -> float:
-    """Value of a moment: reach, then bring the joints to their commands, then success.
+    """Value of a state: reach, then bring the joints to their commands, then success.
 
-    The hand counts for less the nearer the joints are, so that it may release a joint that has arrived. An object that
-    is dragged along takes away from all.
+    The weight of reaching falls as the joints approach their commands, so the hand may release a joint that has
+    arrived. Dragging the object reduces the value.
     """
     moved = 1.0 - float(np.clip(progress.left, 0.0, 2.0))
     reach = 1.0 - (1.0 - near(progress.reach_m)) * min(1.0, progress.left)

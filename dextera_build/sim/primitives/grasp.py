@@ -1,6 +1,6 @@
-"""The hold on an object, read from a simulator's contacts.
+"""Grasp state of an object from a simulator's contacts.
 
-On hardware an estimate of the same form takes its place.
+On hardware, an estimate of the same form replaces it.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 from dextera_build.sim.primitives.state import GraspState
 
 PRESS_N = 0.05
-"""A finger that presses with less than this does not count [N]."""
+"""Minimum force of a finger that counts as pressing [N]."""
 OPPOSING = -0.3
-"""Two forces on the object point against one another where the cosine between them is below this."""
+"""Cosine between two forces on the object below which they oppose each other."""
 NONE = GraspState()
 """Nothing is held."""
 SUPPORT = -1
@@ -43,14 +43,14 @@ def finger_map(model: Any, tips: np.ndarray, palm: int) -> np.ndarray:
 
 
 def estimate(model: Any, data: Any, body: int, fingers: np.ndarray, palm: int) -> GraspState:
-    """The hold on the object whose root is `body`.
+    """Estimate the grasp state of the object with root `body`.
 
     Args:
         model: `mujoco.MjModel`.
-        data: `mujoco.MjData` with contacts and forces of the present state.
+        data: `mujoco.MjData` with contacts and forces of the current state.
         body: Root body of the object.
         fingers: `finger_map`.
-        palm: Site of the palm, against which slip is measured, or -1.
+        palm: Site of the palm, the reference for slip, or -1.
     """
     forces, supported = _forces(model, data, body, fingers)
     pressing = forces[np.linalg.norm(forces, axis=1) > PRESS_N]
@@ -60,7 +60,7 @@ def estimate(model: Any, data: Any, body: int, fingers: np.ndarray, palm: int) -
 
 
 def tip_forces(model: Any, data: Any, fingers: np.ndarray, count: int) -> np.ndarray:
-    """Force that everything else puts on each finger, (F, 3) [N] in the world frame."""
+    """Force on each finger from everything else, (F, 3) [N] in the world frame."""
     total = np.zeros((count, 3))
     for number in range(data.ncon):
         one, other = (int(fingers[geom]) for geom in data.contact.geom[number])
@@ -97,12 +97,12 @@ def _on_second(model: Any, data: Any, number: int) -> np.ndarray:
     """Force of a contact on the second of its geoms, (3,) [N] in the world frame."""
     local = np.zeros(6)
     mujoco.mj_contactForce(model, data, number, local)
-    # Rows of the contact frame are its axes; the normal, row 0, points from the first geom to the second.
+    # Rows of the contact frame are axes; the normal, row 0, points from the first geom to the second.
     return np.asarray(data.contact.frame[number].reshape(3, 3).T @ local[:3])
 
 
 def _slip(model: Any, data: Any, body: int, palm: int) -> float:
-    """Speed of the object's centre of mass relative to the palm as if the two were one rigid body [m/s]."""
+    """Speed of the object's centre of mass relative to a rigid attachment to the palm [m/s]."""
     if palm < 0:
         return 0.0
     ours, hand = np.zeros(6), np.zeros(6)

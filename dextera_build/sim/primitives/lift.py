@@ -1,4 +1,4 @@
-"""Primitive `lift`: an object is held by the hand alone, and higher than at the start."""
+"""Primitive `lift`: an object is held by the hand alone, above its initial height."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
 from dextera_build.sim.primitives.state import GraspState, TaskState
 
 SLIP_M_S = 0.05
-"""A held object moves slower than this relative to the palm [m/s]; the same in every world."""
+"""Maximum speed of a held object relative to the palm [m/s]; the same in every world."""
 
 
 def succeeded(task: TaskSpec, start: TaskState, now: TaskState) -> bool:
-    """Whether the object's origin rose by `height_m` and a valid grasp, and nothing else, holds it now.
+    """Whether the object's origin rose by `height_m` and only a valid grasp holds it now.
 
-    A valid grasp is two or more fingers that press against one another, no other support, and no slip. A
-    throw fails for want of fingers, pinning against the table for want of height and for the support.
+    A valid grasp has at least two opposing fingers, no other support and no slip. A throw fails because no fingers
+    press, pinning against the table because of the height and the support.
     """
     rise = float(now.world_from_object[2, 3] - start.world_from_object[2, 3])
     grasp = now.grasp
@@ -28,20 +28,20 @@ def succeeded(task: TaskSpec, start: TaskState, now: TaskState) -> bool:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far lifting has come."""
+    """Progress of lifting."""
 
     reach_m: float
     """Mean distance of the fingertips from the object's surface [m]."""
     grasp: GraspState
-    """The hold on the object."""
+    """Grasp state of the object."""
     rise: float
-    """Rise of the object as a share of the height that is asked for."""
+    """Rise of the object, as a fraction of the required height."""
     success: bool
-    """The task is done."""
+    """Whether the task is done."""
 
 
 def value(progress: Progress) -> float:
-    """Value of a moment: reach, then hold with forces that oppose one another, then rise, then success."""
+    """Value of a state: reach, then hold with opposing forces, then rise, then success."""
     grasp = progress.grasp
     hold = 0.5 * min(grasp.fingers, 2) / 2 + 0.5 * float(grasp.opposing)
     held = grasp.fingers >= 2 and grasp.opposing

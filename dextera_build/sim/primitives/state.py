@@ -1,4 +1,4 @@
-"""The state by which a task is judged, measured the same way in every world."""
+"""The state that determines success, measured the same way in every world."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import numpy as np
 
 @dataclass(frozen=True)
 class GraspState:
-    """The hold on the task's object in one control period."""
+    """Grasp state of the task's object in one control period."""
 
     fingers: int = 0
-    """Fingers, the palm counted as one, that press on the object."""
+    """Number of fingers pressing on the object, with the palm counted as one."""
     opposing: bool = False
-    """Whether two of the forces on the object point against one another."""
+    """Whether two of the forces on the object oppose each other."""
     supported: bool = True
-    """Whether anything but the hand touches the object."""
+    """Whether anything other than the hand touches the object."""
     slip_m_s: float = 0.0
     """Speed of the object relative to the palm [m/s]."""
 
 
 @dataclass(frozen=True)
 class TaskState:
-    """One control period of a task, as its success is judged."""
+    """State of a task in one control period, used to judge success."""
 
     time_s: float
-    """Since the start of the episode [s]."""
+    """Time since the start of the episode [s]."""
     world_from_object: np.ndarray
     """T_world_object of the task's object (4, 4)."""
     joints: Mapping[str, float] = field(default_factory=dict)
@@ -37,4 +37,4 @@ class TaskState:
     speeds: Mapping[str, float] = field(default_factory=dict)
     """Joint -> velocity [rad/s or m/s]."""
     grasp: GraspState = GraspState()
-    """The hold on the object."""
+    """Grasp state of the object."""

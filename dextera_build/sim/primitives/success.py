@@ -1,7 +1,7 @@
 """Success of a task: pure functions of quantities that can be measured in any world.
 
-Nothing here knows a simulator. A condition is judged once per control period; success means that it held without a
-break for `hold_s`, that it did not hold at the reset, and that the clock starts anew after any break.
+Independent of any simulator. The condition is judged once per control period; success means that it did not hold at
+the reset and then held without interruption for `hold_s`. Any interruption restarts the clock.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Judge:
         self._since: float | None = None
 
     def update(self, now: TaskState) -> bool:
-        """Take in one control period; True once the condition has held for `hold_s`."""
+        """Process one control period; True once the condition has held for `hold_s`."""
         if self.held_at_reset or not holds(self.task, self.start, now):
             self._since = None
             return False

@@ -1,1 +1,1 @@
-"""Pictures of models: cameras, light, films of episodes, portraits."""
+"""Rendering of models: cameras, light, films of episodes, portraits."""

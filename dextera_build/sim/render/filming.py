@@ -1,4 +1,4 @@
-"""Show recorded episodes again: recorded states set into the task's model and rendered, without stepping."""
+"""Render recorded episodes: set recorded states in the task's model, without stepping."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from dextera_build.sim.render.rendering import through
 
 
 class Replica:
-    """Turns recorded steps into positions of a task's compiled model.
+    """Converts recorded steps to positions of a task's compiled model.
 
     Args:
-        bundle: The task that the episodes belong to.
-        episodes: Says which joints and bodies the arrays of its episodes are about.
+        bundle: The task of the episodes.
+        episodes: Defines the joints and bodies of its episodes' arrays.
 
     Raises:
-        RuleError: MuJoCo does not load the model, or it lacks a joint or body of the episodes.
+        RuleError: MuJoCo cannot load the model, or it lacks a joint or body of the episodes.
     """
 
     def __init__(self, bundle: TaskBundle, episodes: Episodes) -> None:
@@ -37,7 +37,7 @@ class Replica:
         self._objects = self._addresses(list(episodes.object_names))
 
     def positions(self, episode: Episode) -> np.ndarray:
-        """MuJoCo positions (T, Q) of every step; positions that are not recorded keep their values at the start.
+        """MuJoCo positions (T, Q) of every step; unrecorded positions keep their initial values.
 
         Raises:
             RuleError: The episode's start belongs to another model.
@@ -76,7 +76,7 @@ class Replica:
 
 
 def in_world(world_from_base: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """Poses (T, 7) in the base frame, position [m] and quaternion w x y z, as the same in the world frame."""
+    """Transform poses (T, 7), position [m] and quaternion w x y z, from the base frame to the world frame."""
     turn = quaternions.from_matrix(world_from_base[:3, :3])
     found = np.empty(poses.shape)
     found[:, :3] = transforms.apply(world_from_base, poses[:, :3].astype(np.float64))
@@ -87,7 +87,7 @@ def in_world(world_from_base: np.ndarray, poses: np.ndarray) -> np.ndarray:
 def frames(bundle: TaskBundle, episodes: Episodes, view: View) -> Iterator[tuple[str, np.ndarray]]:
     """Index and frames (T, H, W, 3) uint8 sRGB of each episode in `episodes.items`, without shadows.
 
-    The pictures are those that a policy sees during a rollout: same samples, same lights.
+    The images equal a policy's input during a rollout: same samples, same lights.
     """
     replica = Replica(bundle, episodes)
     with through(replica.model, view) as eye:

@@ -1,8 +1,8 @@
-"""Soft light for pictures: how much of the sky and of a wide lamp each pixel sees, by ray casting.
+"""Soft light by ray casting: the visibility of the sky and of an area lamp at each pixel.
 
-A lamp of angular size gives penumbras and the sky's occlusion gives the dark seams under things that a photograph has
-and a point lamp lacks. Rays start from every other pixel, sixteen patterns alternate between neighbours, and an
-average over neighbours on the same surface takes the pattern away. All samples are fixed: same model, same bytes.
+An extended lamp gives penumbras, and sky occlusion gives the dark seams under objects, as in photographs. Rays start
+from every other pixel, sixteen patterns alternate between neighbours, and averaging over neighbours on the same surface
+removes the pattern. All samples are fixed: the same model gives the same bytes.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.geometry import cameras, raycast
 
 PATTERN = 4
-"""Edge of the tile of pixels that share the samples among them."""
+"""Edge of the tile of pixels that share one set of samples [px]."""
 SAMPLES = 8
 """Rays of each kind per pixel."""
 LIFT_M = 0.001
-"""Rays start this far above their surface [m]."""
+"""Offset of ray origins from the surface [m]."""
 
 
 def light(
@@ -33,16 +33,16 @@ def light(
     radius_rad: float,
     reach_m: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Shares (H, W) float64 0..1 of the sky and of the lamp that each pixel sees.
+    """Visible fractions (H, W) float64 0..1 of the sky and of the lamp at each pixel.
 
     Args:
-        surfaces: Everything that throws shadows, in the world frame.
+        surfaces: All shadow casters, in the world frame.
         camera: Intrinsics [px]; width and height even.
         world_from_camera: (4, 4) T_world_camera, OpenCV axes.
-        depth: (H, W) image-plane z of the picture [m], which the shares are drawn up to.
+        depth: (H, W) image-plane z of the picture [m], which guides the upsampling.
         lamp: (3,) direction of the lamp's light.
         radius_rad: Angular radius of the lamp [rad].
-        reach_m: What lies farther away does not hide the sky [m].
+        reach_m: Maximum distance of surfaces that hide the sky [m].
     """
     half = _halved(camera)
     seen = raycast.render(surfaces, half.matrix(), world_from_camera, half.height, half.width)
@@ -86,13 +86,13 @@ def _scene(surfaces: Sequence[raycast.Surface]) -> Any:
 
 
 def _sequence(tile: np.ndarray, sample: int) -> tuple[np.ndarray, np.ndarray]:
-    """Two numbers 0..1 per pixel: Roberts' R2 sequence, dealt out to the pixels of a tile."""
+    """Two numbers 0..1 per pixel: Roberts' R2 sequence, distributed over the pixels of a tile."""
     index = sample * PATTERN * PATTERN + (tile * 7) % (PATTERN * PATTERN) + 1
     return (0.7548776662466927 * index) % 1.0, (0.5698402909980532 * index) % 1.0
 
 
 def _hemisphere(normals: np.ndarray, tile: np.ndarray) -> list[np.ndarray]:
-    """Directions about each normal, weighted by the cosine."""
+    """Cosine-weighted directions about each normal."""
     helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]])
     first = np.cross(normals, helper)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -119,7 +119,7 @@ def _disc(towards: np.ndarray, radius: float, tile: np.ndarray) -> list[np.ndarr
 
 
 def _open(scene: Any, points: np.ndarray, directions: list[np.ndarray], reach: float) -> np.ndarray:
-    """Share of the directions in which nothing stands within `reach` [m]."""
+    """Fraction of the directions that are free within `reach` [m]."""
     import open3d as o3d
 
     free = np.zeros(len(points))
@@ -130,7 +130,7 @@ def _open(scene: Any, points: np.ndarray, directions: list[np.ndarray], reach: f
 
 
 def _smoothed(values: np.ndarray, seen: raycast.Render) -> np.ndarray:
-    """Average over a tile's neighbourhood, among pixels of about the same depth and normal."""
+    """Average over a tile's neighbourhood, restricted to pixels of similar depth and normal."""
     total, weight = np.zeros_like(values), np.zeros(seen.depth.shape)
     depth = np.where(seen.index >= 0, seen.depth, np.inf)
     for down in range(-2, 3):
@@ -146,7 +146,7 @@ def _smoothed(values: np.ndarray, seen: raycast.Render) -> np.ndarray:
 
 
 def _doubled(values: np.ndarray, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
-    """Values (H, W, C) at twice the size: of the nine nearest, those count whose depth is that of the fine pixel."""
+    """Values (H, W, C) at twice the resolution, from those of the nine nearest with the fine pixel's depth."""
     row, column = np.mgrid[0 : fine.shape[0], 0 : fine.shape[1]]
     total, weight = np.zeros((*fine.shape, values.shape[-1])), np.zeros(fine.shape)
     for down in (-1, 0, 1):

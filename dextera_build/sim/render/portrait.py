@@ -1,4 +1,4 @@
-"""Pictures of tasks and robots for people."""
+"""Presentation pictures of tasks and robots."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from dextera_build.sim.model import robot as robots
 from dextera_build.sim.render.rendering import render_rgb
 
 EYE = (0.35, -1.35, 0.95)
-"""Where pictures are taken from, relative to the middle of the scene [m]."""
+"""Camera position relative to the centre of the scene [m]."""
 
 
 def portrait(model: Any, data: Any, width: int = 480, height: int = 360) -> np.ndarray:
-    """The scene as it stands now, (height, width, 3) uint8: robot and movable objects in the middle."""
+    """Render the current scene, (height, width, 3) uint8, centred on robot and movable objects."""
     return render_rgb(model, data, *stand(model, data, width, height), shadows=False)
 
 
@@ -32,7 +32,7 @@ def at_home(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
 
 
 def stand(model: Any, data: Any, width: int, height: int) -> tuple[Camera, np.ndarray]:
-    """A camera and its T_world_camera that see the robot and everything that can move."""
+    """A camera and its T_world_camera with the robot and all movable objects in view."""
     free = [
         data.xpos[model.jnt_bodyid[joint]]
         for joint in range(model.njnt)
@@ -47,7 +47,7 @@ def stand(model: Any, data: Any, width: int, height: int) -> tuple[Camera, np.nd
 
 
 def of_robot(robot: Folder, joints: Mapping[str, float], size: int = 480) -> np.ndarray:
-    """A picture (size, size, 3) uint8 of the robot at `joints` [rad], from its front left."""
+    """Render the robot at `joints` [rad] from its front left, (size, size, 3) uint8."""
     spec = robots.load(robot)
     spec.worldbody.add_light(
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=[-0.5, -0.4, -1], pos=[2, 2, 3], diffuse=[0.6] * 3

@@ -1,9 +1,9 @@
-"""MuJoCo renders through a calibrated camera: colour, image-plane depth, segmentation.
+"""MuJoCo rendering through a calibrated camera: colour, image-plane depth, segmentation.
 
-The camera of this project (OpenCV axes, integer pixel centres, any principal point) is given to the renderer directly,
-so a model needs no camera of its own. `camera_spec` writes the same camera into a model.
+The camera (OpenCV axes, integer pixel centres, any principal point) is passed to the renderer directly, so a model
+needs no camera of its own. `camera_spec` writes the same camera into a model.
 
-EGL is chosen by the package `dextera_build.sim` unless `MUJOCO_GL` is set.
+The package `dextera_build.sim` selects EGL unless `MUJOCO_GL` is set.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from dextera_build.artifacts.task import View
 from dextera_build.geometry.cameras import GL_FROM_CV
 
 SAMPLES = 4
-"""Samples per pixel, where nothing else is said; fixed, because the picture depends on it."""
+"""Default samples per pixel; fixed, because the image depends on it."""
 
 
 class Eye:
-    """A camera that looks into one MuJoCo model; a context manager, because it holds a GL context.
+    """A camera in one MuJoCo model; a context manager, because it holds a GL context.
 
     Args:
         model: Compiled model; its off-screen buffer size and sample count are set here.
         camera: Intrinsics [px].
         world_from_camera: (4, 4) T_world_camera, OpenCV axes, in the model's world frame [m].
         shadows: Draw shadows and reflections in colour renders.
-        geomgroups: Groups of geoms that are drawn; None leaves MuJoCo's default (0, 1, 2).
-        samples: Samples per pixel; more smooth the edges of colours, and one takes less than half the time of four.
+        geomgroups: Groups of drawn geoms; None keeps MuJoCo's default (0, 1, 2).
+        samples: Samples per pixel for antialiasing; one takes less than half the time of four.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Eye:
     ) -> None:
         model.vis.global_.offwidth = max(model.vis.global_.offwidth, camera.width)
         model.vis.global_.offheight = max(model.vis.global_.offheight, camera.height)
-        model.vis.quality.offsamples = samples if samples > 1 else 0  # MuJoCo says 0 where OpenGL says one sample
+        model.vis.quality.offsamples = samples if samples > 1 else 0  # 0 in MuJoCo is one sample in OpenGL
         self._model, self._camera, self._pose = model, camera, np.asarray(world_from_camera, np.float64)
         self._shadows = shadows
         self._option = mujoco.MjvOption()
@@ -75,7 +75,7 @@ class Eye:
         return np.array(self._renderer.render())
 
     def depth(self, data: Any) -> np.ndarray:
-        """Image-plane z (H, W) float32 [m]; 0 where nothing is."""
+        """Image-plane z (H, W) float32 [m]; 0 if empty."""
         self._look(data)
         self._renderer.enable_depth_rendering()
         depth = np.array(self._renderer.render())
@@ -85,7 +85,7 @@ class Eye:
         return depth
 
     def segmentation(self, data: Any) -> np.ndarray:
-        """Geom ids (H, W) int32; -1 where no geom is."""
+        """Geom ids (H, W) int32; -1 without a geom."""
         self._look(data)
         self._renderer.enable_segmentation_rendering()
         pairs = np.array(self._renderer.render())
@@ -98,7 +98,7 @@ class Eye:
         camera = self._camera
         for eye in self._renderer.scene.camera:
             near = eye.frustum_near
-            # The picture spans 0..W in continuous coordinates, where the centre of pixel 0 lies at 0.5.
+            # The image spans 0..W in continuous coordinates, with the centre of pixel 0 at 0.5.
             left, right = -(camera.cx + 0.5) / camera.fx, (camera.width - camera.cx - 0.5) / camera.fx
             up, down = (camera.cy + 0.5) / camera.fy, -(camera.height - camera.cy - 0.5) / camera.fy
             eye.pos[:] = place
@@ -109,7 +109,7 @@ class Eye:
 
 
 def _use_chosen_platform() -> None:
-    # MuJoCo reads `MUJOCO_GL` once; if it was imported before this package, it has no platform.
+    # MuJoCo reads `MUJOCO_GL` once; if imported before this package, it has no platform.
     if os.environ.get("MUJOCO_GL") == "egl":
         from mujoco.egl import GLContext
         from mujoco.rendering.classic import gl_context
@@ -118,7 +118,7 @@ def _use_chosen_platform() -> None:
 
 
 def through(model: Any, view: View) -> Eye:
-    """The image that policies and films get through `view`."""
+    """The camera of `view` as used by policies and films."""
     return Eye(model, view.camera, view.world_from_camera, samples=view.samples)
 
 
@@ -131,19 +131,19 @@ def render_rgb(
 
 
 def render_depth(model: Any, data: Any, camera: Camera, world_from_camera: np.ndarray) -> np.ndarray:
-    """Image-plane z (H, W) float32 [m], 0 where nothing is; see `Eye` for the arguments."""
+    """Image-plane z (H, W) float32 [m], 0 if empty; see `Eye` for the arguments."""
     with Eye(model, camera, world_from_camera) as eye:
         return eye.depth(data)
 
 
 def render_segmentation(model: Any, data: Any, camera: Camera, world_from_camera: np.ndarray) -> np.ndarray:
-    """Geom ids (H, W) int32, -1 where no geom is; see `Eye` for the arguments."""
+    """Geom ids (H, W) int32, -1 without a geom; see `Eye` for the arguments."""
     with Eye(model, camera, world_from_camera) as eye:
         return eye.segmentation(data)
 
 
 def bodies_of(model: Any, geoms: np.ndarray) -> np.ndarray:
-    """Body ids (H, W) int32 of a segmentation's geom ids; -1 where no geom is."""
+    """Body ids (H, W) int32 of a segmentation's geom ids; -1 without a geom."""
     owner = np.append(np.asarray(model.geom_bodyid, np.int32), np.int32(-1))
     return np.asarray(owner[geoms])
 

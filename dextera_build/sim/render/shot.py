@@ -1,4 +1,4 @@
-"""A picture without any fault, and how it is averaged from finer ones. Needs no renderer."""
+"""An ideal picture, and its averaging from finer ones; needs no renderer."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ GAMMA = 2.2
 
 @dataclass(frozen=True)
 class Shot:
-    """The picture of a faultless camera."""
+    """The picture of an ideal camera."""
 
     rgb: np.ndarray  # (H, W, 3) float64, sRGB 0..1
-    depth: np.ndarray  # (H, W) float64, image-plane z [m]; 0 where nothing is
+    depth: np.ndarray  # (H, W) float64, image-plane z [m]; 0 if empty
     labels: np.ndarray  # (H, W) int32, object label at the pixel's centre; 0 for everything else
 
 

@@ -1,4 +1,4 @@
-"""A few pictures of recorded episodes, for film strips."""
+"""Still pictures of recorded episodes, for film strips."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from dextera_build.sim.render.rendering import Eye
 
 
 class Stills:
-    """Pictures of recorded states of one world; nothing is stepped.
+    """Renders recorded states of one world, without stepping.
 
     Args:
-        bundle: The task that the episodes were made in; their arrays are in its order.
+        bundle: The task of the episodes; their arrays are in its order.
         view: The camera; None: in front of the table.
-        width_px: Width of a picture [px], whatever the camera's own size is.
+        width_px: Width of a picture [px], independent of the camera's size.
     """
 
     def __init__(self, bundle: TaskBundle, view: View | None, width_px: int = 240) -> None:
@@ -31,7 +31,7 @@ class Stills:
         self._place = place
 
     def at(self, episode: Episode, rows: np.ndarray) -> np.ndarray:
-        """Pictures (len(rows), H, W, 3) uint8 of the scene before action `rows[i]`, at most the last."""
+        """Pictures (len(rows), H, W, 3) uint8 of the scene before action `rows[i]`, clamped to the last."""
         # An episode without a step still has a start.
         positions = self._replica.positions(episode) if len(episode.joints) else episode.start.qpos[None]
         with Eye(self._replica.model, *self._place) as eye:
@@ -43,7 +43,7 @@ class Stills:
 
 
 def scaled(camera: Camera, factor: float) -> Camera:
-    """The same camera with pictures of `factor` times the size; integer pixel centres."""
+    """The same camera with images of `factor` times the size; integer pixel centres."""
     width, height = round(camera.width * factor), round(camera.height * factor)
     across, down = width / camera.width, height / camera.height
     return Camera(

@@ -1,1 +1,1 @@
-"""Runs tasks: starts, steps, records, replays."""
+"""Task runtime: starts, steps, recording, replay."""

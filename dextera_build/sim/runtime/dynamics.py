@@ -1,4 +1,4 @@
-"""Write drawn dynamics into a compiled model: masses, friction, gains."""
+"""Apply sampled dynamics to a compiled model: masses, friction, gains."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from dextera_build.sim.model.compose import ROBOT
 
 
 class Dynamics:
-    """Keeps a model's own values, so that every start is applied to them and never to the values of an earlier start.
+    """Keeps a model's original values and applies every start to them, never to an earlier start's values.
 
     Args:
         bundle: The task.
-        model: Its compiled model, which `apply` changes.
+        model: Its compiled model, modified by `apply`.
     """
 
     def __init__(self, bundle: TaskBundle, model: Any) -> None:
@@ -43,6 +43,6 @@ class Dynamics:
         model.actuator_gainprm[:], model.actuator_biasprm[:] = self._gain, self._bias
         model.actuator_gainprm[self._actuators, 0] *= start.gain_scale
         model.actuator_biasprm[self._actuators, 1:3] *= start.gain_scale
-        # Constants that MuJoCo derives from masses; it wants a data of its own to work in, and leaves it at `qpos0`.
+        # Constants derived from masses; MuJoCo needs a scratch `MjData`, which it leaves at `qpos0`.
         mujoco.mj_setConst(model, data)
         mujoco.mj_resetData(model, data)

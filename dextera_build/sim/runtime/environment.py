@@ -1,4 +1,4 @@
-"""Runs a task bundle: start, step, measure. The one runtime under operators, policies, replays and Gymnasium."""
+"""Run a task bundle: start, step, measure. The common runtime of operators, policies, replays and Gymnasium."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.dynamics import Dynamics
 
 RAMP = 5
-"""Pieces in which a new joint target is approached within one control period, as robot controllers interpolate."""
+"""Interpolation steps to a new joint target within one control period, as in robot controllers."""
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,13 @@ class Outcome:
     """The outcome of one control period."""
 
     success: bool
-    """The task is done."""
+    """Whether the task is done."""
     over: bool
-    """The episode has ended: done, out of time, or broken off."""
+    """Whether the episode has ended: done, out of time, or aborted."""
     reason: str
-    """Why it ended without success; empty otherwise."""
+    """Reason for ending without success; empty otherwise."""
     executed: np.ndarray
-    """Joint targets that were sent (A,) [rad]: the action within joint limits and speed limits."""
+    """Joint targets sent (A,) [rad]: the action limited to position and speed limits."""
 
 
 class Environment:
@@ -47,7 +47,7 @@ class Environment:
         bundle: The task.
 
     Raises:
-        RuleError: MuJoCo does not load the model.
+        RuleError: MuJoCo cannot load the model.
     """
 
     def __init__(self, bundle: TaskBundle) -> None:
@@ -56,7 +56,7 @@ class Environment:
         self.model = compile_folder(bundle.model)
         self.data = mujoco.MjData(self.model)
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        # Sleeping bodies cost nothing: most objects, nearly all of the time.
+        # Sleeping bodies cost nothing, and most objects sleep nearly all the time.
         self.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
         self.substeps = max(1, round(1.0 / (self.task.control_hz * self.model.opt.timestep)))
         self.period_s = self.substeps * self.model.opt.timestep
@@ -72,7 +72,7 @@ class Environment:
         return self.begin(starts.draw(self.bundle, self.model, seed))
 
     def begin(self, start: Start) -> DeployableObservation:
-        """Begin an episode at a given start; nothing is left of the one before."""
+        """Begin an episode at a given start, without state from the previous one."""
         mujoco.mj_resetData(self.model, self.data)
         self._dynamics.apply(start, self.data)
         self.data.qpos[:] = start.qpos
@@ -88,7 +88,7 @@ class Environment:
     def step(self, action: np.ndarray) -> Outcome:
         """Send joint targets for one control period.
 
-        A target that is not finite ends the episode with a reason instead of reaching the robot.
+        A non-finite target is not sent; it ends the episode with a reason.
         """
         action = np.asarray(action, np.float64)
         if action.shape != self.lower.shape or not np.isfinite(action).all():
@@ -108,7 +108,7 @@ class Environment:
         return Outcome(success, success or late, reason, target)
 
     def observe(self, rgb: np.ndarray | None = None) -> DeployableObservation:
-        """The observation of a policy now."""
+        """The current observation of a policy."""
         return deployable(self.measure(rgb), self.previous_action, self.goal)
 
     def measure(self, rgb: np.ndarray | None = None) -> Measurement:
@@ -131,7 +131,7 @@ class Environment:
         return found
 
     def palm_pose(self) -> np.ndarray:
-        """Pose of the palm in the base frame (7,); zeros and no turn for a robot without one."""
+        """Pose of the palm in the base frame (7,); the identity for a robot without one."""
         if self._palm < 0:
             return np.array([0.0, 0, 0, 1, 0, 0, 0])
         turn = np.zeros((1, 4))
@@ -144,7 +144,7 @@ class Environment:
         return np.asarray(forces @ self._base_from_world[:3, :3].T)
 
     def state(self) -> TaskState:
-        """The quantities that success is judged by."""
+        """The quantities that determine success."""
         names = self.bundle.objects[self.task.object].joints
         return TaskState(
             time_s=self.steps * self.period_s,
@@ -171,7 +171,7 @@ class Environment:
             upto = self.substeps * piece // pieces
             mujoco.mj_step(self.model, self.data, upto - done)
             done = upto
-        # Positions, contacts and forces of the new state, which mj_step leaves one step behind.
+        # Update positions, contacts and forces, which mj_step leaves one step behind.
         mujoco.mj_forward(self.model, self.data)
 
     def _broken(self, action: np.ndarray) -> Outcome:

@@ -1,4 +1,4 @@
-"""From a checkpoint to a policy that runs, or one error with the reason."""
+"""Load a runnable policy from a checkpoint, or raise one error with the reason."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from dextera_build.policy.running import Policy, Predict
 def load(
     checkpoint: Checkpoint, bundle: TaskBundle, view: View | None = None, *, rate_hz: float | None = None
 ) -> Policy:
-    """The policy of a checkpoint, ready to run in a task bundle.
+    """Load the policy of a checkpoint, ready to run in a task bundle.
 
     Args:
         checkpoint: Weights and contract.
         bundle: The world's task; twin, reference or perturbed.
-        view: The camera that the policy looks through, for those that take pictures.
-        rate_hz: Rate at which it will be asked [Hz]; None: the bundle's.
+        view: The camera of an image policy.
+        rate_hz: Control rate [Hz]; None: the bundle's.
 
     Raises:
-        RuleError: The policy was made for something else, or the weights are damaged.
+        RuleError: The policy does not fit the bundle, or the weights are corrupt.
     """
     contract = checkpoint.contract
     contracts.check(contract, bundle, rate_hz, view)
@@ -34,7 +34,7 @@ def load(
 
 
 def _act(checkpoint: Checkpoint, bundle: TaskBundle) -> Predict:
-    """The chunks that an ACT network predicts, in radians."""
+    """Action chunks predicted by an ACT network [rad]."""
     import torch
 
     from dextera_build.learning import act, reproducible, weights
@@ -57,7 +57,7 @@ def _act(checkpoint: Checkpoint, bundle: TaskBundle) -> Predict:
 
 
 def _ppo(checkpoint: Checkpoint, bundle: TaskBundle) -> Predict:
-    """The targets that a reinforced network decides on, in radians."""
+    """Joint targets chosen by a PPO network [rad]."""
     import torch
 
     from dextera_build.learning import ppo, reproducible, weights

@@ -1,4 +1,4 @@
-"""Tries in which nothing was simulated, for the stub backends: the right shapes, and nothing moves."""
+"""Fake trials without simulation, for the stub backends: valid shapes, no motion."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ STEPS = 4
 
 
 def pretended(bundle: TaskBundle, seed: int, origin: Origin, *, success: bool) -> Episode:
-    """A try of `STEPS` control periods in which robot and objects stay as they were photographed."""
+    """A trial of `STEPS` control periods in which robot and objects stay as in the photograph."""
     joints = np.array([joint.home for joint in bundle.robot.joints], np.float64)
     base_from_world = transforms.invert(bundle.world_from_base)
     motions = [base_from_world @ thing.world_from_object for thing in bundle.objects.values()]

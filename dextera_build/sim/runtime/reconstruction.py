@@ -1,4 +1,4 @@
-"""Bring tracked poses at a reset into the twin (paper, cross-domain replay)."""
+"""Transfer tracked poses at a reset to the twin (paper, cross-domain replay)."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 
 STEP_M = 0.0005
-"""Objects that penetrate something are raised in steps of this [m]."""
+"""Step by which penetrating objects are raised [m]."""
 RAISE_M = 0.02
-"""... and by this at most [m]."""
+"""Maximum raise of an object [m]."""
 
 
 @dataclass(frozen=True)
 class Tracker:
-    """Errors of an object tracker, standard deviations per axis; zero is a perfect one."""
+    """Errors of an object tracker, standard deviations per axis; zero means perfect."""
 
     position_m: float = 0.0
-    """Of positions [m]."""
+    """Position error [m]."""
     rotation_rad: float = 0.0
-    """Of rotations, as a rotation vector applied from the right [rad]."""
+    """Rotation error, as a rotation vector applied from the right [rad]."""
 
 
 def reconstruct(seen: Measurement, ctrl: np.ndarray, twin: Environment, tracker: Tracker, seed: int) -> Start:
-    """The start in the twin that matches measurements of another world, with the twin's own estimates of its dynamics.
+    """Reconstruct measurements of another world as a start in the twin, with the twin's own estimates of dynamics.
 
-    Bodies and joints mean the same in both worlds. The twin's surfaces are not the other world's, so an object that
-    would penetrate another or the table is raised until it does not.
+    Bodies and joints correspond in both worlds. Surfaces differ, so an object that would penetrate another or the
+    table is raised out of contact.
 
     Args:
         seen: Joints and tracked objects, in the twin's order, poses in the base frame.
-        ctrl: Joint targets (A,) of the robot at that moment [rad].
-        twin: Where the start belongs.
-        tracker: Errors that are added to the poses.
-        seed: Of these errors, and of the start.
+        ctrl: Joint targets (A,) of the robot at that time [rad].
+        twin: Environment of the start.
+        tracker: Errors added to the poses.
+        seed: Seed of these errors and of the start.
     """
     bundle, model = twin.bundle, twin.model
     start = starts.photographed(bundle, model)
@@ -63,7 +63,7 @@ def reconstruct(seen: Measurement, ctrl: np.ndarray, twin: Environment, tracker:
 
 
 def _raise(model: Any, data: Any, names: list[str]) -> None:
-    """Lift objects out of penetration; a contact of two objects raises the one whose origin is higher."""
+    """Raise objects out of penetration; in a contact of two objects, the one with the higher origin."""
     roots = {int(model.body(name).id): name for name in names}
     for _ in range(round(RAISE_M / STEP_M)):
         mujoco.mj_forward(model, data)
@@ -75,7 +75,7 @@ def _raise(model: Any, data: Any, names: list[str]) -> None:
 
 
 def _upper(model: Any, data: Any, roots: dict[int, str], pair: np.ndarray) -> str:
-    """The object of a contact that gives way, or nothing: contacts with itself and among parts of the robot."""
+    """The object of a contact to raise; empty for self-contacts and contacts within the robot."""
     bodies = {int(model.body_rootid[model.geom_bodyid[geom]]) for geom in pair}
     free = sorted(bodies & roots.keys(), key=lambda body: float(data.xpos[body][2]))
     return roots[free[-1]] if free and len(bodies) > 1 else ""

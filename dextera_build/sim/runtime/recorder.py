@@ -1,4 +1,4 @@
-"""Writes down one episode at control rate while it runs."""
+"""Record one episode at control rate."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from dextera_build.sim.runtime.environment import Environment
 class Recorder:
     """Collects the rows of one episode.
 
-    Call `before(action, hand)` with the command about to be sent, step the environment, then `after(executed)`.
+    Call `before(action, hand)` with the next command, step the environment, then `after(executed)`.
 
     Args:
-        environment: Just begun.
+        environment: An environment at the start of its episode.
     """
 
     def __init__(self, environment: Environment) -> None:
@@ -45,7 +45,7 @@ class Recorder:
         self._rows["executed"].append(np.asarray(executed))
 
     def episode(self, origin: Origin, *, success: bool, reason: str = "", segments: Sequence[Segment] = ()) -> Episode:
-        """The episode so far. An action that is not finite is kept as 0, because its reason names it."""
+        """The episode so far. A non-finite action is stored as 0; the reason reports it."""
         bundle = self._environment.bundle
         rows = {
             name: np.nan_to_num(np.array(values, np.float32).reshape(len(self), *_shape(name, bundle)))

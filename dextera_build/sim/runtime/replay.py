@@ -1,4 +1,4 @@
-"""Cross-domain replay: what succeeds in the twin is sent open loop to another world."""
+"""Cross-domain replay: send trajectories that succeed in the twin open loop to another world."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ class Replayed:
     """The outcome of one reset."""
 
     episode: Episode | None = None
-    """The replay in the other world, or None where the twin had nothing to send."""
+    """The replay in the other world, or None without a success in the twin."""
     placed: np.ndarray | None = None
     """Poses (O, 7) of the objects at the reset, in the base frame."""
     rehearsal: Episode | None = None
-    """The rollout in the twin that was sent."""
+    """The replayed rollout in the twin."""
     reason: str = ""
-    """Why there was no replay."""
+    """Reason for a missing replay."""
 
 
 class Replay:
     """Replays trajectories of a twin in another world.
 
     Args:
-        twin: Where trajectories are synthesised.
-        world: Where they are sent; same task, robot and objects.
-        synthesise: Runs in `twin`.
-        tries: Syntheses per reset, until one succeeds.
+        twin: Environment in which trajectories are synthesised.
+        world: Environment in which they are replayed; same task, robot and objects.
+        synthesise: Synthesis in `twin`.
+        tries: Maximum number of syntheses per reset until one succeeds.
         tracker: Errors of the object tracker in `world`.
-        linger_s: The last target is held for so long after the trajectory [s].
+        linger_s: Time to hold the last target after the trajectory [s].
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Replay:
         self._tracker, self._linger_s = tracker or Tracker(), linger_s
 
     def attempt(self, seed: int) -> Replayed:
-        """Reset the world by `seed`, see it, succeed in the twin, and send that."""
+        """Reset the world with `seed`, measure it, synthesise a success in the twin, and replay it."""
         try:
             start = starts.draw(self._world.bundle, self._world.model, seed)
         except RuleError as error:

@@ -1,4 +1,4 @@
-"""Runs of one episode: a policy in closed loop, or recorded joint targets in open loop."""
+"""Run one episode: a policy in closed loop, or recorded joint targets in open loop."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.recorder import Recorder
 
 Look = Callable[[], np.ndarray]
-"""A picture (H, W, 3) uint8 of the environment as it stands now."""
+"""Returns a picture (H, W, 3) uint8 of the environment's current state."""
 
 
 class Acting(Protocol):
     """The interface of a policy in a rollout."""
 
     def reset(self) -> None:
-        """Forget the episode before."""
+        """Clear state from the previous episode."""
 
     def act(self, observation: DeployableObservation) -> np.ndarray:
         """Joint targets (A,) [rad].
 
         Raises:
-            PolicyFault: It has none that could be sent.
+            PolicyFault: There is no usable action.
         """
 
 
 def closed_loop(environment: Environment, policy: Acting, start: Start, look: Look | None = None) -> Episode:
-    """The episode that `policy` brings about from `start`; one that gives no usable action has failed, with its reason.
+    """Run `policy` from `start`; without a usable action the episode fails with the reason.
 
     Args:
-        environment: The task; begun here, so that nothing is left of an earlier episode.
-        policy: Sees deployable observations alone.
-        start: Where it begins.
-        look: For policies that see; called once per control period.
+        environment: The task; the episode is begun here, without state from an earlier one.
+        policy: Receives only deployable observations.
+        start: Start of the episode.
+        look: Camera of an image policy; called once per control period.
     """
     environment.begin(start)
     policy.reset()
@@ -56,13 +56,13 @@ def closed_loop(environment: Environment, policy: Acting, start: Start, look: Lo
 
 
 def open_loop(environment: Environment, start: Start, targets: np.ndarray, linger_s: float = 1.0) -> Episode:
-    """The episode that a recorded trajectory brings about from `start`, whatever happens meanwhile.
+    """Run a recorded trajectory from `start`, without feedback.
 
     Args:
-        environment: The task; begun here.
-        start: Where it begins.
+        environment: The task; the episode is begun here.
+        start: Start of the episode.
         targets: Joint targets (T, A) [rad], one per control period.
-        linger_s: The last target is held for so long afterwards [s], because a verdict takes its time.
+        linger_s: Time to hold the last target afterwards [s], because success needs time to be confirmed.
     """
     environment.begin(start)
     recorder = Recorder(environment)

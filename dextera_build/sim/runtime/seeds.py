@@ -1,4 +1,4 @@
-"""Seeds of episodes: by content, not by the order in which random numbers were drawn."""
+"""Seeds of episodes, derived from their purpose, not from the order of random draws."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ from dextera_build import digest
 
 
 def seed_of(*parts: int | str) -> int:
-    """A seed of 63 bits from the names of its use: `seed_of(7, "train", 12)`."""
+    """A 63-bit seed from the names of its purpose: `seed_of(7, "train", 12)`."""
     return int(digest.of_value(list(parts))[:16], 16) >> 1

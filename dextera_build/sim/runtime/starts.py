@@ -1,7 +1,7 @@
-"""Where episodes begin: randomised poses, joints, dynamics and robot configurations.
+"""Starts of episodes: randomised poses, joints, dynamics and robot configurations.
 
-Dynamics are drawn inside the intervals that the twin itself claims for its estimates, not within a fixed percentage. A
-start is complete and is kept with its episode, so any episode can be run again.
+Dynamics are drawn from the confidence intervals of the twin's own estimates, not from a fixed percentage. A start is
+complete and is stored with its episode, so any episode can be rerun.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model.compose import ROBOT
 
 TRIES = 200
-"""Draws before a task is called too crowded."""
+"""Maximum number of draws before a task counts as too crowded."""
 TOUCH_M = 0.001
-"""Deepest contact that a start may have [m]."""
+"""Maximum penetration at a start [m]."""
 GAINS = 0.10
 """Half range of the factor on the robot's gains, times `Reset.dynamics`."""
 Z90 = 1.645
@@ -28,7 +28,7 @@ Z90 = 1.645
 
 
 def draw(bundle: TaskBundle, model: Any, seed: int) -> Start:
-    """A start of the task, the same for the same bundle and seed.
+    """Draw a start of the task, deterministic in bundle and seed.
 
     Args:
         bundle: The task.
@@ -59,7 +59,7 @@ def draw(bundle: TaskBundle, model: Any, seed: int) -> Start:
 
 
 def photographed(bundle: TaskBundle, model: Any) -> Start:
-    """The configuration of the photograph with the robot at home and all estimates as they are."""
+    """The configuration of the photograph, with the robot at home and nominal estimates."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     return Start(
@@ -81,7 +81,7 @@ def _dynamics(bundle: TaskBundle, random: np.random.Generator) -> dict[str, Any]
         spread = width * Z90 * thing.friction_sigma
         drawn = thing.friction + width * thing.friction_sigma * float(random.standard_normal())
         friction[name] = float(max(0.05, np.clip(drawn, thing.friction - spread, thing.friction + spread)))
-    # The replacement of hardware has one robot, not a distribution of them.
+    # A world that replaces hardware has one robot, not a distribution.
     spread = GAINS * width if bundle.kind == "twin" else 0.0
     return {"mass_scale": mass, "friction": friction, "gain_scale": float(1 + spread * random.uniform(-1, 1))}
 
@@ -116,12 +116,12 @@ def _pose_robot(bundle: TaskBundle, model: Any, data: Any, random: np.random.Gen
 
 
 def _free(model: Any, data: Any) -> bool:
-    """Whether nothing is pressed into anything else."""
+    """Whether no contact penetrates."""
     return data.ncon == 0 or bool(data.contact.dist[: data.ncon].min() > -TOUCH_M)
 
 
 def _on_support(bundle: TaskBundle, model: Any, data: Any) -> bool:
-    """Whether every object's origin lies over the support with which the scene was built."""
+    """Whether every object's origin is above the support of the scene."""
     names = [model.geom(number).name for number in range(model.ngeom)]
     if "static_support" not in names:
         return True

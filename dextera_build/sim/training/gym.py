@@ -3,8 +3,8 @@
     gymnasium.make("dxb/CloseLaptop-KL-v0", bundle=bundle)
 
 after `register("dxb/CloseLaptop-KL-v0")`, or `TaskEnv(bundle)` directly. Observations are a flat `Dict` whose keys
-begin with their group: `deployable/joints` exists on a robot, too; `privileged/contact` is known to a simulator
-alone and included on request.
+start with their group: `deployable/joints` also exists on a robot; `privileged/contact` exists only in a simulator
+and is included on request.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ DEPLOYABLE, PRIVILEGED = "deployable", "privileged"
 class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     """One task. Actions are absolute joint targets [rad] in the order of `RobotModel.joints`, at the task's rate.
 
-    An episode is *terminated* by success, or by an action or a state that is not finite; it is *truncated* by the
+    An episode is *terminated* by success, or by a non-finite action or state; it is *truncated* by the
     task's time limit, after which its value may be bootstrapped. `info` has `is_success` and `success`,
-    `reason` (why it ended without success) and `executed` (the targets that were sent).
+    `reason` (for ending without success) and `executed` (the targets sent).
 
     Args:
-        bundle: The task, or the path of one that was exported.
-        privileged: Whether observations hold what only a simulator knows too.
-        view: A camera whose pictures are `deployable/rgb`; None: no pictures.
+        bundle: The task, or the path of an exported one.
+        privileged: Whether to include privileged observations.
+        view: The camera of `deployable/rgb`; None: no images.
         render_mode: `rgb_array` or None.
         size: (width, height) of rendered pictures [px].
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012  Gymnasium declares it so
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012  as declared by Gymnasium
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         """Begin an episode.
 
         Args:
-            seed: The start is the one that `Environment.reset(seed)` gives; None: the next of a random sequence.
+            seed: Seed of the start, as in `Environment.reset(seed)`; None: the next of a random sequence.
             options: `{"start": Start}` begins at that start instead.
         """
         super().reset(seed=seed)
@@ -100,7 +100,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         return self.conclude(self.environment.step(action))
 
     def conclude(self, outcome: Outcome) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
-        """The return value of `step` after control periods of which the last ended with `outcome`."""
+        """The return value of `step` after control periods that ended with `outcome`."""
         late = outcome.over and not outcome.success and self.late
         broken = outcome.over and not outcome.success and not late
         reward = 0.0
@@ -113,17 +113,17 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
     @property
     def value(self) -> float:
-        """Value of the present moment, whose change is the reward; see `dextera_build.sim.primitives.stages`."""
+        """Value of the current state, whose change is the reward; see `dextera_build.sim.primitives.stages`."""
         return self._value
 
     @property
     def late(self) -> bool:
-        """Whether the task's time is up."""
+        """Whether the task's time limit has passed."""
         environment = self.environment
         return bool(environment.steps * environment.period_s >= environment.task.timeout_s - 1e-9)
 
     def render(self) -> np.ndarray | None:
-        """The scene from in front of the table, (H, W, 3) uint8 sRGB, or None without a render mode."""
+        """Render the scene from in front of the table, (H, W, 3) uint8 sRGB, or None without a render mode."""
         if self.render_mode is None:
             return None
         model, data = self.environment.model, self.environment.data
@@ -132,7 +132,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         return self._portrait.rgb(data)
 
     def close(self) -> None:
-        """Free what renders."""
+        """Free the renderer."""
         for eye in (self._eye, self._portrait):
             if eye is not None:
                 eye.__exit__(None, None, None)
@@ -148,14 +148,14 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
 
 def register(name: str, bundle: TaskBundle | str | Path | None = None) -> None:
-    """Make `gymnasium.make(name)` build a `TaskEnv`.
+    """Register `name` for `gymnasium.make` to build a `TaskEnv`.
 
     Args:
-        name: `dxb/<task>-<embodiment>-v0`, as Gymnasium wants it.
-        bundle: The task that it is made of; None: `make` is given `bundle=...`.
+        name: `dxb/<task>-<embodiment>-v0`, in Gymnasium's format.
+        bundle: The task; None: pass `bundle=...` to `make`.
     """
     known = {} if bundle is None else {"bundle": bundle}
-    # The task's own time limit says when an episode is over, so Gymnasium adds none.
+    # The task has its own time limit, so Gymnasium adds none.
     gymnasium.register(id=name, entry_point="dextera_build.sim.training.gym:TaskEnv", kwargs=known)
 
 

@@ -1,4 +1,4 @@
-"""A task as a reinforced policy practises it: decisions in, normalised numbers out, on the one environment."""
+"""A task as training environment of a reinforcement-learned policy: decisions in, normalised numbers out."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.training.gym import DEPLOYABLE, PRIVILEGED, TaskEnv
 
 FORCE_N, PLACE_M = 5.0, 0.3
-"""Scales of privileged forces [N] and places relative to the palm [m]."""
+"""Scales of privileged forces [N] and positions relative to the palm [m]."""
 
 
 class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
     """Observations (N + P,) float32: the policy's N numbers, then P privileged ones for its critic.
 
-    Episode k of this environment begins at a seed that is made of `seed`, `number` and k, so that nothing hangs on the
-    order in which several environments are stepped.
+    The seed of episode k is derived from `seed`, `number` and k, so results do not depend on the order in which several
+    environments are stepped.
 
     Args:
         bundle: The task.
         contract: Inputs and outputs of the policy.
         seed: Seed of the training.
-        number: Which of several environments this is.
+        number: Index of this environment among several.
     """
 
     def __init__(self, bundle: TaskBundle, contract: PolicyContract, seed: int = 0, number: int = 0) -> None:
@@ -59,7 +59,7 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
         return self._observation(), {}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Carry out one decision (M,)."""
+        """Execute one decision (M,)."""
         self.decisions.append(np.array(action, np.float32))
         for target in self._steering.steered(action, self._inputs):
             outcome = self._task.environment.step(target)
@@ -69,7 +69,7 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
         return self._observation(), earned, ended, late, info
 
     def go_to(self, episode: int, decisions: list[np.ndarray]) -> np.ndarray:
-        """Be where these decisions lead to in that episode, bit for bit."""
+        """Restore the state after these decisions of an episode, bit for bit."""
         self.episode = episode - 1
         observation, _ = self.reset()
         for decision in decisions:
@@ -86,7 +86,7 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
         return np.concatenate([self._steering.numbers(self._inputs)[0], self._insight()])
 
     def _insight(self) -> np.ndarray:
-        """Privileged numbers (P,): forces and velocities, tips and the object's surface as the palm sees them, time."""
+        """Privileged numbers (P,): forces, velocities, fingertips and object surface in the palm's frame, time."""
         hand = self.seen[f"{PRIVILEGED}/hand_pose"]
         environment = self._task.environment
         parts = [

@@ -1,4 +1,4 @@
-"""Judge a written USD folder by the validators that come with OpenUSD."""
+"""Check a written USD folder with OpenUSD's validators."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dextera_build.artifacts.base import Folder
 
 
 def problems(folder: Folder, scratch: Path) -> list[str]:
-    """`validator: message (prim)` for every error and warning of `scene.usda`; empty when it is valid.
+    """`validator: message (prim)` for every error and warning of `scene.usda`; empty if valid.
 
     Args:
-        folder: The stage and the files that it names.
-        scratch: An existing folder to write it to, because references are checked on disk.
+        folder: The stage and its files.
+        scratch: An existing scratch folder, because references are checked on disk.
     """
     from pxr import Usd, UsdValidation
 

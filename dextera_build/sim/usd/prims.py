@@ -14,7 +14,7 @@ from dextera_build.artifacts.scene import SupportBox
 from dextera_build.geometry import quaternions
 
 APERTURE = 0.36
-"""Width of the written sensor in tenths of a metre, as USD counts it; only ratios matter."""
+"""Width of the nominal sensor in tenths of a metre, USD's unit; only ratios matter."""
 
 
 def place(prim: Any, pose: np.ndarray) -> None:
@@ -27,7 +27,7 @@ def place(prim: Any, pose: np.ndarray) -> None:
 
 
 def add_mesh(stage: Any, path: str, mesh: Mesh, origin: np.ndarray, material: str) -> None:
-    """A visual mesh, moved so that `origin` [m] becomes 0, with face-varying `st` where it has a texture."""
+    """Add a visual mesh, translated from `origin` [m] to 0, with face-varying `st` if textured."""
     from pxr import Sdf, UsdGeom, UsdShade, Vt
 
     prim = _triangles(stage, path, (mesh.vertices - origin).astype(np.float32), mesh.faces)
@@ -39,7 +39,7 @@ def add_mesh(stage: Any, path: str, mesh: Mesh, origin: np.ndarray, material: st
 
 
 def add_piece(stage: Any, path: str, vertices: np.ndarray, faces: np.ndarray) -> Any:
-    """The prim of a convex collision piece, hidden as a guide; the caller adds the collision API."""
+    """Add a convex collision piece, hidden as a guide; the caller adds the collision API."""
     from pxr import UsdGeom, UsdPhysics
 
     mesh = _triangles(stage, path, vertices, faces)
@@ -49,7 +49,7 @@ def add_piece(stage: Any, path: str, vertices: np.ndarray, faces: np.ndarray) ->
 
 
 def add_surface_material(stage: Any, path: str, colour: tuple[float, float, float], texture: str | None = None) -> str:
-    """A matt UsdPreviewSurface: one sRGB `colour` 0..1, or the `texture` file, relative to the stage."""
+    """Add a matte UsdPreviewSurface: one sRGB `colour` 0..1, or the `texture` file, relative to the stage."""
     from pxr import Gf, Sdf, UsdShade
 
     material = UsdShade.Material.Define(stage, path)
@@ -58,7 +58,7 @@ def add_surface_material(stage: Any, path: str, colour: tuple[float, float, floa
     shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.9)
     diffuse = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
     if texture is None:
-        # Shader colours are linear, the artifact's are sRGB.
+        # Shader colours are linear, artifacts' colours are sRGB.
         diffuse.Set(Gf.Vec3f(*(_linear(c) for c in colour)))
     else:
         reader = UsdShade.Shader.Define(stage, f"{path}/St")
@@ -80,7 +80,7 @@ def add_surface_material(stage: Any, path: str, colour: tuple[float, float, floa
 
 
 def bind_physics(stage: Any, path: str, physics: Physics) -> Callable[[Any], None]:
-    """Write a physics material at `path` and return what binds it to a collider."""
+    """Write a physics material at `path` and return a function that binds it to a collider."""
     from pxr import UsdPhysics, UsdShade
 
     material = UsdShade.Material.Define(stage, path)
@@ -97,7 +97,7 @@ def bind_physics(stage: Any, path: str, physics: Physics) -> Callable[[Any], Non
 
 
 def add_camera(stage: Any, path: str, camera: Camera, pose: np.ndarray) -> None:
-    """The photograph's camera at `pose` (4, 4), OpenGL axes; window offsets carry the principal point."""
+    """Add the photograph's camera at `pose` (4, 4), OpenGL axes; aperture offsets encode the principal point."""
     from pxr import Gf, UsdGeom
 
     focal = APERTURE * camera.fx / camera.width
@@ -107,7 +107,7 @@ def add_camera(stage: Any, path: str, camera: Camera, pose: np.ndarray) -> None:
     prim.CreateFocalLengthAttr(focal)
     prim.CreateHorizontalApertureAttr(APERTURE)
     prim.CreateVerticalApertureAttr(camera.height * focal / camera.fy)
-    # Integer pixel centres: the picture's middle is pixel (W - 1) / 2.
+    # Integer pixel centres: the image centre is pixel (W - 1) / 2.
     prim.CreateHorizontalApertureOffsetAttr(((camera.width - 1) / 2 - camera.cx) * focal / camera.fx)
     prim.CreateVerticalApertureOffsetAttr((camera.cy - (camera.height - 1) / 2) * focal / camera.fy)
     prim.CreateClippingRangeAttr(Gf.Vec2f(0.01, 100.0))

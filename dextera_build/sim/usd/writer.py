@@ -1,16 +1,16 @@
-"""Write a twin as USD with UsdPhysics: Z up, metres, kilograms; textures beside it, every path relative.
+"""Write a twin as USD with UsdPhysics: Z up, metres, kilograms; textures alongside, all paths relative.
 
     /World                      assembly
       PhysicsScene, Capture     gravity; the photograph's camera
       background                component: Surface (visual), Boxes (colliders)
       <object>                  component
         <link>                  rigid body with mass; Visual, Collision/piece_N (guide, convex hulls)
-        Joints/<joint>          between links that stand side by side
+        Joints/<joint>          between sibling links
         Looks                   surface and physics materials
 
-A link's body stands where it does in MJCF: at its joint's origin with the object's axes, moved by the observed joint
-positions; joint angle 0 is `Joint` position 0. USD has no dry joint friction: a drive holds the observed position with
-at most the torque that the MJCF joint resists with.
+A link's body is placed as in MJCF: at its joint's origin with the object's axes, moved by the observed joint positions;
+joint angle 0 is `Joint` position 0. USD has no dry joint friction: a drive holds the observed position with at most the
+friction torque of the MJCF joint.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from dextera_build.sim.usd.prims import (
 )
 
 SAG_RAD = 0.01
-"""How far gravity may pull a held joint from where it was seen [rad]."""
+"""Maximum deflection of a held joint by gravity from its observed position [rad]."""
 
 
 def scene(assets: Mapping[str, Asset], background: Background, camera: Camera, world_from_camera: np.ndarray) -> Folder:
-    """`scene.usda` and `textures/*.png` of a whole twin; the same bytes for the same twin.
+    """Write `scene.usda` and `textures/*.png` of a complete twin; byte-identical for the same twin.
 
     Args:
         assets: Label -> placed asset.
@@ -150,7 +150,7 @@ def _mass(prim: Any, inertial: Inertial, origin: np.ndarray) -> None:
 
 
 def _joint(stage: Any, path: str, joint: Joint, outer: np.ndarray, asset: Asset) -> None:
-    """A joint whose frame has x along the axis; `outer` is the parent's origin in the object frame [m]."""
+    """Write a joint with x along its axis; `outer` is the parent's origin in the object frame [m]."""
     from pxr import Gf, Sdf, UsdPhysics
 
     turns = joint.type == "revolute"

@@ -1,1 +1,1 @@
-"""Worlds to run a task in beside the twin: reference worlds, disturbed twins, and whether a scene rests."""
+"""Worlds for a task besides the twin: reference worlds and perturbed twins; also settling of scenes."""

@@ -1,7 +1,7 @@
-"""A twin's task with geometry and physics disturbed: it replaces the other world where no reference world exists.
+"""Perturb geometry and physics of a twin's task, as the other world if no reference world exists.
 
-Every object gets another size, mass, centre of mass, friction, contact stiffness and hinge friction; the robot gets
-other gains, friction, clock and delay. Names, frames, joints and the order of all of them stay.
+Every object gets a different size, mass, centre of mass, friction, contact stiffness and hinge friction; the robot gets
+different gains, friction, clock and delay. Names, frames, joints and their order are unchanged.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ Factors = tuple[float, float, float]
 FARTHEST = 2.0
 """Normal draws are clipped at this many standard deviations."""
 SLIPPERY = 0.05
-"""Least friction coefficient."""
+"""Minimum friction coefficient."""
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """How far objects may be from the twin's."""
+    """Magnitude of the perturbation of objects."""
 
     size_sigma: float
     """Standard deviation of the logarithm of each scale factor."""
     dynamics: float
-    """Share of the twin's own intervals of mass and friction that is drawn from."""
+    """Fraction of the twin's own intervals of mass and friction to draw from."""
     hinge_sigma: float
     """Standard deviation of the logarithm of the factor on a hinge's friction."""
     centre_m: float
@@ -45,35 +45,35 @@ class Disturbance:
 
 @dataclass(frozen=True)
 class Drawn:
-    """How one object is disturbed."""
+    """The perturbation of one object."""
 
     sizes: np.ndarray
-    """Scale factors (3,) along its axes."""
+    """Scale factors (3,) along the object's axes."""
     mass: float
-    """Factor on its mass."""
+    """Factor on the mass."""
     friction: float
-    """Its sliding friction coefficient."""
+    """Sliding friction coefficient."""
     rate: float
-    """Factor on the natural frequency of its contacts."""
+    """Factor on the natural frequency of contacts."""
     hinge: float
-    """Factor on the friction of its joints."""
+    """Factor on the friction of joints."""
     centre: np.ndarray
-    """Shift (3,) of its centre of mass [m]."""
+    """Shift (3,) of the centre of mass [m]."""
 
 
 def build(
     bundle: TaskBundle, most: Disturbance, robot: machine.Machine, sizes: Mapping[str, Factors]
 ) -> tuple[TaskBundle, dict[str, Factors]]:
-    """The disturbed task, and the scale factors of every object.
+    """Build the perturbed task; also return the scale factors of every object.
 
     Args:
         bundle: The task in the twin.
-        most: How far objects are disturbed.
-        robot: How robot and clock are disturbed; its seed counts for everything.
-        sizes: Body -> scale factors that are taken instead of drawn ones.
+        most: Magnitude of the objects' perturbation.
+        robot: Perturbation of robot and clock; its seed is used for everything.
+        sizes: Body -> scale factors that override drawn ones.
 
     Raises:
-        RuleError: `sizes` names no object, or stretches one that has joints.
+        RuleError: `sizes` names an unknown object, or stretches one with joints.
     """
     if unknown := sorted(set(sizes) - set(bundle.objects)):
         raise RuleError(
@@ -98,7 +98,7 @@ def build(
 
 
 def stretch(inertia: np.ndarray, factors: np.ndarray) -> np.ndarray:
-    """Inertia (3, 3) of a body of the same mass, stretched by `factors` (3,) along the axes that it is given in."""
+    """Inertia (3, 3) of a body of the same mass, stretched by `factors` (3,) along its axes."""
     second = np.trace(inertia) / 2 * np.eye(3) - inertia
     second = np.diag(factors) @ second @ np.diag(factors)
     return np.asarray(np.trace(second) * np.eye(3) - second)
@@ -124,7 +124,7 @@ def _sizes(
 
 
 def _is_straight(body: Any) -> bool:
-    """Whether all geoms are meshes or boxes along the body's axes, which can be stretched along them."""
+    """Whether all geoms are meshes or boxes aligned with the body's axes, and can be stretched along them."""
     kinds = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_BOX)
     return all(geom.type in kinds and abs(abs(geom.quat[0]) - 1.0) < 1e-9 for geom in body.geoms)
 
@@ -138,7 +138,7 @@ def _draw(thing: TaskObject, sizes: Factors, most: Disturbance, random: np.rando
         mass=mass,
         friction=max(SLIPPERY, thing.friction + most.dynamics * thing.friction_sigma * float(friction)),
         rate=float(np.exp(most.contact_sigma * rate)),
-        # Hinges are made for their load, so a heavier lid has a stiffer one.
+        # Hinges are designed for their load: a heavier lid has a stiffer one.
         hinge=float(np.exp(most.hinge_sigma * hinge)) * mass * sizes[0],
         centre=most.centre_m * np.array(centre),
     )
@@ -165,7 +165,7 @@ def _disturb(spec: Any, name: str, thing: TaskObject, drawn: Drawn, positions: d
 
 
 def _loosen(joint: Any, position: float, size: float, friction: float, positions: dict[str, np.ndarray]) -> float:
-    """Scale a joint's place and friction, and a slider's travel; return its position in the photograph."""
+    """Scale a joint's position and friction, and a slider's travel; return its value in the photograph."""
     joint.pos = np.asarray(joint.pos) * size
     joint.frictionloss *= friction
     joint.damping = np.asarray(joint.damping) * friction

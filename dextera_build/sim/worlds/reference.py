@@ -1,9 +1,9 @@
-"""A task in a reference world: the twin's model with everything in it exchanged for the truth.
+"""A task in a reference world: the twin's model with its contents replaced by the ground truth.
 
-Names, frames, joints and their order stay those of the twin, so that states, actions and success mean the same. The
-body of an asset becomes the true thing, but its frame is the asset's frame at photo time, carried along by the thing as
-if the asset were tracked. Both worlds meet in the robot's base; where the twin errs about the table or the robot,
-things of the reference world stand elsewhere than it believes, as hardware's do.
+Names, frames, joints and their order are the twin's, so states, actions and success have the same meaning. An asset's
+body becomes the true object, but keeps the asset's frame at photo time, which moves with the object as if the asset
+were tracked. The robot's base aligns both worlds; errors of the twin about the table or the robot displace objects of
+the reference world, as on hardware.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from dextera_build.sim.model.model import at_home, compile_folder
 from dextera_build.sim.worlds import tracked
 
 LEVEL_M = 0.002
-"""The support of a reference world has its top this close to z = 0 [m]."""
+"""Maximum distance of the top of a reference world's support from z = 0 [m]."""
 
 
 @dataclass(frozen=True)
 class Placed:
-    """A true thing on its way into a body."""
+    """A true object and its pose in the twin."""
 
     body: str
     thing: Thing
@@ -40,34 +40,34 @@ class Placed:
 
 @dataclass(frozen=True)
 class Joined:
-    """A thing's hinge in the compiled model."""
+    """An object's hinge in the compiled model."""
 
     name: str
-    """Joint."""
+    """Name of the joint."""
     position: float
-    """Where it stands in the photograph [rad]."""
+    """Position in the photograph [rad]."""
 
 
 def build(
     bundle: TaskBundle, world: World, robot: machine.Machine, *, contact_rate: float, farthest_m: float
 ) -> TaskBundle:
-    """The task in the reference world.
+    """Build the task in the reference world.
 
     Args:
         bundle: The task in the twin.
-        world: The truth.
-        robot: How robot and clock differ from the twin's.
+        world: The ground truth.
+        robot: Differences of robot and clock from the twin's.
         contact_rate: Natural frequency of contacts [rad/s].
         farthest_m: See `tracked.match`.
 
     Raises:
-        RuleError: An asset has no thing, or a thing's hinge is not the asset's.
+        RuleError: An asset has no true object, or their hinges differ.
     """
     return _Builder(bundle, world, robot, contact_rate).build(farthest_m)
 
 
 class _Builder:
-    """Turns a twin's spec into the reference world's, step by step."""
+    """Converts a twin's spec to the reference world's, step by step."""
 
     def __init__(self, bundle: TaskBundle, world: World, robot: machine.Machine, contact_rate: float) -> None:
         self.bundle, self.world, self.robot = bundle, world, robot
@@ -108,7 +108,7 @@ class _Builder:
         )
 
     def _clear(self) -> set[str]:
-        """Remove the twin's geometry, but not its bodies, joints and robot; return the files that it needed."""
+        """Remove the twin's geometry, but not its bodies, joints and robot; return its files."""
         spec = self.spec
         roots = [self.spec.body(name) for name in self.bundle.objects]
         bodies = [spec.worldbody, *roots, *(below for root in roots for below in root.find_all("body"))]
@@ -156,7 +156,7 @@ class _Builder:
         return Placed(body, thing, thing.matter, self.frame @ thing.world_from_thing)
 
     def _exchange(self, placed: Placed) -> list[Joined]:
-        """Make the asset's body the true thing, its frame where the twin has it in the photograph."""
+        """Replace the asset's body by the true object, with the twin's frame in the photograph."""
         joints = self.bundle.objects[placed.body].joints
         root, hinge = self.spec.body(placed.body), placed.thing.hinge
         if not joints:
@@ -179,11 +179,11 @@ class _Builder:
         return [self._hang(joint, self.spec.body(child), hinge, placed)]
 
     def _hang(self, joint: Any, child: Any, hinge: Hinge, placed: Placed) -> Joined:
-        """Put the true hinge under the twin's joint, so that the child's frame is the twin's in the photograph."""
+        """Place the true hinge at the twin's joint; the child keeps the twin's frame in the photograph."""
         link = self._pose(child.name)
         inside = transforms.invert(link) @ placed.pose
         axis = inside[:3, :3] @ (np.array(hinge.axis) / np.linalg.norm(hinge.axis))
-        # A twin whose joint opens the other way round keeps its sign; 0 is closed in both.
+        # A twin's joint that opens the other way keeps its sign; 0 is closed in both.
         sign = 1.0 if float(axis @ self.model.joint(joint.name).axis) >= 0.0 else -1.0
         origin = transforms.apply(inside, np.array(hinge.origin))
         position = sign * hinge.position
@@ -211,7 +211,7 @@ class _Builder:
                 number += 1
 
     def _extra(self, name: str, thing: Thing) -> None:
-        """Add a thing that the twin does not know, behind all others and with its hinge held."""
+        """Append an object without an asset in the twin, with its hinge held."""
         taken = {body.name for body in self.spec.bodies}
         own = names.plain(name)
         while own in taken:
@@ -231,7 +231,7 @@ class _Builder:
 
 
 def _support(world: World) -> str:
-    """The fixture on whose top the things stand: level with z = 0 and below the first of them."""
+    """The fixture under the objects: its top is level with z = 0 and below the first object."""
     places = [thing.world_from_thing[:2, 3] for thing in world.objects.values()]
     for name, fixture in world.fixtures.items():
         points = transforms.apply(fixture.world_from_thing, fixture.surface.vertices.astype(np.float64))

@@ -14,7 +14,7 @@ from dextera_build.sim.model import model as models
 SAMPLE_S = 0.01
 """Time between two energy samples [s]."""
 LAST_S = 0.25
-"""Speeds are judged over this time at the end [s], so that contacts that tremble by micrometres do not count."""
+"""Final interval over which speeds are measured [s], long enough to ignore contacts trembling by micrometres."""
 
 
 @dataclass(frozen=True)
@@ -22,13 +22,13 @@ class Motion:
     """The motion of one body."""
 
     name: str
-    drift_m: float  # distance from start to end of its origin
-    fall_m: float  # how far its origin came down
+    drift_m: float  # distance of its origin from start to end
+    fall_m: float  # drop of its origin
     tilt_rad: float  # angle between start and end
-    joints: float  # largest change of a joint position of its tree [rad or m]
-    penetration_m: float  # deepest contact at the start
-    speed_m_s: float  # farthest that the origin was from its end in the last `LAST_S`, over that time
-    turn_rad_s: float  # largest angle to the end in the last `LAST_S`, over that time
+    joints: float  # maximum change of a joint position of its tree [rad or m]
+    penetration_m: float  # maximum penetration at the start
+    speed_m_s: float  # maximum distance of the origin from its end in the last `LAST_S`, over that time
+    turn_rad_s: float  # maximum angle to the end in the last `LAST_S`, over that time
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Run:
 
     motions: tuple[Motion, ...]
     energy_j: np.ndarray  # (T,) kinetic energy, every `SAMPLE_S`
-    diverged: bool  # the solver gave up
+    diverged: bool  # whether the solver diverged
 
 
 def let_go(scene: Folder, bodies: tuple[str, ...], seconds: float) -> Run:
@@ -45,11 +45,11 @@ def let_go(scene: Folder, bodies: tuple[str, ...], seconds: float) -> Run:
 
     Args:
         scene: `scene.xml` and its files.
-        bodies: Root bodies that are watched; each has a free joint.
+        bodies: Root bodies to observe; each has a free joint.
         seconds: Simulated time [s].
 
     Raises:
-        RuleError: MuJoCo refuses the scene.
+        RuleError: MuJoCo rejects the scene.
     """
     import mujoco
 
@@ -92,7 +92,7 @@ def let_go(scene: Folder, bodies: tuple[str, ...], seconds: float) -> Run:
 
 
 def penetrations(model: Any, data: Any) -> dict[int, float]:
-    """Root body id -> deepest contact of its tree in the state of `data` [m]."""
+    """Root body id -> maximum penetration of its tree in the state of `data` [m]."""
     found: dict[int, float] = {}
     for contact in data.contact[: data.ncon]:
         for geom in contact.geom:

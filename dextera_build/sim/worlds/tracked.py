@@ -1,4 +1,4 @@
-"""Which thing of a reference world is which body of a twin, as a tracker of the twin's assets would tell."""
+"""Match objects of a reference world to bodies of a twin, as a tracker of the twin's assets would."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import metrics, transforms
 
 SAMPLES = 2000
-"""Points on each true surface."""
+"""Number of points on each true surface."""
 
 
 def twin_from_truth(bundle: TaskBundle, world: World) -> np.ndarray:
-    """(4, 4) motion from the reference world's frame to the twin's, through the robot, which stands in both.
+    """(4, 4) transform from the reference world's frame to the twin's, through the robot, which exists in both.
 
-    It carries every error of the twin: of its support plane, and of the calibration that placed the robot.
+    It includes every error of the twin: of its support plane, and of the robot's calibration.
 
     Raises:
         RuleError: The world has no robot.
@@ -35,18 +35,18 @@ def twin_from_truth(bundle: TaskBundle, world: World) -> np.ndarray:
 def match(
     bundle: TaskBundle, things: Mapping[str, Thing], twin_from_world: np.ndarray, farthest_m: float
 ) -> dict[str, str]:
-    """Body of the task -> the thing that stands where the twin has the body, one to one.
+    """Match each body of the task to the true object at its place, one to one.
 
     Surfaces are compared by Chamfer-L1: half the sum of both mean nearest distances.
 
     Args:
         bundle: The task in the twin.
-        things: Movable things of the reference world.
+        things: Movable objects of the reference world.
         twin_from_world: See `twin_from_truth`.
-        farthest_m: Largest distance of a pair [m].
+        farthest_m: Maximum distance of a pair [m].
 
     Raises:
-        RuleError: A body has no thing.
+        RuleError: A body has no match.
     """
     truth = {name: _points(thing, twin_from_world) for name, thing in things.items()}
     apart = np.full((len(bundle.objects), len(truth)), np.inf)

@@ -1,4 +1,4 @@
-"""A reference world in MuJoCo: things as textured meshes, the robot attached, lights."""
+"""A reference world in MuJoCo: objects as textured meshes, the attached robot, lights."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ ROBOT = "robot/"
 """Prefix of the robot's names in the compiled model."""
 
 LAMP_RADIUS_RAD = 0.10
-"""Angular radius of the lamp that throws shadows [rad]."""
+"""Angular radius of the shadow-casting lamp [rad]."""
 SKY_REACH_M = 0.6
 """Objects beyond this distance do not darken a surface [m]."""
 SKY_DEPTH = 0.75
-"""Part of the even light that a surface loses where it sees no sky."""
+"""Fraction of the ambient light that a surface without visible sky loses."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A compiled reference world in its one state."""
+    """A compiled reference world in its single state."""
 
     model: Any
     data: Any
@@ -45,11 +45,11 @@ def build(world: World, robot: RobotModel | None) -> Stage:
     """Compile the world, put the robot at its joint positions and run forward kinematics.
 
     Raises:
-        RuleError: The world has a place for a robot but none was given, or names a joint that it lacks.
+        RuleError: The world needs a robot but none was given, or names a joint that the robot lacks.
     """
     spec = mujoco.MjSpec()
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    # As robots have it: MuJoCo warns where the two differ, though nothing moves here.
+    # As in robot models: MuJoCo warns if the two differ, although nothing moves here.
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.visual.headlight.ambient[:] = world.ambient
     spec.visual.headlight.diffuse[:] = 0.0
@@ -109,15 +109,15 @@ def _add_thing(spec: Any, name: str, thing: Thing) -> int:
 def _add_part(spec: Any, body: Any, name: str, part: Part) -> None:
     mesh = part.mesh
     asset = spec.add_mesh(name=name)
-    # MuJoCo ignores `userfacenormal`, so every face gets its own corners.
+    # MuJoCo ignores `userfacenormal`, so each face has its own corners.
     asset.uservert = mesh.vertices[mesh.faces].flatten()
     asset.userface = np.arange(3 * len(mesh.faces), dtype=np.int32)
     asset.usernormal = corner_normals(mesh.vertices, mesh.faces).flatten()
-    # The inertia of a thin or open part must not stop the compiler; nothing moves here.
+    # The inertia of thin or open parts must not fail compilation; nothing moves here.
     asset.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
     material = spec.add_material(name=name, specular=part.gloss, shininess=0.5, rgba=[*mesh.colour, 1])
     if mesh.uv is not None and mesh.texture is not None:
-        # MuJoCo counts v from the upper edge of a texture given as data.
+        # For textures given as data, MuJoCo's v starts at the upper edge.
         asset.usertexcoord = (mesh.uv.reshape(-1, 2) * [1, -1] + [0, 1]).flatten()
         asset.userfacetexcoord = np.arange(3 * len(mesh.faces), dtype=np.int32)
         pixels = mesh.texture.pixels
@@ -135,9 +135,9 @@ def photograph(world: World, robot: RobotModel | None, *, supersample: int, soft
 
     Args:
         world: The world.
-        robot: The robot, where the world has a place for one.
-        supersample: Samples per pixel edge for the colours, which are averaged in linear light.
-        soft: Shadows with penumbras and dark seams by ray casting; else without any shadow.
+        robot: The robot, if the world needs one.
+        supersample: Samples per pixel edge for the colours, averaged in linear light.
+        soft: Whether to ray-cast soft shadows; without it there are no shadows.
     """
     stage = build(world, robot)
     with Eye(stage.model, world.camera, world.world_from_camera) as eye:

@@ -1,4 +1,4 @@
-"""The cavity of a container, and how much of it a set of convex pieces fills wrongly."""
+"""The cavity of a container, and the fraction of it that convex pieces wrongly fill."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from dextera_build.artifacts.geometry import Hull, Mesh
 
 _AROUND = 16
-"""Horizontal directions that are looked into from a point."""
+"""Number of horizontal rays cast from each point."""
 _BLOCKED = 14
-"""Of these so many must meet a wall, so that a spout or a notch in the rim does not open the whole cavity."""
+"""Number of rays that must hit a wall; the others allow for a spout or a notch in the rim."""
 
 
 @dataclass(frozen=True)
 class Cavity:
-    """Points of a regular grid inside a cavity that is open upwards."""
+    """Regular grid points inside a cavity that is open at the top."""
 
     points: np.ndarray  # (N, 3) float64, object frame [m]
     volume: float  # [m^3]
 
 
 def find(mesh: Mesh, cells: int = 40) -> Cavity:
-    """Sample the content of a container: free points with sky above, a floor below and walls around.
+    """Sample a container's cavity: free points with open sky above, a floor below and walls around.
 
     Args:
         mesh: Closed, object frame, z up.
@@ -52,7 +52,7 @@ def _sheltered(mesh: Mesh, points: np.ndarray) -> np.ndarray:
         rays = np.concatenate([at, np.broadcast_to(direction, at.shape)], axis=1).astype(np.float32)
         return np.asarray(np.isinf(scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy()))
 
-    # Sky above already says that a point is outside of a closed mesh.
+    # A point with open sky above is outside a closed mesh.
     points = points[free(points, np.array([0.0, 0.0, 1.0]))]
     points = points[~free(points, np.array([0.0, 0.0, -1.0]))]
     blocked = np.zeros(len(points), int)
@@ -62,7 +62,7 @@ def _sheltered(mesh: Mesh, points: np.ndarray) -> np.ndarray:
 
 
 def fill(cavity: Cavity, hulls: Sequence[Hull]) -> float | None:
-    """Part of the cavity that the pieces cover, 0..1; None without a cavity."""
+    """Fraction of the cavity filled by the pieces, 0..1; None without a cavity."""
     if not len(cavity.points):
         return None
     covered = np.zeros(len(cavity.points), bool)

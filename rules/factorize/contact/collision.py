@@ -1,4 +1,4 @@
-"""factorize.collision: convex pieces that a simulator can touch, containers kept open."""
+"""factorize.collision: convex collision pieces for simulation; containers stay open."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ class CollisionOptions(Options):
     """Options of factorize.collision."""
 
     convexity: Fraction = 0.97
-    """A link whose solid fills this part of its convex hull becomes that hull."""
+    """A link whose solid fills at least this fraction of its convex hull is replaced by the hull."""
     cavity_fill: Fraction = 0.05
-    """Largest part of a cavity's volume that pieces may cover."""
+    """Largest fraction of a cavity's volume that pieces may fill."""
     pieces: PositiveInt = 96
-    """Largest number of pieces of one link."""
+    """Maximum number of pieces per link."""
     corners: int = Field(192, ge=4)
-    """Largest number of corners of one piece."""
+    """Maximum number of corners per piece."""
     threshold: float = Field(0.06, ge=0.01, le=1.0)
-    """Concavity at which CoACD stops, as a part of the link's size."""
+    """Concavity at which CoACD stops, as a fraction of the link's size."""
     faces: int = Field(1500, ge=4)
-    """CoACD works on a mesh simplified to about this many faces."""
+    """Approximate number of faces of the simplified mesh passed to CoACD."""
     attempts: PositiveInt = 3
-    """How often a container is cut finer until `cavity_fill` is met. Attempts, not seconds: results must repeat."""
+    """Maximum number of finer cuts to meet `cavity_fill`; a count, not a time limit, for reproducible results."""
     seed: NonNegativeInt = 0
     """Seed of CoACD."""
 
 
 @rule(version=1)
 def collision(ctx: Context, body: Body, *, options: CollisionOptions) -> Collision:
-    """Return convex pieces of every link in the object frame at joints 0 [m].
+    """Return convex pieces of every link, in the object frame with all joints at 0 [m].
 
     The backend offers `pieces(link, hollow, options) -> Pieces` and `picture(body, collision) -> pixels or None`.
     """

@@ -1,4 +1,4 @@
-"""Backend coacd of factorize.collision: exact walls, one hull, wedges for containers, CoACD for the rest."""
+"""Backend coacd of factorize.collision: exact walls, a single hull, wedges for containers, otherwise CoACD."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ BACKEND = Backend(
 
 
 def pieces(link: Link, hollow: bool, options: CollisionOptions) -> Pieces:
-    """The cheapest set of convex pieces that is good enough.
+    """Return the cheapest set of convex pieces that is accurate enough.
 
     Args:
-        link: Closed mesh and, where known, its exact walls.
+        link: Closed mesh and, if known, its exact walls.
         hollow: Whether the body has a cavity that must stay open.
         options: See `CollisionOptions`.
     """
@@ -62,7 +62,7 @@ def _container(solid: Manifold, inside: cavity.Cavity, options: CollisionOptions
     best: Pieces | None = None
     for attempt in range(options.attempts):
         sectors = 16 + 8 * attempt
-        # Four cuts per wedge and half of the allowance; the other half is for joining.
+        # Four cuts per wedge use half of the allowance; joining uses the other half.
         cut = wedges.cut(small, sectors, 0.5 * allowed / (4 * sectors * 2**attempt))
         before = cavity.fill(inside, [_hull(piece, options.corners) for piece in cut]) or 0.0
         joined = wedges.join(cut, 0.9 * (allowed - before * inside.volume), options.pieces)
@@ -85,7 +85,7 @@ def _coacd(solid: Manifold, options: CollisionOptions) -> tuple[Hull, ...]:
         coacd.Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32)),
         threshold=options.threshold,
         max_convex_hull=options.pieces,
-        preprocess_mode="off",  # the solid is manifold already, and voxels would round it
+        preprocess_mode="off",  # the solid is already manifold, and voxels would round it
         mcts_nodes=10,
         mcts_iterations=60,
         seed=options.seed,
@@ -111,7 +111,7 @@ def _hull(solid: Manifold, corners: int) -> Hull:
 
 
 def _hull_of_points(points: np.ndarray, corners: int) -> Hull:
-    """The convex hull with at most about `corners` corners, all of them points of the input."""
+    """Convex hull with at most about `corners` corners, all of them input points."""
     import manifold3d
 
     hull = manifold3d.Manifold.hull_points(np.asarray(points, np.float64))

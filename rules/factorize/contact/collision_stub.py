@@ -1,4 +1,4 @@
-"""Backend stub of factorize.collision: one hull per link, without any package."""
+"""Backend stub of factorize.collision: one hull per link, with no dependencies."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ BACKEND = Backend(summary="one hull per link, for tests", profiles=("stub",))
 
 
 def pieces(link: Link, hollow: bool, options: CollisionOptions) -> Pieces:
-    """Walls where they are known, else the link's outermost corners; a cavity is closed by their hull."""
+    """Known walls, otherwise the hull of the link's outermost corners, which closes any cavity."""
     if link.walls:
         return Pieces(hulls=link.walls, method="walls")
     return Pieces(hulls=(Hull(vertices=_outermost(link.mesh.vertices, options.corners)),), method="hull")
 
 
 def picture(collision: Collision) -> None:
-    """A stub draws nothing."""
+    """Draw nothing."""
 
 
 def _outermost(vertices: np.ndarray, corners: int) -> np.ndarray:
-    """Vertices that lie farthest in about `corners` directions spread over the sphere, and along the axes."""
+    """Vertices farthest along the axes and along about `corners` directions spread over the sphere."""
     number = np.arange(corners) + 0.5
     polar, turn = np.arccos(1.0 - 2.0 * number / corners), np.pi * (1.0 + 5.0**0.5) * number
     spread = np.stack([np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)], axis=1)

@@ -15,7 +15,7 @@ _LIGHT = np.array([0.4, -0.5, 0.77])
 
 
 def draw(hulls: Sequence[Hull]) -> np.ndarray:
-    """Look at the pieces from above at 40 degrees, twice: as they are, and pulled apart; (H, W, 3) uint8."""
+    """Draw the pieces from 40 degrees above, assembled and exploded; (H, W, 3) uint8."""
     middle = np.concatenate([hull.vertices for hull in hulls]).mean(axis=0, dtype=np.float64)
     apart = [0.35 * (hull.vertices.mean(axis=0, dtype=np.float64) - middle) for hull in hulls]
     together = [np.zeros(3)] * len(hulls)
@@ -38,7 +38,7 @@ def _view(hulls: Sequence[Hull], moved: Sequence[np.ndarray]) -> np.ndarray:
 
 def _surface(hull: Hull, shift: np.ndarray, number: int) -> raycast.Surface:
     vertices, faces = convex.surface(hull.vertices)
-    # Steps of the golden angle keep neighbours in the list far apart in hue.
+    # Golden-angle steps give consecutive pieces distinct hues.
     colour = colorsys.hsv_to_rgb(0.618034 * number % 1.0, 0.55, 0.95)
     return raycast.Surface(vertices + shift, faces, colour=colour)
 

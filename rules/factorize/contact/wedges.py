@@ -1,8 +1,8 @@
-"""Convex pieces of a container by cutting it: wedges around the vertical, then the best plane of each piece.
+"""Cut a container into convex pieces: wedges around the vertical, then the best plane of each piece.
 
-General decompositions fill a cavity or take minutes (CoACD on a bowl: 44 pieces fill 9 %). A container's walls are
-convex once they are cut across, so a few exact cuts do better: every cut is made on the closed solid, and pieces are
-joined again where their common hull adds next to nothing.
+General decompositions fill the cavity or take minutes (CoACD on a bowl: 44 pieces fill 9 %). A container's walls are
+convex once cut across, so a few exact cuts do better: each cut is made on the closed solid, and pieces whose common
+hull adds almost no volume are joined again.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 _PLACES = (0.1, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9)
-"""Where a piece may be cut, as parts of its extent."""
+"""Candidate cut positions, as fractions of a piece's extent."""
 
 
 def cut(solid: Manifold, sectors: int, excess_m3: float) -> list[Manifold]:
@@ -25,7 +25,7 @@ def cut(solid: Manifold, sectors: int, excess_m3: float) -> list[Manifold]:
     Args:
         solid: Closed solid, z up.
         sectors: Wedges around the vertical through the middle of its bounding box.
-        excess_m3: A piece is not cut further where its hull adds less than this [m^3].
+        excess_m3: A piece is not cut further if its hull adds less than this [m^3].
     """
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
     middle = (low + high) / 2.0
@@ -46,7 +46,7 @@ def _keep(solid: Manifold, turn: float, middle: np.ndarray, side: float) -> Mani
 
 
 def _cut(piece: Manifold, frame: np.ndarray, excess_m3: float, depth: int) -> list[Manifold]:
-    """Cut along radius, tangent or height where that saves most hull volume, until the hull fits."""
+    """Make the radial, tangential or level cut that saves most hull volume, until the hull fits."""
     whole = piece.hull().volume()
     if depth == 0 or whole - piece.volume() <= excess_m3:
         return [piece]
@@ -71,8 +71,8 @@ def join(hulls: list[Manifold], budget_m3: float, most: int) -> list[Manifold]:
 
     Args:
         hulls: Convex pieces.
-        budget_m3: Volume that all joins together may add [m^3].
-        most: Largest number of pieces; joins go on beyond the budget until it is met.
+        budget_m3: Total volume that joins may add [m^3].
+        most: Maximum number of pieces; joining continues beyond the budget until it is met.
     """
     pieces = dict(enumerate(hulls))
     costs: dict[tuple[int, int], tuple[float, Manifold]] = {}
@@ -106,7 +106,7 @@ def _price(
 
 
 def _near(one: Manifold, other: Manifold) -> bool:
-    """Whether the bounding boxes touch; only neighbours are worth joining."""
+    """Whether the bounding boxes touch; only neighbours are joined."""
     a, b = np.array(one.bounding_box()).reshape(2, 3), np.array(other.bounding_box()).reshape(2, 3)
     slack = 1e-4
     return bool((a[0] <= b[1] + slack).all() and (b[0] <= a[1] + slack).all())

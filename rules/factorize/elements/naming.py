@@ -1,4 +1,4 @@
-"""Words for things that have no name yet: colour, shape class, material."""
+"""Descriptive words for unnamed objects: colour, shape class, material."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ HUES = (
     (335.0, "purple"),
     (360.0, "pink"),
 )
-"""Upper end of the hue angle in the a*b* plane [deg] and its word."""
+"""Upper bound of the hue angle in the a*b* plane [deg] and its word."""
 MATERIALS = {"box": "cardboard", "bowl": "ceramic", "mug": "ceramic", "laptop": "electronics"}
 INWARD = 0.12
-"""Part of the seen surface that faces a thing's own middle: above 0.2 for bowls and mugs, below 0.04 for solids."""
+"""Fraction of the seen surface that faces the object's centre: above 0.2 for bowls and mugs, below 0.04 for solids."""
 SHAPES = ("box", "cylinder", "bowl", "mug", "laptop", "object")
 
 
 def colour_word(lab: np.ndarray) -> str:
-    """The commonest colour word of (N, 3) CIE Lab pixels."""
+    """The most frequent colour word of (N, 3) CIE Lab pixels."""
     light, chroma = lab[:, 0], np.hypot(lab[:, 1], lab[:, 2])
     hue = np.degrees(np.arctan2(lab[:, 2], lab[:, 1])) % 360.0
     index = np.searchsorted([end for end, _ in HUES], hue, side="right")
@@ -43,7 +43,7 @@ def colour_word(lab: np.ndarray) -> str:
 
 
 def shape_class(proposal: Proposal, relief: Relief) -> str:
-    """`box`, `cylinder`, `bowl`, `mug`, `laptop` or `object`, from how the surface bends."""
+    """`box`, `cylinder`, `bowl`, `mug`, `laptop` or `object`, from the curvature of the surface."""
     if proposal.hinged:
         return "laptop"
     if proposal.inward > INWARD:
@@ -63,7 +63,7 @@ def _square(facets: tuple[tuple[np.ndarray, float], ...]) -> bool:
 
 
 def elements(proposals: tuple[Proposal, ...], relief: Relief, lab: np.ndarray) -> tuple[Element, ...]:
-    """An element per proposal, with unique names in the proposals' order."""
+    """One uniquely named element per proposal, in the same order."""
     found: list[Element] = []
     taken: set[str] = set()
     for proposal in proposals:
@@ -85,7 +85,7 @@ def elements(proposals: tuple[Proposal, ...], relief: Relief, lab: np.ndarray) -
 
 
 def unique(base: str, taken: set[str]) -> str:
-    """`base`, or `base_2`, ... if it is taken; the name is added to `taken`."""
+    """`base`, or `base_2`, ... if taken; adds the name to `taken`."""
     name, number = base, 1
     while name in taken:
         number += 1

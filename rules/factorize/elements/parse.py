@@ -19,19 +19,19 @@ class ParseOptions(Options):
     """Options of factorize.parse."""
 
     match_iou: Fraction = 0.3
-    """Smallest overlap between a box of `scene.yaml` and the proposal that it names."""
+    """Smallest overlap (IoU) at which a box of `scene.yaml` matches a proposal."""
     model: str = ""
-    """Model that a backend asks which asks a service (`vlm`)."""
+    """Name of the model, for backends that query a service (`vlm`)."""
 
 
 @rule(version=1)
 def parse(
     ctx: Context, capture: Capture, support: Support, scene: File | None = None, *, options: ParseOptions
 ) -> Elements:
-    """Return the elements of the photograph: proposed from what stands on the support, or named by a `scene.yaml`.
+    """Return the elements of the photograph: proposals above the support, or the entries of a `scene.yaml`.
 
-    The backend offers `propose(ctx, capture, support, model) -> tuple[Element, ...]`: what rises above the
-    support, each with its box [px]; `interactive` tells handled objects from the static scene.
+    The backend offers `propose(ctx, capture, support, model) -> tuple[Element, ...]`: everything above
+    the support, each with its box [px]; `interactive` distinguishes handled objects from the static scene.
     """
     proposals: tuple[Element, ...] = ctx.backend.propose(ctx, capture, support, options.model)
     table = Element(name="support", category="support", phrase="support", interactive=False, material="wood")

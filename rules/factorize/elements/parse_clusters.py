@@ -1,4 +1,4 @@
-"""Elements from geometry: what rises above the support, split at creases and steps, named by colour and shape."""
+"""Elements from geometry: raised surfaces, split at creases and depth steps, named by colour and shape."""
 
 from __future__ import annotations
 
@@ -18,6 +18,6 @@ BACKEND = Backend(
 
 
 def propose(ctx: Context, capture: Capture, support: Support, model: str) -> tuple[Element, ...]:
-    """Every thing above the support with its box [px], largest first."""
+    """Every object above the support with its box [px], largest first."""
     seen = scenery(capture, support)
     return naming.elements(seen.objects, seen.relief, colour_lab(capture.rgb.pixels))

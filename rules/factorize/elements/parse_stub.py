@@ -1,4 +1,4 @@
-"""Elements without names: connected pixels above the support."""
+"""Unnamed elements: connected pixels above the support."""
 
 from __future__ import annotations
 

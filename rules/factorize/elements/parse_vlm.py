@@ -1,4 +1,4 @@
-"""Elements by a vision-language model behind an OpenAI-compatible endpoint; its answers are recorded."""
+"""Elements from a vision-language model behind an OpenAI-compatible endpoint; answers are recorded."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BACKEND = Backend(
     licence="that of the service",
 )
 LONGEST = 1024
-"""Longer side of the picture that is sent [px]."""
+"""Longer side of the uploaded image [px]."""
 PROMPT = """The photograph shows a workspace: a support (a table, a desk) and what stands on it.
 Name everything that stands on the support or behind it. The picture is {width} px wide and {height} px high.
 - name: unique, lower case, words joined by _: red_mug
@@ -52,11 +52,11 @@ SCHEMA: dict[str, Any] = {
     "required": ["elements"],
     "additionalProperties": False,
 }
-"""The schema that the service must answer with; `Answer` checks it."""
+"""JSON schema of the response; `Answer` validates it."""
 
 
 class Thing(BaseModel):
-    """One element, in pixels of the picture that was sent."""
+    """One element, in pixels of the uploaded image."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -70,7 +70,7 @@ class Thing(BaseModel):
 
 
 class Answer(BaseModel):
-    """The required answer of a model."""
+    """The required response of a model."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -78,7 +78,7 @@ class Answer(BaseModel):
 
 
 def propose(ctx: Context, capture: Capture, support: Support, model: str) -> tuple[Element, ...]:
-    """The elements that the model names, each with its box [px]."""
+    """The elements named by the model, each with its box [px]."""
     if not model:
         ctx.fail("no model is named for the backend `vlm`", hint="set `model` of this node, or `--set NODE.model=NAME`")
     picture, (width, height) = _picture(capture)
@@ -98,11 +98,11 @@ def propose(ctx: Context, capture: Capture, support: Support, model: str) -> tup
 
 
 def read(body: bytes, width: int, height: int) -> Answer:
-    """The answer in the body of a chat completion, for a picture of this size [px].
+    """Parse the body of a chat completion for an image of this size [px].
 
     Raises:
-        RuleError: It names what cannot be.
-        ValueError: It is not of the form that was asked for.
+        RuleError: A value is impossible.
+        ValueError: The response does not match the schema.
     """
     answer = Answer.model_validate_json(json.loads(body)["choices"][0]["message"]["content"])
     names = [thing.name for thing in answer.elements]
@@ -126,7 +126,7 @@ def _element(thing: Thing, scale: tuple[float, float]) -> Element:
 
 
 def _picture(capture: Capture) -> tuple[bytes, tuple[int, int]]:
-    """The photograph as JPEG, no side longer than `LONGEST`, with its size [px]."""
+    """The photograph as JPEG with sides of at most `LONGEST`, and its size [px]."""
     from PIL import Image
 
     picture = Image.fromarray(capture.rgb.pixels)
@@ -137,7 +137,7 @@ def _picture(capture: Capture) -> tuple[bytes, tuple[int, int]]:
 
 
 def _send(request: dict[str, Any], timeout_s: float) -> Response:
-    """Ask an OpenAI-compatible service; its address and credentials enter no record."""
+    """Query an OpenAI-compatible service; its address and credentials are never recorded."""
     import httpx
 
     url, key = os.environ.get("DXB_VLM_URL", ""), os.environ.get("DXB_VLM_API_KEY", "")

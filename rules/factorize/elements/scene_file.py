@@ -1,4 +1,4 @@
-"""`scene.yaml`: a person's list of elements, read strictly and matched to the proposals from geometry."""
+"""`scene.yaml`: a hand-written list of elements, parsed strictly and matched to geometric proposals."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
 class Wanted:
-    """One element of the file, with the fields that the person set and where it stands."""
+    """One element of the file, with its explicit fields and its position in the file."""
 
     def __init__(self, fields: dict[str, Any], place: Place) -> None:
         self.fields = fields
@@ -30,20 +30,20 @@ class Wanted:
 
     @property
     def name(self) -> str:
-        """Its unique name."""
+        """The unique name."""
         return str(self.fields["name"])
 
     @property
     def interactive(self) -> bool:
-        """Whether it is a handled object."""
+        """Whether the element is a handled object."""
         return bool(self.fields.get("interactive", self.fields.get("category") not in STATIC))
 
 
 def read(data: bytes) -> list[Wanted]:
-    """The elements of a `scene.yaml`.
+    """Parse the elements of a `scene.yaml`.
 
     Raises:
-        RuleError: The file is malformed; names the line and column.
+        RuleError: The file is malformed; the message gives line and column.
     """
     import yaml
 
@@ -70,16 +70,16 @@ def read(data: bytes) -> list[Wanted]:
 
 
 def match(wanted: Sequence[Wanted], proposals: Sequence[Element], smallest_iou: float) -> tuple[Element, ...]:
-    """Each wanted element with the box of the proposal that it names; unnamed proposals become static.
+    """Assign each wanted element the box of the matching proposal; unmatched proposals become static.
 
-    A box is compared by its overlap, a phrase by the colour and shape words that it shares with a proposal.
+    Boxes match by overlap, phrases by the colour and shape words shared with a proposal.
 
     Raises:
-        RuleError: An interactive element names nothing that was proposed.
+        RuleError: An interactive element matches no proposal.
     """
     free = list(proposals)
     chosen: dict[str, Element | None] = {}
-    # Boxes are certain and come first; then phrases, in the order of the file.
+    # Boxes are unambiguous and match first; phrases follow in file order.
     for item in sorted(wanted, key=lambda w: "box" not in w.fields):
         proposal = _by_box(item, free, smallest_iou) if "box" in item.fields else _by_words(item, free)
         if proposal is None and (item.interactive or "box" in item.fields):

@@ -12,36 +12,36 @@ from dextera_build.rule import Context, Options, rule
 
 
 class DeclaredHinge(Options):
-    """A hinge that a person measured, in the object frame."""
+    """A measured hinge, in the object frame."""
 
     origin_m: tuple[float, float, float]
     """A point on the axis [m]."""
     axis: tuple[float, float, float]
     """Direction; the lid opens by the right-hand rule."""
     angle_rad: NonNegativeFloat
-    """How far it stands open in the photograph [rad]; 0 is closed."""
+    """Opening angle in the photograph [rad]; 0 is closed."""
 
 
 class ArticulateOptions(Options):
     """Options of factorize.articulate."""
 
     hinge: DeclaredHinge | None = None
-    """A known hinge; None finds the crease."""
+    """A known hinge; None detects the crease."""
     upper_rad: PositiveFloat = 2.29
-    """Opening that the joint allows where nothing is in the way [rad]; notebooks stop near 131 degrees."""
+    """Upper joint limit if nothing collides [rad]; notebooks stop near 131 degrees."""
     margin_rad: NonNegativeFloat = 0.1
-    """The joint allows at least this much more than was observed [rad]."""
+    """Minimum distance of the upper limit beyond the observed opening [rad]."""
     clearance_m: NonNegativeFloat = 0.0002
     """Gap between the closed lid and the base [m]."""
     overlap_m: NonNegativeFloat = 0.001
-    """Largest mean depth to which the lid may sink into the base while it closes [m]."""
+    """Maximum mean penetration of the lid into the base while closing [m]."""
     without_crease: Literal["fail", "rigid"] = "fail"
-    """How to treat an object that should be articulated and shows no crease."""
+    """How to treat an articulated object without a visible crease."""
 
 
 @rule(version=1)
 def articulate(ctx: Context, shape: Shape, seen: ObjectView, *, options: ArticulateOptions) -> Body:
-    """Return links and joints in the object frame of `shape`, all geometry at joint position 0 [m, rad].
+    """Return links and joints in the object frame of `shape`, with all geometry at joint position 0 [m, rad].
 
     The backend offers `parts(shape, seen, options) -> hinge_parts.Parts or None` and `picture(body, seen)`.
     """

@@ -1,4 +1,4 @@
-"""Backend crease of factorize.articulate: two slabs meet in a crease, and the hinge lies in it."""
+"""Backend crease of factorize.articulate: two slabs meet at a crease, which is the hinge."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ BACKEND = Backend(
 )
 
 _STEPS = 12
-"""Poses of the lid between closed and open that are checked for overlap."""
+"""Number of lid poses between closed and open that are checked for overlap."""
 
 
 def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts | None:
-    """Cut the shape at its hinge and close it.
+    """Split the shape at its hinge and close the parts.
 
     Returns:
-        The links at joint position 0, or None without a crease, or with one solid on both sides of it.
+        The links at joint position 0; None without a crease or if one solid spans both sides of it.
     """
     hinge = _declared(shape.mesh, options) if options.hinge else find(shape.mesh)
     if hinge is None or hinge.angle >= np.pi * 1.1:
@@ -69,7 +69,7 @@ def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts |
 
 
 def picture(body: Body, seen: ObjectView) -> np.ndarray:
-    """The hinge on the crop, (H, W, 3) uint8."""
+    """Draw the hinge on the crop, (H, W, 3) uint8."""
     return draw(body, seen)
 
 
@@ -82,7 +82,7 @@ def _declared(mesh: Mesh, options: ArticulateOptions) -> Hinge:
 
 
 def _split(mesh: Mesh, hinge: Hinge) -> tuple[Mesh, Mesh] | None:
-    """Lower and upper part as they stand; whole components where there are several, else a cut."""
+    """Lower and upper part at the observed angle: whole components if there are several, otherwise a cut."""
     sides: list[list[np.ndarray]] = [[], []]
     for faces in manifolds.components(mesh):
         middle = mesh.vertices[mesh.faces[faces]].mean(axis=(0, 1), dtype=np.float64)
@@ -98,11 +98,11 @@ def _split(mesh: Mesh, hinge: Hinge) -> tuple[Mesh, Mesh] | None:
 
 
 def _seated(base: Mesh, lid: Mesh, hinge: Hinge, options: ArticulateOptions) -> tuple[Hinge, float]:
-    """Move the axis so that the closed lid lies on the base, `clearance_m` above it; also how far it was lifted."""
+    """Move the axis until the closed lid rests `clearance_m` above the base; also return the lift [m]."""
     closed = _apply(hinge.turn(-hinge.angle), lid.vertices)
     below = _heights(base.vertices, hinge)
     lowest = _heights(closed, hinge)
-    # Robust ends: a mesh from a network has specks that would hold the lid up.
+    # Quantiles, because specks in a network's mesh would hold the lid up.
     lift = float(np.quantile(below, 0.99) - np.quantile(lowest, 0.01)) + options.clearance_m
     return (hinge, 0.0) if options.hinge else (hinge.lifted(lift), lift)
 
@@ -112,7 +112,7 @@ def _heights(vertices: np.ndarray, hinge: Hinge) -> np.ndarray:
 
 
 def _plan_area(lid: Mesh, hinge: Hinge) -> float:
-    """Area of the lid's outline seen along its slab [m^2], by its faces that look inward when closed."""
+    """Area of the lid projected along its slab normal [m^2], from the faces that point inward when closed."""
     areas, normals = manifolds.areas_and_normals(lid)
     inward = hinge.turn(hinge.angle)[:3, :3] @ -hinge.up
     cosine = normals @ inward
@@ -120,7 +120,7 @@ def _plan_area(lid: Mesh, hinge: Hinge) -> float:
 
 
 def _upper(overlap: Callable[[float], float], hinge: Hinge, options: ArticulateOptions) -> float:
-    """The widest opening without a collision; at least the observed one and a margin."""
+    """The widest collision-free opening, and at least the observed one plus a margin."""
     least = hinge.angle + options.margin_rad
     free = least
     for position in np.linspace(least, max(options.upper_rad, least), _STEPS):
@@ -131,17 +131,17 @@ def _upper(overlap: Callable[[float], float], hinge: Hinge, options: ArticulateO
 
 
 def _walls(shape: Shape, hinge: Hinge) -> tuple[tuple[Hull, ...], tuple[Hull, ...]]:
-    """Walls of the lower and of the upper link, as they stand."""
+    """Walls of the lower and the upper link, at the observed angle."""
     sides: tuple[list[Hull], list[Hull]] = ([], [])
     for hull in shape.walls:
         middle = hull.vertices.mean(axis=0, dtype=np.float64)
         sides[int(hinge.bisector @ (middle - hinge.origin) > 0.0)].append(hull)
-    # Walls that stand on one side only do not describe both links.
+    # Walls on one side only do not describe both links.
     return (tuple(sides[0]), tuple(sides[1])) if all(sides) else ((), ())
 
 
 def _seen_angle(shape: Shape, seen: ObjectView, hinge: Hinge) -> float | None:
-    """Opening of a plane through the seen points near the lid [rad]: a check of the mesh by the measurement."""
+    """Opening angle of a plane fitted to the seen points near the lid [rad], a check on the mesh."""
     valid = seen.mask & (seen.depth.depth > 0.0)
     points = cameras.backproject(seen.depth.depth, seen.camera.matrix())[valid]
     to_object = transforms.invert(shape.world_from_object) @ seen.world_from_camera

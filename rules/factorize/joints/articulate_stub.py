@@ -25,7 +25,7 @@ _FACES = np.array(
 
 
 def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts:
-    """The lowest tenth of the bounding box as base, a box like it as lid, open by a right angle."""
+    """The lowest tenth of the bounding box as base and an equal box as lid, open by a right angle."""
     low, high = shape.mesh.vertices.min(axis=0).astype(np.float64), shape.mesh.vertices.max(axis=0).astype(np.float64)
     height = 0.1 * float(high[2] - low[2])
     top = low[2] + height
@@ -46,7 +46,7 @@ def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts:
 
 
 def picture(body: Body, seen: ObjectView) -> None:
-    """A stub draws nothing."""
+    """Draw nothing."""
 
 
 def _box(like: Mesh, low: np.ndarray, high: np.ndarray) -> Link:

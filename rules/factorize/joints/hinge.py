@@ -1,4 +1,4 @@
-"""Where a hinge is: two slabs that meet in a crease, and how one turns onto the other."""
+"""Locate a hinge: two slabs that meet at a crease, and the rotation of one onto the other."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from dextera_build.geometry import registration, transforms
 from . import manifolds
 
 _CONE = np.cos(np.radians(15.0))
-"""Faces within this angle of a slab's normal belong to its plane."""
+"""Cosine of the largest angle between a face's normal and its slab's."""
 
 
 @dataclass(frozen=True)
 class Hinge:
-    """A revolute joint between a lower slab and an upper one; object frame.
+    """A revolute joint between a lower and an upper slab; object frame.
 
-    At angle 0 the upper slab lies on the lower one; positive angles open it.
+    At angle 0 the upper slab rests on the lower one; positive angles open it.
     """
 
-    origin: np.ndarray  # (3,) on the axis, in the middle of the upper slab [m]
+    origin: np.ndarray  # (3,) on the axis, at the centre of the upper slab [m]
     axis: np.ndarray  # (3,) unit, right-hand rule
     along: np.ndarray  # (3,) unit, in the lower slab's plane, from the hinge outward
     angle: float  # observed opening [rad]
@@ -34,7 +34,7 @@ class Hinge:
 
     @property
     def bisector(self) -> np.ndarray:
-        """Normal of the plane through the axis that parts the slabs, (3,); it points to the upper one."""
+        """Normal of the plane through the axis that separates the slabs, (3,); points to the upper one."""
         rotation = turned(self.axis, np.zeros(3), (self.angle + np.pi) / 2.0)[:3, :3]
         return np.asarray(rotation @ self.along)
 
@@ -43,9 +43,9 @@ class Hinge:
         return turned(self.axis, self.origin, angle)
 
     def lifted(self, height: float) -> Hinge:
-        """The hinge for which the closed upper slab lies higher by `height` [m] while the open one stays."""
+        """The hinge that raises the closed upper slab by `height` [m] and leaves the open one in place."""
         rotation = self.turn(-self.angle)[:3, :3]
-        # Along the axis nothing moves, so that direction is pinned to keep the system regular.
+        # Nothing moves along the axis; pinning that direction keeps the system regular.
         system = np.eye(3) - rotation + np.outer(self.axis, self.axis)
         return replace(self, origin=self.origin + np.linalg.solve(system, height * self.up))
 
@@ -57,13 +57,13 @@ def turned(axis: np.ndarray, origin: np.ndarray, angle: float) -> np.ndarray:
 
 
 def find(mesh: Mesh, least_angle: float = 0.3) -> Hinge | None:
-    """The crease between the two largest slabs of a mesh, or None if the mesh has fewer.
+    """Find the crease between the two largest slabs of a mesh, or None if the mesh has fewer.
 
-    Two connected parts are two slabs; a mesh in one part is grouped by the directions of its faces.
+    Two connected parts are the two slabs; a mesh in one part is grouped by face direction.
 
     Args:
         mesh: Closed, object frame, z up.
-        least_angle: Slabs nearer to parallel than this [rad] have no crease that can be located.
+        least_angle: Slabs nearer to parallel than this [rad] have no locatable crease.
     """
     areas, normals = manifolds.areas_and_normals(mesh)
     parts = manifolds.components(mesh)
@@ -88,7 +88,7 @@ def find(mesh: Mesh, least_angle: float = 0.3) -> Hinge | None:
 
 
 def _by_direction(normals: np.ndarray, areas: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """The upright direction of the base and the strongest other one, with the faces of each."""
+    """The base's upright direction and the strongest other one, with the faces of each."""
     flat = np.abs(normals[:, 2]) > _CONE
     if not flat.any():
         return [], []
@@ -102,8 +102,8 @@ def _by_direction(normals: np.ndarray, areas: np.ndarray) -> tuple[list[np.ndarr
 
 
 def _dominant(normals: np.ndarray, areas: np.ndarray) -> np.ndarray:
-    """Unit direction, up to its sign, that most of the area faces; (3,)."""
-    # Candidates are the largest faces' own normals: a slab has a few large faces, or many small that agree.
+    """Unit direction, up to sign, that most of the area faces; (3,)."""
+    # Candidates are the normals of the largest faces: a slab has a few large faces, or many small parallel ones.
     order = np.argsort(-areas, kind="stable")
     candidates = normals[order[:: max(1, len(order) // 200)]]
     cosines = candidates @ normals.T
@@ -115,7 +115,7 @@ def _dominant(normals: np.ndarray, areas: np.ndarray) -> np.ndarray:
 
 
 def _offset(normal: np.ndarray, normals: np.ndarray, points: np.ndarray, areas: np.ndarray) -> float | None:
-    """Distance of the plane with this normal from the origin: area-weighted median over the faces that share it."""
+    """Distance of the plane with this normal from the origin: area-weighted median over its faces."""
     mine = normals @ normal > _CONE
     if not mine.any():
         return None

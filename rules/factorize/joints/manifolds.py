@@ -1,4 +1,4 @@
-"""Meshes as manifold3d solids and back, with their textures."""
+"""Convert textured meshes to manifold3d solids and back."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ if TYPE_CHECKING:
 
 
 def solid(mesh: Mesh) -> Manifold:
-    """The closed mesh as a manifold3d solid; texture coordinates ride along as vertex properties.
+    """Convert a closed mesh to a manifold3d solid; texture coordinates become vertex properties.
 
     Raises:
-        ValueError: It is not a closed manifold.
+        ValueError: The mesh is not a closed manifold.
     """
     import manifold3d
 
     if mesh.uv is None:
         data = manifold3d.Mesh(_contiguous(mesh.vertices, np.float32), _contiguous(mesh.faces, np.uint32))
     else:
-        # One vertex per corner, because a seam has two texture coordinates at one place.
+        # One vertex per face corner, because a seam vertex has two texture coordinates.
         corners = mesh.faces.reshape(-1)
         properties = np.concatenate([mesh.vertices[corners], mesh.uv.reshape(-1, 2)], axis=1)
         first = _first_with(corners)
@@ -41,7 +41,7 @@ def solid(mesh: Mesh) -> Manifold:
 
 
 def mesh(made: Manifold, like: Mesh) -> Mesh:
-    """A solid as a mesh with the texture of `like`, whose `solid` it was cut from."""
+    """Convert a solid to a mesh with the texture of `like`, from whose solid it was cut."""
     data = made.to_mesh()
     properties = np.asarray(data.vert_properties)
     triangles = np.asarray(data.tri_verts).astype(np.int64)
@@ -58,7 +58,7 @@ def mesh(made: Manifold, like: Mesh) -> Mesh:
 
 
 def components(mesh: Mesh) -> list[np.ndarray]:
-    """Faces of each connected part, as index arrays, largest area first."""
+    """Face indices of each connected part, largest area first."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
@@ -73,7 +73,7 @@ def components(mesh: Mesh) -> list[np.ndarray]:
 
 
 def subset(mesh: Mesh, faces: np.ndarray) -> Mesh:
-    """The mesh of some faces of `mesh`."""
+    """The part of `mesh` with the given faces."""
     used, renumbered = np.unique(mesh.faces[faces], return_inverse=True)
     return mesh.model_copy(
         update={
@@ -85,7 +85,7 @@ def subset(mesh: Mesh, faces: np.ndarray) -> Mesh:
 
 
 def areas_and_normals(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Area (F,) [m^2] and unit normal (F, 3) of every face; the normal of a face without area is 0."""
+    """Area (F,) [m^2] and unit normal (F, 3) of every face; the normal of a degenerate face is 0."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]].astype(np.float64) for k in range(3))
     cross = np.cross(b - a, c - a)
     length = np.linalg.norm(cross, axis=1)
@@ -93,11 +93,11 @@ def areas_and_normals(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _first_with(values: np.ndarray) -> np.ndarray:
-    """For every position the first position that holds the same value."""
+    """For every position, the first position with the same value."""
     _, first, inverse = np.unique(values, return_index=True, return_inverse=True)
     return np.asarray(first[inverse])
 
 
 def _contiguous(array: np.ndarray, kind: type) -> np.ndarray:
-    # A copy, because manifold3d refuses arrays that are read-only, and those of artifacts are.
+    # A copy, because manifold3d rejects read-only arrays, and artifacts' arrays are read-only.
     return np.array(array, dtype=kind, order="C")

@@ -9,12 +9,12 @@ from dextera_build.artifacts.object import Joint, Link
 
 @dataclass(frozen=True)
 class Parts:
-    """Two links and their hinge, all geometry closed (joint position 0), object frame."""
+    """Two links and their hinge, with all geometry closed (joint position 0), object frame."""
 
     base: Link
     lid: Link
     joint: Joint
     overlap_m: float = 0.0
-    """Greatest mean depth of the lid in the base while it closes [m]."""
+    """Maximum mean penetration of the lid into the base while closing [m]."""
     metrics: tuple[tuple[str, float, str], ...] = ()
-    """Name, value and unit of numbers for the report."""
+    """Name, value and unit of each metric in the report."""

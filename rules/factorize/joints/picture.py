@@ -1,4 +1,4 @@
-"""The hinge drawn on the photograph of an object."""
+"""Draw the hinge on the photograph of an object."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _ENLARGED = 2
 
 
 def draw(body: Body, seen: ObjectView) -> np.ndarray:
-    """Axis in red, the lid's far edge in white where it stands, in blue at the limits; (H, W, 3) uint8."""
+    """Draw the axis in red, the lid's far edge in white, and its edge at the limits in blue; (H, W, 3) uint8."""
     from PIL import Image, ImageDraw
 
     rows, columns = seen.rgb.pixels.shape[:2]
@@ -33,7 +33,7 @@ def draw(body: Body, seen: ObjectView) -> np.ndarray:
 
 
 def _lines(body: Body, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
-    """The part of the axis along the moving link, and that link's edge farthest from it, (2, 3) each [m]."""
+    """The axis segment along the moving link, and that link's farthest edge, (2, 3) each [m]."""
     vertices = body.links[joint.child].mesh.vertices.astype(np.float64)
     origin, axis = np.array(joint.origin), np.array(joint.axis)
     along = (vertices - origin) @ axis

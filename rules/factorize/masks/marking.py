@@ -1,4 +1,4 @@
-"""Boxes and outlines drawn into a photograph, for the report."""
+"""Draw boxes and outlines on a photograph, for the report."""
 
 from __future__ import annotations
 

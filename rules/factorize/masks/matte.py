@@ -1,4 +1,4 @@
-"""Pixel-accurate masks: holes and borders where the depth camera saw nothing or could not tell."""
+"""Pixel-accurate masks: fill holes and refine borders where depth is missing or unreliable."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from ..regions import proposals
 from ..regions.heights import Relief
 
 BAND = 12
-"""How far beyond the measured mask pixels may belong to the object [px]."""
+"""Maximum distance of object pixels beyond the measured mask [px]."""
 DEEP = 8
-"""Measured pixels farther inside stay [px]."""
+"""Measured pixels farther inside than this are kept [px]."""
 SURE = 6
-"""Depth cameras rarely fatten a border by more than this [px]."""
+"""Depth cameras rarely dilate a border by more than this [px]."""
 EATEN = 9
-"""They rarely eat more than this off a thin part [px]."""
+"""Depth cameras rarely erode a thin part by more than this [px]."""
 NEARBY = 15
 """Distance over which colours are compared [px]."""
 COLOUR_SIGMA = 6.0
-"""Colour differences of one surface under one light [CIE Lab]."""
+"""Standard deviation of colour on one surface under one light [CIE Lab]."""
 FARTHEST = 900.0
-"""Squared colour difference beyond which colours are equally foreign."""
+"""Cap on the squared colour difference."""
 MOST_CHANGE = 0.4
-"""A border that changes more than this share of the mask is rejected."""
+"""A refined border that changes more than this fraction of the mask is rejected."""
 
 
 def complete(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarray) -> np.ndarray:
-    """The mask (H, W) bool with its holes filled and its border moved to the object's colours.
+    """Fill the holes of a mask and move its border to the colour edge; (H, W) bool.
 
     Args:
         mask: (H, W) bool, measured pixels of the object.
-        others: (H, W) bool, pixels of other objects; they stay out.
+        others: (H, W) bool, pixels of other objects; these are excluded.
         relief: Heights of the capture.
         pixels: (H, W, 3) uint8 photograph.
     """
@@ -46,7 +46,7 @@ def complete(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.nd
 
 
 def fill(mask: np.ndarray, others: np.ndarray, relief: Relief) -> np.ndarray:
-    """The mask with holes over its footprint, such as the floor of a bowl; what shows through a handle stays out."""
+    """Fill holes over the object's footprint, such as the floor of a bowl; the opening of a handle stays empty."""
     from scipy import ndimage
 
     holes = ndimage.binary_fill_holes(mask) & ~mask & ~others
@@ -65,10 +65,10 @@ def fill(mask: np.ndarray, others: np.ndarray, relief: Relief) -> np.ndarray:
 
 
 def border(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarray) -> np.ndarray:
-    """The mask with its border moved to where colour changes from the object's to that of what surrounds it.
+    """Move the border of the mask to the colour edge between the object and its surroundings.
 
-    Depth cameras fatten some borders and eat others by a few pixels. Each pixel near the border weighs what depth
-    says, which counts less the nearer the border is, against its colour, and agrees with neighbours of like colour.
+    Depth cameras dilate some borders and erode others by a few pixels. Each pixel near the border combines depth,
+    whose weight falls towards the border, with colour, smoothed over neighbours of similar colour.
     """
     from scipy import ndimage
 
@@ -76,7 +76,7 @@ def border(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndar
     own, foreign, measured = mask[box], others[box], relief.valid[box]
     inside, outside = ndimage.distance_transform_edt(own), ndimage.distance_transform_edt(~own)
     prior = np.where(own, 1.0 + 0.5 * inside, np.where(measured, -0.8 - 0.35 * outside, -0.5 - 0.25 * outside))
-    # Borders with other objects are creases and steps, which depth knows better than colour.
+    # Borders with other objects are creases and steps, where depth is more reliable than colour.
     touching = ndimage.distance_transform_edt(~foreign) <= 4
     fixed = foreign | (outside > BAND) | (inside > DEEP) | (own & touching)
     lab = ndimage.median_filter(proposals.colour_lab(pixels[box]), size=(3, 3, 1))
@@ -85,7 +85,7 @@ def border(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndar
     beyond = (outside > BAND) | (measured & (outside > EATEN))
     belief = np.where(own & ((inside > SURE) | ridge), 1.0, np.where(beyond, 0.0, 0.5))
     for _ in range(4):
-        # The open band never counts as surroundings, or it would confirm itself.
+        # The undecided band never counts as surroundings; it would confirm itself.
         surround = (beyond | (own & (belief < 0.1))) & ~foreign
         hint = nearby.evidence((belief > 0.9) & ~foreign, surround)
         belief = agree(prior + hint, lab, fixed, own)
@@ -101,7 +101,7 @@ def border(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndar
 
 
 class Nearby:
-    """Colour differences of some pixels to the pixels around them, for repeated questions."""
+    """Colour differences between pixels and their neighbourhoods, cached for repeated queries."""
 
     def __init__(self, lab: np.ndarray, where: np.ndarray) -> None:
         self.where = where
@@ -115,7 +115,7 @@ class Nearby:
         self.difference = np.minimum(sum(np.square(flat[self.index, i] - own[:, i]) for i in range(3)), FARTHEST)
 
     def evidence(self, object_: np.ndarray, surround: np.ndarray) -> np.ndarray:
-        """Log likelihood ratio (h, w), within +-3: is a pixel's colour found nearby in the object or around it?"""
+        """Log likelihood ratio (h, w), within +-3, of a pixel's colour: nearby object against nearby surroundings."""
         least = [
             np.where(known.ravel()[self.index], self.difference, FARTHEST).min(axis=0) for known in (object_, surround)
         ]
@@ -125,7 +125,7 @@ class Nearby:
 
 
 def agree(unary: np.ndarray, lab: np.ndarray, fixed: np.ndarray, start: np.ndarray, rounds: int = 12) -> np.ndarray:
-    """Belief (h, w) in 0..1 of a mean field: log odds `unary`, pulled towards neighbours of like colour."""
+    """Mean-field belief (h, w) in 0..1: log odds `unary`, smoothed over neighbours of similar colour."""
     belief = np.where(fixed, start, 1.0 / (1.0 + np.exp(-unary)))
     links = [(down, right, _likeness(lab, down, right)) for down, right in ((0, 1), (1, 0), (1, 1), (1, -1))]
     for _ in range(rounds):

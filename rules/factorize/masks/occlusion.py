@@ -1,20 +1,20 @@
-"""Finds surfaces between the camera and an object."""
+"""Find surfaces between the camera and an object."""
 
 from __future__ import annotations
 
 import numpy as np
 
 REACH = 48
-"""Things farther from an object than this do not hide it [px]."""
+"""Maximum distance of an occluder from the object [px]."""
 
 
 def occluders(mask: np.ndarray, raised: np.ndarray, depth: np.ndarray, step_m: float = 0.008) -> np.ndarray:
-    """Pixels (h, w) bool of other things that are nearer than the object beside them, with a rim of 1 px.
+    """Pixels (h, w) bool of other surfaces nearer than the adjacent object, dilated by 1 px.
 
     Args:
         mask: (h, w) bool, the object.
-        raised: (h, w) bool, what rises above the support.
-        depth: (h, w) [m], 0 where not measured.
+        raised: (h, w) bool, pixels above the support.
+        depth: (h, w) [m], 0 if not measured.
         step_m: Smallest depth difference that counts [m].
     """
     reach = nearest_depth(mask & (depth > 0), depth)
@@ -28,7 +28,7 @@ def occluders(mask: np.ndarray, raised: np.ndarray, depth: np.ndarray, step_m: f
 
 
 def nearest_depth(mask: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Depth (h, w) [m] of the mask's pixel nearest by steps to the four neighbours; 0 out of reach."""
+    """Depth (h, w) [m] of the nearest mask pixel in 4-neighbour steps; 0 out of reach."""
     known = np.where(mask, depth, 0.0)
     for _ in range(REACH):
         open_ = known == 0

@@ -1,4 +1,4 @@
-"""Overlap of boxes and masks, and the suppression of duplicates."""
+"""Overlap of boxes and masks, and duplicate suppression."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ def box_iou(a: Box, b: Box) -> float:
 
 
 def box_inside(a: Box, b: Box) -> float:
-    """Part of box `a` that lies in box `b`."""
+    """Fraction of box `a` inside box `b`."""
     return _shared(a, b) / max(1, _area(a))
 
 
 def suppress(masks: Mapping[str, np.ndarray], most_iou: float, most_inside: float) -> dict[str, np.ndarray]:
-    """Leave out each mask that repeats an earlier one.
+    """Drop each mask that duplicates an earlier one.
 
     Args:
-        masks: Name -> (H, W) bool, the most trusted first.
-        most_iou: A larger mask IoU means the same thing.
-        most_inside: A larger part of the smaller mask inside the other means the same thing.
+        masks: Name -> (H, W) bool, most trusted first.
+        most_iou: Masks with a larger IoU are duplicates.
+        most_inside: Masks are duplicates if a larger fraction of the smaller one is inside the other.
     """
     kept: dict[str, np.ndarray] = {}
     for name, mask in masks.items():

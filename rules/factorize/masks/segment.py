@@ -1,4 +1,4 @@
-"""factorize.segment: the pixels of each object, and its own view cut out of the capture."""
+"""factorize.segment: a mask per object, and a view of each cropped from the capture."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class SegmentOptions(Options):
     """Options of factorize.segment."""
 
     margin_px: NonNegativeInt = 24
-    """Width of the photograph around a mask that its view keeps [px]."""
+    """Margin of the photograph around a mask in the cropped view [px]."""
     duplicate_iou: Fraction = 0.8
-    """Two masks that overlap more are one object."""
+    """Masks with a larger IoU are one object."""
     duplicate_inside: Fraction = 0.95
-    """A mask of which a larger part lies inside another is the same object."""
+    """Masks are one object if a larger fraction of one is inside the other."""
     smallest_px: PositiveInt = 100
-    """Masks with fewer pixels are not objects."""
+    """Masks with fewer pixels are discarded [px]."""
 
 
 @rule(version=1)
@@ -37,7 +37,7 @@ def segment(
     """Return the mask and the view of every interactive element; views are in the world frame of `support`.
 
     The backend offers `masks(capture, support, elements) -> dict[str, (H, W) bool]` for the interactive elements,
-    the most trusted first.
+    most trusted first.
     """
     wanted = {element.name: element for element in elements.elements if element.interactive}
     found = suppress(ctx.backend.masks(capture, support, elements), options.duplicate_iou, options.duplicate_inside)

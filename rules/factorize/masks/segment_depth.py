@@ -1,4 +1,4 @@
-"""Masks from geometry: surface patches above the support, their borders finished by colour."""
+"""Masks from geometry: surface patches above the support, with borders refined by colour."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def masks(capture: Capture, support: Support, elements: Elements) -> dict[str, n
 
 
 def _owner(proposal: Proposal, elements: tuple[Element, ...]) -> str | None:
-    """The element whose box fits best; a fragment belongs to the element whose box holds it."""
+    """The element with the best-fitting box; a fragment belongs to the element whose box contains it."""
     best, score = None, 0.0
     for element in elements:
         if element.box is None:

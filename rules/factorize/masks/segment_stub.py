@@ -1,4 +1,4 @@
-"""Masks without refinement: connected pixels above the support."""
+"""Unrefined masks: connected pixels above the support."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BACKEND = Backend(summary="connected pixels above the support", profiles=("stub"
 
 
 def masks(capture: Capture, support: Support, elements: Elements) -> dict[str, np.ndarray]:
-    """Interactive element -> mask (H, W) bool of the region that overlaps its box most."""
+    """Interactive element -> mask (H, W) bool of the region with the largest box overlap."""
     found = {}
     seen = blobs(capture, support)
     for element in elements.elements:

@@ -1,4 +1,4 @@
-"""Connected pixels above the support: the quick answer of the stub backends."""
+"""Connected pixels above the support, for the stub backends."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class Blob:
     box: tuple[int, int, int, int]
     """left, top, right, bottom [px], right and bottom excluded."""
     cut: bool
-    """It touches the image border."""
+    """Whether the region touches the image border."""
 
 
 def blobs(capture: Capture, support: Support) -> list[Blob]:
-    """Regions more than 15 mm above the support's outline with at least 150 pixels, in scan order."""
+    """Regions of at least 150 pixels more than 15 mm above the support's outline, in scan order."""
     heights = relief(capture, support)
     labels, count = regions.label(heights.raised & heights.over & (heights.height > RISE_M))
     found = []

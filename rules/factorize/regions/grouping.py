@@ -1,8 +1,8 @@
-"""Patches to objects: rules on how surfaces meet, always judged for whole groups.
+"""Group patches into objects by how their surfaces meet, always judged for whole groups.
 
-Objects are mostly convex as seen from outside. Patches join where they meet convexly or smoothly and stay apart at
-concave creases and depth steps, with five exceptions: slivers, cavities, attached parts, one surface that shows on
-both sides of an occluder, and laptops.
+Objects are mostly convex from outside. Patches that meet convexly or smoothly are joined; concave creases and depth
+steps separate them, with five exceptions: slivers, cavities, attached parts, one surface visible on both sides of an
+occluder, and laptops.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from .patches import Surfaces
 from .relations import Contact, Group
 
 SLIVER_M2 = 0.0006
-"""Patches below this size are what creases and noise leave over [m^2]."""
+"""Patches below this size are remnants of creases and noise [m^2]."""
 PART_M2 = 0.0025
-"""Attached parts, such as handles, are smaller than this [m^2]."""
+"""Maximum size of attached parts such as handles [m^2]."""
 CAVITY_RAD = -0.06
-"""Surfaces that bend less than this are the inside of something [rad]."""
+"""Surfaces with a smaller signed bend are inner surfaces [rad]."""
 FEWEST = 12
-"""Contacts of fewer pixel pairs say nothing."""
+"""Contacts with fewer pixel pairs are ignored."""
 ALIKE = 0.3
-"""Colour histograms of one surface on both sides of an occluder share more than this."""
+"""Smallest histogram overlap of one surface on both sides of an occluder."""
 ATTACHED_M = 0.02
-"""Parts of one thing show no wider gap than this [m]."""
+"""Widest gap between parts of one object [m]."""
 
 
 class Grouping:
-    """A partition of patches with the contacts between its groups."""
+    """A partition of patches, with the contacts between its groups."""
 
     def __init__(self, s: Surfaces, labels: np.ndarray) -> None:
         self.surfaces = s
@@ -46,15 +46,15 @@ class Grouping:
         self.hinged: set[int] = set()
 
     def contact(self, a: int, b: int) -> Contact:
-        """How two groups meet."""
+        """The contact between two groups."""
         return self.contacts.get((min(a, b), max(a, b)), Contact())
 
     def neighbours(self, a: int) -> list[int]:
-        """Groups that face group `a` in the image."""
+        """Groups in contact with group `a` in the image."""
         return sorted({x + y - a for x, y in self.contacts if a in (x, y)})
 
     def join(self, a: int, b: int) -> int:
-        """Make one group of two, called by the smaller number; return it."""
+        """Merge two groups under the smaller number and return it."""
         keep, gone = min(a, b), max(a, b)
         self.members[keep] += self.members.pop(gone)
         for other in self.neighbours(gone):
@@ -71,7 +71,7 @@ class Grouping:
 
 
 def group(s: Surfaces, labels: np.ndarray) -> Grouping:
-    """Objects of a patch image: a partition whose groups are one object each."""
+    """Group a patch image into objects, one group each."""
     parts = Grouping(s, labels.copy())
     join_convex(parts)
     join_slivers(parts)
@@ -84,7 +84,7 @@ def group(s: Surfaces, labels: np.ndarray) -> Grouping:
 
 
 def join_convex(parts: Grouping) -> None:
-    """Join the pair of groups that meets convexly along most of its border, the longest border first."""
+    """Join groups that meet convexly along most of their border, longest border first."""
     while True:
         best, strength = None, 0.0
         for (a, b), contact in sorted(parts.contacts.items()):
@@ -98,7 +98,7 @@ def join_convex(parts: Grouping) -> None:
 
 
 def join_slivers(parts: Grouping) -> None:
-    """Give the remains at creases and borders to the neighbour that they meet along the most pixels."""
+    """Assign slivers at creases and borders to the neighbour with the longest common border."""
     for number in sorted(parts.groups, key=lambda n: (parts.groups[n].area_m2, n)):
         if number not in parts.groups or parts.groups[number].area_m2 >= SLIVER_M2:
             continue
@@ -109,7 +109,7 @@ def join_slivers(parts: Grouping) -> None:
 
 
 def join_cavities(parts: Grouping) -> None:
-    """Give surfaces that bend inwards, seen over a rim, to the body whose rim is as high."""
+    """Assign inner surfaces, seen over a rim, to the body with a rim of that height."""
     for number in sorted(parts.groups, key=lambda n: (parts.groups[n].area_m2, n)):
         while number in parts.groups and _is_cavity(parts, number):
             cavity = parts.groups[number]
@@ -123,7 +123,7 @@ def join_cavities(parts: Grouping) -> None:
 
 
 def _is_cavity(parts: Grouping, number: int) -> bool:
-    """Whether a group bends inwards; the bend of a flat one is noise."""
+    """Whether a group bends inwards; in a flat group the bend is noise."""
     surface = parts.groups[number]
     return surface.bend < CAVITY_RAD and surface.flatness_m > 0.6 * relations.noise(parts.surfaces, surface.pixels)
 
@@ -140,7 +140,7 @@ def _body_of(parts: Grouping, number: int) -> int | None:
 
 
 def join_parts(parts: Grouping) -> None:
-    """Give handles and other small things of like colour to the larger body that they all but touch."""
+    """Assign handles and other small parts of similar colour to the larger body that they nearly touch."""
     for number in sorted(parts.groups, key=lambda n: (parts.groups[n].area_m2, n)):
         if number not in parts.groups or parts.groups[number].area_m2 >= PART_M2:
             continue
@@ -157,7 +157,7 @@ def join_parts(parts: Grouping) -> None:
 
 
 def join_occluded(parts: Grouping) -> None:
-    """Join groups that show the same flat surface on both sides of something nearer."""
+    """Join groups that show one flat surface on both sides of an occluder."""
     numbers = sorted(parts.groups)
     for a in numbers:
         for b in numbers:
@@ -176,9 +176,9 @@ def join_hinged(parts: Grouping) -> None:
 
 
 def _continues(parts: Grouping, a: int, b: int) -> bool:
-    """Whether two groups share a plane behind an occluder and its colours, or two planes that cross.
+    """Whether two groups share a plane and its colours behind an occluder, or two crossing planes.
 
-    Tops of equal height are common among different things; a second plane in common is not.
+    Different objects often have tops of equal height, but rarely a second common plane.
     """
     shared: list[np.ndarray] = []
     own = (parts.labels == a) | (parts.labels == b)

@@ -1,4 +1,4 @@
-"""Heights above the support, pixel by pixel, for parsing and segmentation."""
+"""Per-pixel heights above the support, for parsing and segmentation."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ MARGIN_M = 0.03
 
 @dataclass(frozen=True)
 class Relief:
-    """The capture in the world frame, with the support's own unevenness taken out of the heights."""
+    """The capture in the world frame, with heights corrected for the support's unevenness."""
 
     points: np.ndarray  # (H, W, 3) float64, world [m]; meaningless where not valid
     height: np.ndarray  # (H, W) float64, above the support [m]; 0 where not valid
     valid: np.ndarray  # (H, W) bool, depth was measured
-    threshold: np.ndarray  # (H, W) float64, height that noise does not reach [m]
+    threshold: np.ndarray  # (H, W) float64, noise bound of the height [m]
     raised: np.ndarray  # (H, W) bool, higher than the threshold
     over: np.ndarray  # (H, W) bool, above the support's outline
 
 
 def relief(capture: Capture, support: Support) -> Relief:
-    """Heights above the support, and the classes of pixels that follow from them."""
+    """Compute heights above the support and classify pixels by them."""
     depth = capture.depth.depth.astype(np.float64)
     valid = depth > 0
     camera_points = cameras.backproject(depth, capture.camera.matrix())
@@ -40,7 +40,7 @@ def relief(capture: Capture, support: Support) -> Relief:
 
 
 def warp(height: np.ndarray, flat: np.ndarray) -> np.ndarray:
-    """The smooth part (H, W) of the heights of the support's pixels: a cubic in the image coordinates [m].
+    """Fit a cubic in image coordinates to the heights of the support's pixels; (H, W) [m].
 
     Args:
         height: (H, W) [m].
@@ -63,5 +63,5 @@ def warp(height: np.ndarray, flat: np.ndarray) -> np.ndarray:
         error = target - matrix @ solution
         keep = np.abs(error) < 2.5 * max(1e-4, float(np.median(np.abs(error))) * 1.48)
     smooth = np.tensordot(solution, np.stack(terms), axes=1)
-    # Beyond the seen support a polynomial may run away.
+    # Beyond the seen support the polynomial may diverge.
     return np.clip(smooth, -0.006, 0.006)

@@ -1,4 +1,4 @@
-"""Smooth surface patches of what stands on the support: pieces between creases and depth steps."""
+"""Smooth surface patches above the support, bounded by creases and depth steps."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from dextera_build.geometry import cameras, normals, planes, transforms
 from .heights import Relief
 
 FOCAL_PX = 600.0
-"""Images of longer focal length are worked on in blocks, so that distances in pixels keep their meaning."""
+"""Images with a longer focal length are reduced in blocks to keep pixel distances comparable."""
 SPAN = 3
-"""Half distance over which creases and steps are looked for [px]."""
+"""Half distance over which creases and steps are detected [px]."""
 CREASE_RAD = 0.38
-"""Normals that turn more than this within twice the span belong to two patches [rad]."""
+"""Turn of the normal within twice the span that separates two patches [rad]."""
 NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
@@ -32,14 +32,14 @@ class Surfaces:
     inverse: np.ndarray  # (h, w) inverse depth [1/m], 0 where not raised or not measured
     tolerance: np.ndarray  # (h, w) standard deviation of inverse depth [1/m]
     sharp: normals.LocalPlanes
-    normal: np.ndarray  # (h, w, 3) world, 0 where unknown
+    normal: np.ndarray  # (h, w, 3) world, 0 if unknown
     raised: np.ndarray  # (h, w) bool
-    floor: np.ndarray  # (h, w) bool, the support itself was measured here
-    pixel_m2: np.ndarray  # (h, w) area that a block covers, seen face on [m^2]
+    floor: np.ndarray  # (h, w) bool, measured pixels of the support
+    pixel_m2: np.ndarray  # (h, w) area covered by a block, face on [m^2]
     lab: np.ndarray  # (h, w, 3) float32 CIE L*a*b*
 
     def full(self, labels: np.ndarray, mask: np.ndarray) -> np.ndarray:
-        """Labels of the crop's blocks on the pixels of a full-size mask; those beside a block get its label."""
+        """Expand block labels to the pixels of a full-size mask; pixels next to a block get its label."""
         blown = np.repeat(np.repeat(labels, self.stride, axis=0), self.stride, axis=1)
         found = np.zeros(mask.shape, labels.dtype)
         height, width = found[self.top :, self.left :].shape
@@ -51,7 +51,7 @@ class Surfaces:
 def surfaces(
     relief: Relief, raised: np.ndarray, capture: Capture, world_from_camera: np.ndarray, lab: np.ndarray
 ) -> Surfaces:
-    """Local planes and normals of the raised pixels, in the smallest crop that holds them and a border of 8 blocks."""
+    """Local planes and normals of the raised pixels, in their bounding crop with a margin of 8 blocks."""
     camera = capture.camera
     stride = max(1, round(camera.fx / FOCAL_PX))
     rows, columns = np.nonzero(raised)
@@ -89,7 +89,7 @@ def surfaces(
 
 
 def blocks(values: np.ndarray, stride: int) -> np.ndarray:
-    """(h, w, stride^2) pixels of each block of (H, W), the last row and column repeated to fill up."""
+    """Pixels (h, w, stride^2) of each block of (H, W), padded by repeating the last row and column."""
     height, width = (-(-n // stride) for n in values.shape)
     padding = [(0, height * stride - values.shape[0]), (0, width * stride - values.shape[1])]
     filled = np.pad(values, padding, mode="edge")
@@ -98,17 +98,17 @@ def blocks(values: np.ndarray, stride: int) -> np.ndarray:
 
 
 def nearest(depth: np.ndarray) -> np.ndarray:
-    """Which pixels of each block (h, w, n) belong to its nearest surface: within 2 % of the smallest valid depth."""
+    """Whether each pixel of a block (h, w, n) is on the nearest surface: within 2 % of the smallest valid depth."""
     least = np.where(depth > 0, depth, np.inf).min(axis=-1, keepdims=True)
     return np.asarray((depth > 0) & (depth < 1.02 * least))
 
 
 def fold(s: Surfaces, rows: np.ndarray, columns: np.ndarray, down: int, right: int) -> tuple[np.ndarray, np.ndarray]:
-    """How the surface goes on from pixels o to pixels q, (down, right) away.
+    """How the surface continues from pixels o to pixels q, offset by (down, right).
 
     Returns:
-        Signed angle between the normals [rad], positive where the surface is convex; and the depth step [m], 0 where
-        the two local planes meet between o and q.
+        Signed angle between the normals [rad], positive if convex; and the depth step [m], 0 if the two local planes
+        meet between o and q.
     """
     far_rows, far_columns = rows + down, columns + right
     n0, n1 = s.normal[rows, columns], s.normal[far_rows, far_columns]
@@ -124,7 +124,7 @@ def fold(s: Surfaces, rows: np.ndarray, columns: np.ndarray, down: int, right: i
 
 
 def edges(s: Surfaces) -> np.ndarray:
-    """Strength (h, w) of creases and steps around each pixel: 1 is where a patch ends."""
+    """Strength (h, w) of creases and steps around each pixel; patches end at 1."""
     known = np.linalg.norm(s.normal, axis=-1) > 0
     strength = np.zeros(s.inverse.shape)
     for down, right in NEIGHBOURS:
@@ -143,7 +143,7 @@ def edges(s: Surfaces) -> np.ndarray:
 
 
 def step_limit(s: Surfaces, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Depth difference that noise does not reach at these pixels [m]."""
+    """Noise bound of the depth difference at these pixels [m]."""
     w = np.maximum(s.inverse[rows, columns], 1e-6)
     return np.asarray(0.004 + 3.0 * planes.depth_sigma(1.0 / w))
 
@@ -169,7 +169,7 @@ def patches(s: Surfaces, smallest: int = 25) -> np.ndarray:
 
 
 def grow(s: Surfaces, labels: np.ndarray, rounds: int = 12) -> np.ndarray:
-    """Give unlabelled raised pixels to the neighbouring patch whose local plane predicts their depth best."""
+    """Assign unlabelled raised pixels to the neighbouring patch whose local plane best predicts their depth."""
     labels = labels.copy()
     a, b, c = s.sharp.a.copy(), s.sharp.b.copy(), s.sharp.c.copy()
     for _ in range(rounds):
@@ -196,7 +196,7 @@ def grow(s: Surfaces, labels: np.ndarray, rounds: int = 12) -> np.ndarray:
 
 
 def spread(labels: np.ndarray, mask: np.ndarray, reach: float = 6.0) -> np.ndarray:
-    """Give the unlabelled pixels of a mask to the nearest label within `reach` px."""
+    """Assign the unlabelled pixels of a mask to the nearest label within `reach` px."""
     from scipy import ndimage
 
     distance, (rows, columns) = ndimage.distance_transform_edt(labels == 0, return_indices=True)

@@ -1,4 +1,4 @@
-"""Objects that stand out from the support: their pixels, and which of them can be handled."""
+"""Object proposals above the support: their pixels, and whether they can be handled."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ from .relations import Group
 from .standing import standing
 
 LARGEST_M = 0.6
-"""Things longer than this are furniture or robots."""
+"""Longer objects are furniture or robots."""
 SMALLEST_M2 = 0.0006
-"""Things with less surface in view than this are noise."""
+"""Objects with less visible surface are noise."""
 LOWEST_M = 0.012
-"""Things that rise less than this cannot be told from the support."""
+"""Lower objects cannot be distinguished from the support."""
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """One thing above the support."""
+    """One object above the support."""
 
     mask: np.ndarray
     """(H, W) bool."""
     box: tuple[int, int, int, int]
     """left, top, right, bottom [px], right and bottom excluded."""
     area_m2: float
-    """Surface in view [m^2]."""
+    """Visible surface [m^2]."""
     top_m: float
     """Height above the support [m]."""
     patches: tuple[Group, ...]
-    """Smooth pieces of its surface, largest first."""
+    """Smooth surface patches, largest first."""
     facets: tuple[tuple[np.ndarray, float], ...]
-    """Commonest directions of its surface, (3,) world, and the part of its pixels that face each."""
+    """Dominant surface normals, (3,) world, each with the fraction of pixels that share it."""
     inward: float
-    """Part of its seen surface that faces its own middle, as only the inside of a hollow thing does."""
+    """Fraction of the seen surface that faces the object's centre; only hollow objects have such a surface."""
     hinged: bool
-    """Two plates that meet in a crease, like a laptop."""
+    """Whether two plates meet at a crease, as in a laptop."""
     static: str
-    """`robot` for things that the image border cuts, that are too large or do not stand on the support; else empty."""
+    """`robot` if cut by the image border, too large or not standing on the support; otherwise empty."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,11 @@ class Scenery:
     objects: tuple[Proposal, ...]
     """Largest first."""
     other: np.ndarray
-    """(H, W) bool, raised pixels that belong to none of them."""
+    """(H, W) bool, raised pixels outside all objects."""
 
 
 def scenery(capture: Capture, support: Support) -> Scenery:
-    """Split what rises above the support into objects."""
+    """Split the pixels above the support into objects."""
     from scipy import ndimage
 
     relief = heights.relief(capture, support)
@@ -84,7 +84,7 @@ def scenery(capture: Capture, support: Support) -> Scenery:
 
 
 def colour_lab(pixels: np.ndarray) -> np.ndarray:
-    """CIE L*a*b* (D65) float32 of (H, W, 3) uint8 sRGB."""
+    """Convert (H, W, 3) uint8 sRGB to CIE L*a*b* (D65) float32."""
     import cv2
 
     return np.asarray(cv2.cvtColor(pixels.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB))
@@ -97,7 +97,7 @@ def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
 
 
 def _is_cut(relief: heights.Relief, mask: np.ndarray) -> bool:
-    """Whether a thing reaches out of the image or is too large to be handled."""
+    """Whether an object extends beyond the image or is too large to be handled."""
     points = relief.points[mask]
     extent = float(np.max(np.quantile(points, 0.99, axis=0) - np.quantile(points, 0.01, axis=0)))
     border = mask[:2].any() or mask[-2:].any() or mask[:, :2].any() or mask[:, -2:].any()

@@ -1,4 +1,4 @@
-"""Measures of surface patches and of how they meet (after Richtsfeld et al. 2012, Stein et al. 2014)."""
+"""Features of surface patches and of their contacts (after Richtsfeld et al. 2012, Stein et al. 2014)."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from dextera_build.geometry import planes
 from .patches import NEIGHBOURS, SPAN, Surfaces, fold, step_limit
 
 CONCAVE_RAD = 0.17
-"""A crease that turns inwards more than this separates two objects [rad]."""
+"""Concave creases sharper than this separate two objects [rad]."""
 BEND_REACH = 12
 """Distance over which the bend of a surface is measured [px]."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Pixels that are taken for one thing."""
+    """Pixels grouped as one object."""
 
     pixels: np.ndarray  # (n,) flat indices into the crop
-    area_m2: float  # of the seen surface, as if face on
-    top_m: float  # height that 2 % of its pixels exceed
+    area_m2: float  # of the seen surface, face on
+    top_m: float  # 98 % quantile of the height
     bend: float  # mean signed angle over BEND_REACH, negative for cavities [rad]
     colour: np.ndarray  # (3,) median Lab
     plane: planes.Plane  # least-squares plane, world
@@ -32,15 +32,15 @@ class Group:
 
 @dataclass
 class Contact:
-    """How two groups meet along their common border in the image; sums, so that contacts add up."""
+    """Contact of two groups along their common image border; stored as sums, so contacts can be added."""
 
     pairs: int = 0
     meeting: int = 0  # pairs without a depth step
-    convex: int = 0  # meeting pairs that do not turn inwards
+    convex: int = 0  # meeting pairs that are not concave
     turn: float = 0.0  # sum of the signed angles of the meeting pairs [rad]
 
     def add(self, other: Contact) -> None:
-        """Take the pixel pairs of another contact in."""
+        """Add the pixel pairs of another contact."""
         self.pairs += other.pairs
         self.meeting += other.meeting
         self.convex += other.convex
@@ -48,12 +48,12 @@ class Contact:
 
     @property
     def convexity(self) -> float:
-        """Part of the pairs that meet without a step and without turning inwards."""
+        """Fraction of the pairs that meet without a step or concavity."""
         return self.convex / max(1, self.pairs)
 
 
 def contacts(s: Surfaces, labels: np.ndarray) -> dict[tuple[int, int], Contact]:
-    """Contact of each pair of labels (smaller, larger) whose pixels face one another across at most two spans."""
+    """Contact of each pair of labels (smaller, larger) whose pixels are at most two spans apart."""
     found: dict[tuple[int, int], Contact] = {}
     for down, right in NEIGHBOURS:
         rows, columns, dv, du = _pairs(s, labels, 2 * SPAN * down, 2 * SPAN * right)
@@ -73,7 +73,7 @@ def contacts(s: Surfaces, labels: np.ndarray) -> dict[tuple[int, int], Contact]:
 
 
 def bends(s: Surfaces, labels: np.ndarray) -> np.ndarray:
-    """Mean signed angle (count + 1,) between normals BEND_REACH px apart inside each label, steps left out [rad]."""
+    """Mean signed angle (count + 1,) between normals BEND_REACH px apart inside each label, excluding steps [rad]."""
     total, count = np.zeros(labels.max() + 1), np.zeros(labels.max() + 1)
     for down, right in ((0, BEND_REACH), (BEND_REACH, 0)):
         rows, columns, dv, du = _pairs(s, labels, down, right)
@@ -88,7 +88,7 @@ def bends(s: Surfaces, labels: np.ndarray) -> np.ndarray:
 
 
 def describe(s: Surfaces, pixels: np.ndarray, bend: float) -> Group:
-    """Measures of the group with these flat pixel indices."""
+    """Features of the group with these flat pixel indices."""
     points = s.points.reshape(-1, 3)[pixels]
     normal, offset = planes.fit(points)
     return Group(
@@ -104,16 +104,16 @@ def describe(s: Surfaces, pixels: np.ndarray, bend: float) -> Group:
 
 
 def noise(s: Surfaces, pixels: np.ndarray) -> float:
-    """Distance from its plane that a flat surface shows at these pixels [m]; more than one sigma."""
+    """Noise bound of a flat surface's distance from its plane at these pixels [m]; more than one sigma."""
     return 0.003 + 0.0015 * float(np.square(1.0 / s.inverse.ravel()[pixels]).mean())
 
 
 def one_plane(s: Surfaces, p: Group, q: Group) -> bool:
-    """Whether two patches lie on one plane within the noise, their middles less than 0.35 m apart."""
+    """Whether two patches are coplanar within the noise and their centres less than 0.35 m apart."""
     limit = noise(s, p.pixels)
     if max(p.flatness_m, q.flatness_m) > 1.5 * limit or np.linalg.norm(p.middle - q.middle) > 0.35:
         return False
-    # A common plane is surer than two planes compared: those of small patches tilt with the noise.
+    # Fitting a common plane is more robust than comparing two: planes of small patches tilt with the noise.
     ends = [s.points.reshape(-1, 3)[g.pixels] for g in (p, q)]
     weights = np.concatenate([np.full(len(end), 1.0 / len(end)) for end in ends])
     normal, offset = planes.fit(np.concatenate(ends), weights)
@@ -126,14 +126,14 @@ def one_plane(s: Surfaces, p: Group, q: Group) -> bool:
 
 
 def hidden_between(s: Surfaces, p: Group, q: Group, own: np.ndarray, samples: int = 24) -> bool:
-    """Whether what lies between two patches in the image is nearer than their common plane, or was not measured.
+    """Whether the pixels between two patches are nearer than their common plane, or not measured.
 
     Args:
         s: The crop.
         p: One patch.
         q: The other.
-        own: (h, w) bool, pixels of both objects; they do not count.
-        samples: Lines that are looked along.
+        own: (h, w) bool, pixels of both objects; these are ignored.
+        samples: Number of sampled lines.
     """
     start, end = (np.stack(np.divmod(g.pixels, own.shape[1]), axis=1) for g in (p, q))
     pick = np.linspace(0.1, 0.9, samples)
@@ -177,7 +177,7 @@ def gap(s: Surfaces, small: Group, large: Group) -> float:
 
 
 def facets(s: Surfaces, group: Group, most: int = 3, smallest: float = 0.05) -> tuple[tuple[np.ndarray, float], ...]:
-    """Commonest directions of a group's surface, (3,) world, each with the part of the pixels within 15 degrees."""
+    """Dominant surface normals of a group, (3,) world, each with the fraction of pixels within 15 degrees."""
     normal = s.normal.reshape(-1, 3)[group.pixels]
     left = normal[np.linalg.norm(normal, axis=1) > 0]
     count = max(1, len(left))
@@ -195,7 +195,7 @@ def facets(s: Surfaces, group: Group, most: int = 3, smallest: float = 0.05) -> 
 
 
 def inward(s: Surfaces, group: Group) -> float:
-    """Part of a group's pixels whose surface faces the vertical line through the group's middle."""
+    """Fraction of a group's pixels whose surface faces the vertical line through the group's centre."""
     points, normal = s.points.reshape(-1, 3)[group.pixels], s.normal.reshape(-1, 3)[group.pixels]
     low, high = np.quantile(points[:, :2], (0.02, 0.98), axis=0)
     from_middle = points[:, :2] - (low + high) / 2
@@ -207,9 +207,9 @@ def inward(s: Surfaces, group: Group) -> float:
 
 
 def hinged(s: Surfaces, base: Group, lid: Group) -> bool:
-    """Whether two flat groups are the base and the open lid of one thing: equally wide along a crease at their edge.
+    """Whether two flat groups are base and open lid of one object: equally wide along a crease at their edge.
 
-    A box that stands on a book fails: the book goes on behind the crease, or is wider than the box.
+    A box standing on a book fails: the book continues behind the crease, or is wider than the box.
     """
     if min(base.area_m2, lid.area_m2) < 0.008 or max(base.flatness_m, lid.flatness_m) > 0.012:
         return False
@@ -230,7 +230,7 @@ def hinged(s: Surfaces, base: Group, lid: Group) -> bool:
 
 
 def _pairs(s: Surfaces, labels: np.ndarray, down: int, right: int) -> tuple[np.ndarray, np.ndarray, int, int]:
-    """Labelled pixels with a normal whose partner (down, right) away has both too: rows, columns, down, right."""
+    """Labelled pixels with a normal whose (down, right) neighbour also has both: rows, columns, down, right."""
     known = (labels > 0) & (np.linalg.norm(s.normal, axis=-1) > 0)
     height, width = labels.shape
     here = known[: height - down, max(0, -right) : width - max(0, right)]

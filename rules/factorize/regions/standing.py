@@ -1,4 +1,4 @@
-"""Which things stand on the support, directly or on one another; the rest hangs or reaches in from outside."""
+"""Find the objects that stand on the support or on one another; others hang or reach in from outside."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from .grouping import FEWEST, Grouping
 from .patches import Surfaces
 
 FOOT_M = 0.025
-"""The lowest pixels of a thing that stands are not higher than this above the support [m]."""
+"""Maximum height above the support of a standing object's lowest pixels [m]."""
 LOOK = 4
-"""Distance below a thing's lowest pixels where its ground is looked for [px]."""
+"""Distance below an object's lowest pixels at which the ground is sampled [px]."""
 FEW = 0.15
-"""Part of a thing's lower border that must rest on something."""
+"""Fraction of an object's lower border that must rest on something."""
 
 
 def standing(parts: Grouping, cut: set[int]) -> set[int]:
-    """Numbers of the groups that stand.
+    """Numbers of the standing groups.
 
     Args:
         parts: All groups.
-        cut: Numbers of groups that reach out of the image; they and what hangs on them do not count.
+        cut: Numbers of groups that extend beyond the image; these and groups attached to them are excluded.
     """
     found = {number for number in parts.groups if number not in cut and _on_floor(parts.surfaces, parts, number)}
     attached = _attached(parts, cut, found)
@@ -37,7 +37,7 @@ def standing(parts: Grouping, cut: set[int]) -> set[int]:
 
 
 def _attached(parts: Grouping, cut: set[int], on_floor: set[int]) -> set[int]:
-    """Groups without ground of their own that meet a cut group, or one that does."""
+    """Groups without ground contact that meet a cut group, directly or through others."""
     found: set[int] = set()
     edge = sorted(cut)
     while edge:
@@ -51,7 +51,7 @@ def _attached(parts: Grouping, cut: set[int], on_floor: set[int]) -> set[int]:
 
 
 def _below(parts: Grouping, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lowest pixel of each column of a group: rows and columns, and the row a little below it."""
+    """Lowest pixel of each column of a group: rows, columns, and the rows slightly below."""
     height, width = parts.labels.shape
     rows, columns = np.divmod(parts.groups[number].pixels, width)
     lowest = np.full(width, -1)
@@ -62,14 +62,14 @@ def _below(parts: Grouping, number: int) -> tuple[np.ndarray, np.ndarray, np.nda
 
 def _on_floor(s: Surfaces, parts: Grouping, number: int) -> bool:
     rows, columns, below = _below(parts, number)
-    # The lower border of a round bowl is where sight lines touch it, well above its foot.
+    # The lower border of a round bowl is tangent to the lines of sight, well above its foot.
     limit = np.clip(0.8 * parts.groups[number].top_m, FOOT_M, 2.4 * FOOT_M)
     low = s.height[np.maximum(rows - 1, 0), columns] < limit
     return bool((low & (parts.labels[below, columns] == 0)).mean() > FEW)
 
 
 def _rests(parts: Grouping, number: int, found: set[int]) -> bool:
-    """Whether a group lies on a standing one, or its lower border is hidden by one."""
+    """Whether a group rests on a standing one, or its lower border is hidden by one."""
     _, columns, below = _below(parts, number)
     if np.isin(parts.labels[below, columns], sorted(found)).mean() > FEW:
         return True

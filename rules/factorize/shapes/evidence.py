@@ -1,4 +1,4 @@
-"""Evidence of one view about an object, prepared for fitting: trusted points, normals, rays along the silhouette."""
+"""Prepare one view of an object for fitting: trusted points, normals, rays across the silhouette."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from dextera_build.artifacts.object import ObjectView
 from dextera_build.geometry import cameras, transforms
 
 REACH_PX = 12.0
-"""How far to each side of the silhouette the fit looks [px]."""
+"""Extent of the samples on each side of the silhouette [px]."""
 CONTACT_M = 0.018
-"""A surface just below an object carries it if its depth differs by no more than this [m]."""
+"""Maximum depth difference between an object and the surface just below that carries it [m]."""
 LIFTED_M = 0.02
-"""An object whose lowest seen border is not higher stands on the support [m]."""
+"""Maximum height of the lowest seen border of an object that stands on the support [m]."""
 STEP_PX = 0.75
-"""Distance of the rays across the silhouette [px]."""
+"""Spacing of the rays across the silhouette [px]."""
 
 
 @dataclass(frozen=True)
@@ -24,27 +24,27 @@ class Silhouette:
     """Rays across the outline of the mask, from inside to outside."""
 
     rays: np.ndarray  # (S, T, 6) origin and direction in the world frame
-    inside: np.ndarray  # (S, T) bool, beyond the body's other side: counts as covered
-    outside: np.ndarray  # (S, T) bool, beyond a gap of the mask: counts as empty
+    inside: np.ndarray  # (S, T) bool, beyond the far side of the body; treated as covered
+    outside: np.ndarray  # (S, T) bool, beyond a gap in the mask; treated as empty
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """One object as one camera saw it. Points and rays are in the world frame; it stands on z = 0."""
+    """One object seen by one camera. Points and rays are in the world frame; the object stands on z = 0."""
 
-    base: float  # height over the support of what the object stands on [m]; 0 for the support itself
+    base: float  # height above the support of the surface under the object [m]; 0 for the support itself
     k: np.ndarray  # (3, 3) intrinsics of the crop [px]
     world_from_camera: np.ndarray  # (4, 4)
     mask: np.ndarray  # (H, W) bool
-    known: np.ndarray  # (H, W) bool, nothing nearer may hide the object there
-    depth: np.ndarray  # (H, W) float64 [m], 0 where nothing was measured
+    known: np.ndarray  # (H, W) bool, not hidden by anything nearer
+    depth: np.ndarray  # (H, W) float64 [m], 0 if not measured
     sigma: np.ndarray  # (H, W) float64, standard deviation of the depth [m]
     core: np.ndarray  # (H, W) bool, mask pixels with trusted depth
     points: np.ndarray  # (N, 3) world points of the core, row-major [m]
     normals: np.ndarray  # (N, 3) unit normals that face the camera
     rays: np.ndarray  # (P, 6) rays through a sample of the core
-    ray_depth: np.ndarray  # (P,) seen depth of them [m]
-    ray_sigma: np.ndarray  # (P,) its standard deviation [m]
+    ray_depth: np.ndarray  # (P,) seen depth of the rays [m]
+    ray_sigma: np.ndarray  # (P,) standard deviation of the depth [m]
     silhouette: Silhouette
 
     @property
@@ -61,7 +61,7 @@ class Evidence:
 
     @property
     def height(self) -> float:
-        """Height of the highest trusted points above the support, tolerant of stray points [m]."""
+        """Height of the highest trusted points above the support, robust to outliers [m]."""
         return max(float(np.quantile(self.points[:, 2], 0.995)), 0.004)
 
 
@@ -70,8 +70,8 @@ def gather(seen: ObjectView, samples: int = 1500, outline_samples: int = 220) ->
 
     Args:
         seen: The view.
-        samples: Number of depth rays that a fit compares.
-        outline_samples: Number of places on the silhouette that a fit compares.
+        samples: Number of depth rays per fit.
+        outline_samples: Number of silhouette samples per fit.
     """
     k, pose = seen.camera.matrix(), seen.world_from_camera
     mask = without_pinholes(seen.mask)
@@ -106,7 +106,7 @@ def gather(seen: ObjectView, samples: int = 1500, outline_samples: int = 220) ->
 
 
 def without_pinholes(mask: np.ndarray) -> np.ndarray:
-    """The mask with holes filled that are smaller than a five-hundredth of it: errors, not handles."""
+    """Fill holes smaller than 1/500 of the mask: they are errors, not handles."""
     from scipy import ndimage
 
     holes, number = ndimage.label(~mask)
@@ -117,10 +117,10 @@ def without_pinholes(mask: np.ndarray) -> np.ndarray:
 
 
 def standing_height(mask: np.ndarray, depth: np.ndarray, k: np.ndarray, pose: np.ndarray) -> float:
-    """Height over the support of what the object stands on [m], 0 where nothing speaks against the support itself.
+    """Height above the support of the surface under the object [m], 0 unless the view shows otherwise.
 
-    Along the lower border of the mask, an object that stands on another one touches what is seen below it; one that
-    is hidden by another is behind it.
+    Along the lower border of the mask, an object on top of another touches the surface seen below it; an occluded
+    object is behind that surface.
     """
     columns = np.flatnonzero((mask & (depth > 0)).any(axis=0))
     if len(columns) < 8:
@@ -144,17 +144,17 @@ def standing_height(mask: np.ndarray, depth: np.ndarray, k: np.ndarray, pose: np
 
 
 def _middle(depth: np.ndarray, heights: np.ndarray) -> tuple[float, float]:
-    """Median depth and height of the pixels that have a depth."""
+    """Median depth and height of the pixels with a depth."""
     return float(np.median(depth[depth > 0])), float(np.median(heights[depth > 0]))
 
 
 def noise(depth: np.ndarray) -> np.ndarray:
-    """Standard deviation of a depth reading [m]: stereo and structured light grow with the square of the distance."""
+    """Standard deviation of a depth reading [m], quadratic in the distance as for stereo and structured light."""
     return np.asarray(0.001 + 0.002 * depth**2)
 
 
 def trusted(mask: np.ndarray, depth: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-    """Mask pixels without flying pixels: away from the outline, from gaps and from jumps of the depth."""
+    """Mask pixels away from the outline, gaps and depth jumps, which excludes flying pixels."""
     from scipy import ndimage
 
     inner = ndimage.binary_erosion(mask, iterations=2) & (depth > 0)
@@ -176,7 +176,7 @@ def _bearings(shape: tuple[int, ...], k: np.ndarray, pose: np.ndarray) -> np.nda
 
 
 def _normals(depth: np.ndarray, k: np.ndarray, window: int = 7) -> np.ndarray:
-    """Unit normals (H, W, 3) in the camera frame, smoothed, facing the camera; 0 where nothing is known."""
+    """Unit normals (H, W, 3) in the camera frame, smoothed, facing the camera; 0 if unknown."""
     from scipy import ndimage
 
     points = cameras.backproject(depth, k)
@@ -185,7 +185,7 @@ def _normals(depth: np.ndarray, k: np.ndarray, window: int = 7) -> np.ndarray:
     middle = np.stack([ndimage.uniform_filter(points[..., i] * valid, window) / weight for i in range(3)], axis=-1)
     columns, rows = np.indices(depth.shape)[::-1].astype(np.float64)
     slopes = []
-    # Local least-squares slopes of depth over the window, gaps left out, so that a normal needs no full window.
+    # Least-squares slopes of depth over the window, ignoring gaps: a normal needs no full window.
     mean = [ndimage.uniform_filter(q * valid, window) / weight for q in (columns, rows, depth)]
     moment = {
         (i, j): ndimage.uniform_filter(p * q * valid, window) / weight - mean[i] * mean[j]
@@ -213,7 +213,7 @@ def _silhouette(mask: np.ndarray, known: np.ndarray, k: np.ndarray, pose: np.nda
     hidden = (~_lookup(known, places, outside=True) | beyond) & (offsets > 0)
     keep = ~hidden[:, (offsets > 0) & (offsets <= 4.0)].any(axis=1)
     places, inner = places[keep], inner[keep]
-    # From the outline inwards the mask must be unbroken, outwards it must stay empty; behind a break nothing is said.
+    # Inwards from the outline the mask must be unbroken, outwards empty; samples behind a break are ignored.
     inward = offsets < -0.75
     broken = np.cumsum((~inner & inward)[:, ::-1], axis=1)[:, ::-1] > 0
     again = np.cumsum(inner & (offsets > 1.5), axis=1) > 0
@@ -226,7 +226,7 @@ def _silhouette(mask: np.ndarray, known: np.ndarray, k: np.ndarray, pose: np.nda
 
 
 def _lookup(mask: np.ndarray, places: np.ndarray, *, outside: bool = False) -> np.ndarray:
-    """Values (..., ) of a mask at places (..., 2) (column, row); `outside` is the value beyond the border."""
+    """Values (...,) of a mask at positions (..., 2) (column, row); `outside` is the value beyond the border."""
     nearest = np.round(places).astype(int)
     height, width = mask.shape
     within = (nearest >= 0).all(axis=-1) & (nearest[..., 0] < width) & (nearest[..., 1] < height)
@@ -235,7 +235,7 @@ def _lookup(mask: np.ndarray, places: np.ndarray, *, outside: bool = False) -> n
 
 
 def _outline(mask: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Places (S, 2) (column, row) on the mask's border and unit outward directions (S, 2), evenly along it."""
+    """Evenly spaced positions (S, 2) (column, row) on the mask's border and unit outward directions (S, 2)."""
     import cv2
     from scipy import ndimage
 
@@ -248,11 +248,11 @@ def _outline(mask: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
         tangent = np.roll(smooth, -1, axis=0) - np.roll(smooth, 1, axis=0)
         normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=-1)
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
-        # Which side is out differs between outer borders and holes: the mask itself tells.
+        # The outward side differs between outer borders and holes: sample the mask.
         probe = _lookup(mask, smooth + 2.5 * normal).mean() - _lookup(mask, smooth - 2.5 * normal).mean()
         normal = normal if probe < 0 else -normal
         pick = np.linspace(0, len(contour), max(8, samples * len(contour) // max(total, 1)), endpoint=False).astype(int)
-        # Border pixels of a hole lie outside it as seen from the mask, so both kinds sit half a pixel inside.
+        # Contour pixels of holes belong to the mask as well, so both kinds are half a pixel inside.
         places.append(smooth[pick] + 0.5 * normal[pick])
         outward.append(normal[pick])
     if not places:

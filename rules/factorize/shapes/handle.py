@@ -1,4 +1,4 @@
-"""A handle on a revolved body: the part of the mask beside the body, as a solid in the vertical plane of its root."""
+"""A handle on a revolved body: the part of the mask beside the body, as a solid in the vertical plane of the root."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from .evidence import Evidence
 from .hypotheses import Finished
 
 LEAST_PART = 0.012
-"""A handle covers at least this part of the mask."""
+"""Smallest fraction of the mask that a handle covers."""
 ROOT_M = 0.0012
-"""How deep a handle's roots reach into the wall [m]; no wall is thinner."""
+"""Depth of a handle's roots inside the wall [m], the minimum wall thickness."""
 WEDGES = 8
-"""Convex pieces that a handle's loop is cut into."""
+"""Number of convex pieces of a handle's loop."""
 LAYERS = ((1.0, 0.26), (0.86, 0.1), (0.62, 0.0))
-"""Part of the half thickness, and part of the strap's width by which the outline is drawn in there: rounded edges."""
+"""Fractions of the half thickness, and of the strap's width by which the outline is inset there: rounded edges."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class _Plane:
     object_from_camera: np.ndarray
 
     def place(self, pixels: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(distance from the axis, height) (N, 2) [m] and depth (N,) where rays through (column, row) cross it."""
+        """(distance from the axis, height) (N, 2) [m] and depth (N,) at which rays through (column, row) cross it."""
         bearing = np.concatenate([(pixels - [k[0, 2], k[1, 2]]) / [k[0, 0], k[1, 1]], np.ones((len(pixels), 1))], 1)
         bearing = bearing @ self.object_from_camera[:3, :3].T
         normal = np.array([-np.sin(self.azimuth), np.cos(self.azimuth), 0.0])
@@ -44,7 +44,7 @@ class _Plane:
         return np.stack([out, points[:, 2]], axis=-1), depth
 
     def slide(self, pixels: np.ndarray, k: np.ndarray) -> np.ndarray:
-        """Mean motion (2,) on the plane of what rays (N, 2) show, for a metre that it stands off the plane."""
+        """Mean shift (2,) on the plane of points seen along rays (N, 2), per metre of distance from the plane."""
         bearing = np.concatenate([(pixels - [k[0, 2], k[1, 2]]) / [k[0, 0], k[1, 1]], np.ones((len(pixels), 1))], 1)
         bearing = bearing @ self.object_from_camera[:3, :3].T
         normal = np.array([-np.sin(self.azimuth), np.cos(self.azimuth), 0.0])
@@ -54,7 +54,7 @@ class _Plane:
 
 
 def with_handle(body: Finished, evidence: Evidence) -> Finished | None:
-    """The body with the handle that the mask shows, or None where it shows none."""
+    """Add the handle that the mask shows, or return None without one."""
     outer = body.outside or body.solid
     beside, shown = _beside(outer.moved(body.pose), evidence)
     if beside is None:
@@ -84,7 +84,7 @@ def _beside(outer: Solid, evidence: Evidence) -> tuple[np.ndarray | None, np.nda
     )
     covered = shown.index >= 0
     rest = evidence.mask & evidence.known & ~ndimage.binary_dilation(covered, iterations=2)
-    # Thin straps break in a mask; what lies within a few pixels belongs together.
+    # Thin straps break up in a mask; join pieces a few pixels apart.
     joined = ndimage.binary_closing(ndimage.binary_opening(rest), iterations=4) & ~covered
     labels, number = ndimage.label(joined)
     if number == 0:
@@ -93,13 +93,13 @@ def _beside(outer: Solid, evidence: Evidence) -> tuple[np.ndarray | None, np.nda
     if sizes.max() < max(LEAST_PART * evidence.mask.sum(), 40):
         return None, covered
     patch = labels == int(np.argmax(sizes)) + 1
-    # Back to where it touches the body, which the dilation had taken away.
+    # Restore the contact with the body that the dilation removed.
     near = ndimage.binary_dilation(patch, iterations=3) & evidence.mask & ~covered
     return patch | near, covered
 
 
 def _plane(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> _Plane | None:
-    """The half plane whose crossing with the rays agrees best with the seen depth of the handle."""
+    """The half plane whose intersection with the rays best matches the seen depth of the handle."""
     from scipy import ndimage
 
     object_from_camera = transforms.invert(pose) @ evidence.world_from_camera
@@ -117,7 +117,7 @@ def _plane(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> _Plane |
         plane = _Plane(guess + turn, eye, object_from_camera)
         place, depth = plane.place(pixels, evidence.k)
         error = float(np.median(np.abs(depth - evidence.depth[inner])))
-        # Seen nearly along the plane, a pixel says nothing of where on it a point is.
+        # Viewed nearly edge-on, a pixel does not locate a point on the plane.
         slant = abs(np.sin(plane.azimuth - np.arctan2(-eye[1], -eye[0])))
         if slant > 0.25 and error < least and np.median(place[:, 0]) > 0:
             best, least = plane, error
@@ -168,7 +168,7 @@ def _outlines(
 def _without_side(
     section: Any, width: float, plane: _Plane, beside: np.ndarray, evidence: Evidence
 ) -> tuple[Any, float]:
-    """The section less what only the strap's side adds to its silhouette, and a likely thickness of the side [m]."""
+    """The section without the silhouette of the strap's side, and the side's likely thickness [m]."""
     rows, columns = np.nonzero(beside)
     middle = np.array([[columns.mean(), rows.mean()]])
     shift = plane.slide(middle, evidence.k)
@@ -179,7 +179,7 @@ def _without_side(
 
 
 def _other_end(section: Any, root: tuple[float, float, float], width: float) -> tuple[float, float, float]:
-    """A second root (low, high, end) for a strap that is seen to meet the body only once: level with its far tip."""
+    """A second root (low, high, end), level with the far tip, for a strap seen to meet the body only once."""
     corners = np.concatenate([np.asarray(ring) for ring in section.to_polygons()])
     tip = corners[np.argmax(np.abs(corners[:, 1] - (root[0] + root[1]) / 2))]
     low = tip[1] - width if tip[1] > root[1] else tip[1]
@@ -187,7 +187,7 @@ def _other_end(section: Any, root: tuple[float, float, float], width: float) -> 
 
 
 def _radii(outer: Solid) -> Callable[[float], float]:
-    """Height -> radius of a revolved body."""
+    """Function from height to radius of a revolved body."""
     radius = np.linalg.norm(outer.vertices[:, :2], axis=1)
     side = radius > 0.3 * radius.max()
     heights = np.unique(np.round(outer.vertices[side, 2], 6))
@@ -207,7 +207,7 @@ def _thickened(section: Any, width: float, thickness: float, azimuth: float) -> 
 
 
 def _wedges(section: Any, thickness: float, azimuth: float) -> tuple[np.ndarray, ...]:
-    """Corner points of convex pieces of the handle: its section cut into wedges about its middle."""
+    """Corner points of the handle's convex pieces: its section cut into wedges about its centre."""
     import manifold3d as m3
 
     left, low, right, high = section.bounds()
@@ -226,7 +226,7 @@ def _wedges(section: Any, thickness: float, azimuth: float) -> tuple[np.ndarray,
 
 
 def _upright(flat: Solid, azimuth: float) -> Solid:
-    """From (distance, height, sideways) to the body's frame, the half plane turned to `azimuth`."""
+    """Map (distance, height, sideways) to the body's frame, with the half plane at `azimuth`."""
     cosine, sine = np.cos(azimuth), np.sin(azimuth)
     rotation = np.array([[cosine, 0.0, sine], [sine, 0.0, -cosine], [0.0, 1.0, 0.0]])
     return Solid(flat.vertices @ rotation.T, flat.faces)

@@ -1,4 +1,4 @@
-"""The families of bodies that a view is explained by, and what becomes of the parameters of the best one."""
+"""Candidate body families for a view, and how to finish the best one."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from .refine import Model
 
 @dataclass(frozen=True)
 class Finished:
-    """A body in its own frame: origin at the middle of the base, z up."""
+    """A body in its own frame: origin at the centre of the base, z up."""
 
     solid: Solid
     pose: np.ndarray
     """T_world_object (4, 4)."""
     walls: tuple[np.ndarray, ...] = ()
-    """Corner points (V, 3) of exact convex pieces, where they are known."""
+    """Corner points (V, 3) of exact convex pieces, if known."""
     hollow: bool = False
     outside: Solid | None = None
     """A vessel without its cavity, in the same frame."""
@@ -34,20 +34,20 @@ class Finished:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model with the way to finish it."""
+    """A model and the functions that finish it."""
 
     model: Model
     finish: Callable[[np.ndarray], Finished]
     sizes: dict[int, str] = field(default_factory=dict)
-    """Parameter -> the axis whose length it is, where the view may leave it open."""
+    """Parameter -> name of the length that the view may leave undetermined."""
     finer: Callable[[np.ndarray], Candidate] | None = None
-    """Makes the same body with more parameters, which start where the given ones ended."""
+    """Makes the same body with more parameters, started from the fitted ones."""
     settled: Callable[[np.ndarray], Model] | None = None
-    """Makes the body without parameters that only help the fit; its one start is refined last."""
+    """Makes the body without parameters that only help the fit; its single start is refined last."""
 
 
 def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float) -> list[Candidate]:
-    """Candidates of the allowed families that the view gives any reason for."""
+    """Candidates of the allowed families that are plausible for the view."""
     makers: dict[str, Callable[[], Candidate | None]] = {
         "box": lambda: _box(evidence),
         "tilted_box": lambda: _tilted(evidence),

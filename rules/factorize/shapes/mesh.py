@@ -1,4 +1,4 @@
-"""factorize.mesh: close the surface of an object that the camera saw only in part."""
+"""factorize.mesh: complete the surface of a partly seen object."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from .picture import picture
 
 
 class MeshOptions(Options):
-    """Options of factorize.mesh. Every field enters the key."""
+    """Options of factorize.mesh; every field is part of the key."""
 
     hypotheses: tuple[str, ...] = HYPOTHESES
-    """Families of bodies that may explain the view."""
+    """Body families to fit."""
     wall_m: PositiveFloat = 0.003
-    """Wall thickness of a vessel where the view does not tell [m]."""
+    """Wall thickness of a vessel if the view does not show it [m]."""
     texture_px: PositiveInt = 1024
     """Largest width and height of the texture [px]."""
     refine_steps: NonNegativeInt = 14
-    """Least-squares steps that each hypothesis may take; the best one takes three times as many."""
+    """Maximum least-squares steps per hypothesis; the best one gets three times as many."""
     least_points: PositiveInt = 150
-    """Trusted depth pixels that a view must have."""
+    """Minimum number of trusted depth pixels in a view."""
 
 
 @rule(version=1, packages=("numpy",))
 def mesh(ctx: Context, seen: ObjectView, *, options: MeshOptions) -> Shape:
-    """Return a closed, textured mesh of the object, metres, origin at the middle of the base, z up as it stands."""
+    """Return a closed, textured mesh of the object [m], origin at the centre of the base, z up as it stands."""
     shape: Shape = ctx.backend.complete(ctx, seen, options)
     lowest = float(shape.mesh.vertices[:, 2].min())
     ctx.check(shape.mesh.is_closed, "the mesh is open", hint="use backend `stub`", faces=len(shape.mesh.faces))

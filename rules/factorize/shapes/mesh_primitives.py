@@ -1,4 +1,4 @@
-"""Closed meshes from one view without learned weights: fit families of simple bodies and keep the best explained."""
+"""Closed meshes from one view without learned weights: fit families of simple bodies and keep the best."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class _Fitted:
 
 
 def complete(ctx: Context, seen: ObjectView, options: MeshOptions) -> Shape:
-    """The best explained closed body, textured.
+    """Return the closed, textured body that best explains the view.
 
     Args:
-        ctx: Of the rule.
+        ctx: The rule's context.
         seen: The view.
-        options: Of the rule.
+        options: The rule's options.
     """
     evidence = evidence_of.gather(seen)
     if len(evidence.points) < options.least_points:
@@ -81,9 +81,9 @@ def _fitted(candidate: Candidate, evidence: evidence_of.Evidence, steps: int) ->
 
 
 def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tuple[Finished, Judgement, tuple[str, ...]]:
-    """The winner, refined longer, in more detail and with a handle where those explain the view better.
+    """Refine the winner longer, and add detail and a handle if they explain the view better.
 
-    The third value names the sizes that the view leaves open.
+    The third value names the sizes that the view leaves undetermined.
     """
     cost = best.candidate.model.cost
     candidate, parameters = best.candidate, descend(best.candidate.model, evidence, best.parameters, steps).parameters
@@ -109,7 +109,7 @@ def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tupl
 
 
 def _lifted(body: Finished, base: float) -> Finished:
-    """The body in the world of the support, from one whose zero is the height that it stands on."""
+    """Move a body whose zero is the surface under it to the world frame of the support."""
     pose = body.pose.copy()
     pose[2, 3] += base
     return replace(body, pose=pose)

@@ -1,4 +1,4 @@
-"""An upright box around the seen points, at once and without any package: the shape of a result, not its quality."""
+"""An upright box around the seen points: a fast placeholder without dependencies."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 BACKEND = Backend(summary="an upright box around the seen points, in the mean colour", profiles=("stub",))
 
 SMALLEST_M = 0.005
-"""No edge is shorter [m]."""
+"""Minimum edge length [m]."""
 
 
 def complete(ctx: Context, seen: ObjectView, options: MeshOptions) -> Shape:
-    """The axis-aligned box (in the world frame) of the middle 96 % of the seen points, from the support up."""
+    """Return the world-axis-aligned box of the middle 96 % of the seen points, from the support up."""
     depth = seen.depth.depth.astype(np.float64)
     valid = seen.mask & (depth > 0)
     if int(valid.sum()) < options.least_points:

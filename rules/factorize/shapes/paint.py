@@ -13,13 +13,13 @@ from dextera_build.geometry.solids import Solid
 from .evidence import without_pinholes
 
 SLANTED, PLAIN = 0.15, 0.5
-"""Cosines between normal and line of sight: up to the first a texel is not read, from the second on it is trusted."""
+"""Cosines between normal and line of sight: texels below the first are not read, above the second trusted."""
 EDGE_PX = (1.5, 4.0)
-"""Distances from the mask's border: up to the first a pixel is not read, from the second on it is trusted [px]."""
+"""Distances from the mask's border [px]: pixels below the first are not read, above the second trusted."""
 GUESS_FROM, GUESS_SOURCES, GUESS_BLOCK_PX = 16, 3000, 5
-"""A guessed colour is the mean of so many of so many seen texels, and the same in blocks of so many pixels."""
+"""A guess averages the nearest GUESS_FROM of GUESS_SOURCES seen texels, once per block of GUESS_BLOCK_PX [px]."""
 FEATHER_PX = 6.0
-"""Texels over which a colour that is read fades into one that is guessed [px]."""
+"""Width of the transition from read to guessed colours [px]."""
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 """Half a turn about the body's vertical axis: a symmetry of boxes, cylinders and oval bodies."""
 MIRROR = np.diag([1.0, -1.0, 1.0])
@@ -32,7 +32,7 @@ class Painted:
 
     uv: np.ndarray  # (F, 3, 2) float32
     pixels: np.ndarray  # (h, w, 3) uint8
-    seen_fraction: float  # part of the surface that the camera saw
+    seen_fraction: float  # fraction of the surface seen by the camera
 
 
 def paint(
@@ -51,8 +51,8 @@ def paint(
         pose: T_world_object (4, 4).
         seen: The view whose photograph is used.
         most_px: Largest width and height of the texture [px].
-        symmetry: (3, 3) motion or mirror of the body's frame that maps the body to itself, or None.
-        revolved: Whether the body looks the same from all around its z axis; `symmetry` is then left out.
+        symmetry: (3, 3) rotation or mirror of the body's frame that maps the body to itself, or None.
+        revolved: Whether the body is rotationally symmetric about z; `symmetry` is then ignored.
     """
     distance = float(np.linalg.norm(pose[:3, 3] - seen.world_from_camera[:3, 3]))
     atlas = texture.unwrap(body.vertices, body.faces, 0.75 * distance / seen.camera.fx, most_px)
@@ -72,7 +72,7 @@ def paint(
 
 
 def _facing_mirror(pose: np.ndarray, seen: ObjectView) -> np.ndarray:
-    """The mirror (3, 3) in the body's vertical axis that swaps its front, as the camera sees it, and its back."""
+    """The mirror (3, 3) at the body's vertical axis that swaps the front, as the camera sees it, and the back."""
     towards = pose[:3, :3].T @ (seen.world_from_camera[:3, 3] - pose[:3, 3])
     towards[2] = 0.0
     towards /= max(float(np.linalg.norm(towards)), 1e-9)
@@ -89,7 +89,7 @@ def _drawn(texels: texture.Texels, atlas: texture.Atlas, values: np.ndarray) -> 
 def _mixed(
     texels: texture.Texels, atlas: texture.Atlas, under: np.ndarray, over: np.ndarray, trust: np.ndarray
 ) -> np.ndarray:
-    """`over` (N, 3) where it is trusted, faded into `under` towards the border of where it is."""
+    """Blend: `over` (N, 3) where trusted, fading into `under` at the border of that region."""
     from scipy import ndimage
 
     untrusted = _drawn(texels, atlas, (trust <= 0.0)[:, None].astype(np.float64))[..., 0] > 0
@@ -99,7 +99,7 @@ def _mixed(
 
 
 class _Photograph:
-    """Reads colours of surface points from the photograph, where the camera sees them."""
+    """Reads colours of visible surface points from the photograph."""
 
     def __init__(self, body: Solid, pose: np.ndarray, seen: ObjectView) -> None:
         from scipy import ndimage
@@ -112,7 +112,7 @@ class _Photograph:
         self.pixels = seen.rgb.pixels.astype(np.float64)
 
     def read(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Colours (N, 3) and how far they are to be trusted (N,), 0 to 1."""
+        """Colours (N, 3) and their trust (N,), 0 to 1."""
         place = cameras.project(transforms.apply(self.camera_from_object, points), self.k)
         height, width = self.inset.shape
         within = (place > 0).all(axis=1) & (place[:, 0] < width - 1) & (place[:, 1] < height - 1)
@@ -136,18 +136,18 @@ class _Photograph:
         return np.asarray((sight * normals).sum(axis=1) / np.linalg.norm(sight, axis=1))
 
     def open(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Points (N,) that face the camera and that the body itself does not hide."""
+        """Whether points (N,) face the camera and are not self-occluded."""
         sight = points - self.eye
         length = np.linalg.norm(sight, axis=1)
         surface = raycast.Surface(self.body.vertices, self.body.faces)
         rays = np.concatenate([np.broadcast_to(self.eye, sight.shape), sight], axis=1)
         first = raycast.cast([surface], rays).depth
-        # A point reflected off the body into thin air is met too late or too early.
+        # A point mirrored off the body into empty space is hit too late or too early.
         facing = self.facing(points, normals) > 0.0
         return np.asarray(facing & (np.abs(first - 1.0) * length < 0.0015 + 0.002 * length))
 
     def seen_fraction(self) -> float:
-        """Part of the surface area that the camera sees."""
+        """Fraction of the surface area visible to the camera."""
         a, b, c = np.moveaxis(self.body.vertices[self.body.faces], 1, 0)
         area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
         normals = texture.face_normals(self.body.vertices, self.body.faces)
@@ -164,7 +164,7 @@ class _Photograph:
 def _guessed(
     texels: texture.Texels, read: np.ndarray, trust: np.ndarray, seen: ObjectView, *, revolved: bool
 ) -> np.ndarray:
-    """Colours (N, 3): the mean of the nearest trusted ones with a like normal; around the axis where `revolved`."""
+    """Colours (N, 3): mean of the nearest trusted ones with a similar normal; around the axis if `revolved`."""
     from scipy.spatial import cKDTree
 
     source = np.flatnonzero(trust > min(0.6, 0.9 * float(trust.max(initial=0.0))))
@@ -177,7 +177,7 @@ def _guessed(
         _ring_keys(texels, size) if revolved else np.concatenate([texels.points, 0.3 * size * texels.normals], axis=1)
     )
     missing = np.flatnonzero(trust < 1.0)
-    # A guess varies slowly: one for each small block of texels that look to the same side is enough.
+    # Guesses vary slowly: one per small block of texels facing the same side is enough.
     side = np.abs(texels.normals[missing]).argmax(axis=1)
     side = 2 * side + (np.take_along_axis(texels.normals[missing], side[:, None], axis=1)[:, 0] < 0)
     blocks = np.stack([texels.row[missing] // GUESS_BLOCK_PX, texels.column[missing] // GUESS_BLOCK_PX, side], axis=1)
@@ -190,7 +190,7 @@ def _guessed(
 
 
 def _ring_keys(texels: texture.Texels, size: float) -> np.ndarray:
-    """Keys (N, 6) by which texels of one height of a revolved body are near each other, wherever around its axis."""
+    """Keys (N, 6) that place texels at one height of a revolved body close together, at any angle."""
     radius = np.linalg.norm(texels.points[:, :2], axis=1)
     out = (texels.points[:, :2] * texels.normals[:, :2]).sum(axis=1) / np.maximum(radius, 1e-9)
     facing = 0.3 * size * np.stack([out, texels.normals[:, 2]], axis=1)

@@ -1,4 +1,4 @@
-"""A picture of a shape: the crop, the shape over the crop, and the shape from two other sides."""
+"""Picture of a shape: the crop, the shape over the crop, and the shape from two other sides."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from dextera_build.geometry import raycast, transforms
 SIDE_PX = 260
 """Width and height of each part [px]."""
 PAPER = 236
-"""Grey of the ground behind the other views."""
+"""Grey level of the background of the other views."""
 
 
 def picture(shape: Shape, seen: ObjectView, turns: tuple[float, ...] = (100.0, 200.0)) -> np.ndarray | None:
-    """(SIDE_PX, n SIDE_PX, 3) uint8, or None where no ray caster is installed.
+    """(SIDE_PX, n SIDE_PX, 3) uint8, or None if no ray caster is installed.
 
     Args:
         shape: The shape.
         seen: The view that it explains.
-        turns: About the vertical, from the camera that saw it to the other views [deg].
+        turns: Rotations about the vertical from the capturing camera to the other views [deg].
     """
     try:
         parts = [_fitted(seen.rgb.pixels), _fitted(_overlay(shape, seen))]
@@ -71,7 +71,7 @@ def _from_side(shape: Shape, seen: ObjectView, turn: float) -> np.ndarray:
 
 
 def _fitted(pixels: np.ndarray) -> np.ndarray:
-    """The picture scaled into a square."""
+    """The picture scaled to fit a square."""
     from PIL import Image as Pillow
 
     height, width = pixels.shape[:2]

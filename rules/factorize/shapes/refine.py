@@ -1,4 +1,4 @@
-"""Fit the parameters of a body to a view: damped least squares on rendered depth and silhouette residuals."""
+"""Fit a body's parameters to a view by damped least squares on rendered depth and silhouette residuals."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from dextera_build.geometry.solids import Solid
 from .evidence import REACH_PX, STEP_PX, Evidence
 
 DEPTH_CAP = 8.0
-"""Largest depth residual, in standard deviations; also that of a ray that misses the body."""
+"""Maximum depth residual, in standard deviations; also the residual of a ray that misses the body."""
 SOFT = 2.5
-"""Where residuals start to count less, in standard deviations (Cauchy)."""
+"""Scale above which residuals are downweighted, in standard deviations (Cauchy)."""
 INDEPENDENT = 40.0
-"""Residuals that are worth as much as independent ones: neighbours err alike."""
+"""Effective number of independent residuals; errors of neighbours are correlated."""
 SIGMA_PX = 1.0
 """Standard deviation of the silhouette [px]."""
 
@@ -30,31 +30,31 @@ class Model:
     build: Callable[[np.ndarray], Solid]
     """Parameters -> closed surface in the world frame."""
     starts: list[np.ndarray]
-    """First guesses."""
+    """Initial guesses."""
     steps: np.ndarray
-    """How far each parameter moves to feel the slope; about the precision that counts [m or rad]."""
+    """Finite-difference step per parameter, about the precision that matters [m or rad]."""
     lower: np.ndarray
     upper: np.ndarray
     expected: np.ndarray | None = None
-    """Prior of a parameter."""
+    """Prior mean of each parameter."""
     spread: np.ndarray = field(default_factory=lambda: np.array(np.inf))
-    """Standard deviation about `expected`; infinite where nothing is expected."""
+    """Standard deviation about `expected`; infinite without a prior."""
     smooth: np.ndarray | None = None
-    """Combinations (R, P) of parameters that are near 0, in standard deviations: a profile bends slowly."""
+    """Linear combinations (R, P) of parameters expected near 0, in standard deviations: profiles bend slowly."""
     cost: float = 0.0
     """Complexity, subtracted from the score."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Where a fit ended."""
+    """Result of a fit."""
 
     parameters: np.ndarray
     loss: float
 
 
 def fit(model: Model, evidence: Evidence, iterations: int, tries: int = 2) -> Fit:
-    """The best parameters of `model`: every start is judged, the best `tries` are refined."""
+    """Fit `model`: judge every start and refine the best `tries`."""
     starts = [np.clip(start, model.lower, model.upper) for start in model.starts]
     losses = [_loss(model, evidence, start)[0] for start in starts]
     order = np.argsort(losses, kind="stable")[:tries]
@@ -95,7 +95,7 @@ def descend(model: Model, evidence: Evidence, start: np.ndarray, iterations: int
 
 
 def undetermined(model: Model, evidence: Evidence, found: np.ndarray, sizes: tuple[int, ...]) -> list[int]:
-    """Which of the parameters `sizes` could be much larger or smaller, the others adapting, without a worse fit."""
+    """Parameters of `sizes` that could be much larger or smaller, with the others refitted, at no worse fit."""
     loss = _loss(model, evidence, found)[0]
     loose = []
     for index in sizes:
@@ -112,7 +112,7 @@ def undetermined(model: Model, evidence: Evidence, found: np.ndarray, sizes: tup
 
 
 def _slopes(model: Model, evidence: Evidence, here: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """Change (R, P) of the residuals for one step of each parameter, taken to the side that has room."""
+    """Change (R, P) of the residuals per step of each parameter, taken in a feasible direction."""
     slope = np.zeros((len(residual), len(here)))
     for i, step in enumerate(model.steps):
         sign = 1.0 if here[i] + step <= model.upper[i] else -1.0
@@ -134,7 +134,7 @@ def _loss(model: Model, evidence: Evidence, parameters: np.ndarray) -> tuple[flo
 
 
 def _shares(evidence: Evidence, rows: int, parameters: int) -> np.ndarray:
-    """Weight of every residual: depth and silhouette count the same in all, whatever their number."""
+    """Weight of every residual; depth and silhouette have equal total weight regardless of their number."""
     rays, places = len(evidence.rays), len(evidence.silhouette.rays)
     counts, shares = [rays, places, rows, parameters], [1 / max(rays, 1), 1 / max(places, 1), 0.02, 0.02]
     return np.repeat(np.array(shares), counts)

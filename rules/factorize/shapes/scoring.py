@@ -1,4 +1,4 @@
-"""How well a body explains a view: silhouette overlap, depth, and space that the camera saw to be empty."""
+"""Score how well a body explains a view: silhouette overlap, depth, and observed empty space."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from dextera_build.geometry.solids import Solid
 from .evidence import Evidence
 
 DEPTH_WEIGHT = 0.5
-"""Cost of a wrong depth at every pixel, beside an overlap of 1."""
+"""Cost of a wrong depth at every pixel, relative to an overlap of 1."""
 FREE_WEIGHT = 0.5
-"""Cost of a rendered surface that lies wholly in seen empty space."""
+"""Cost of a rendered surface entirely in observed empty space."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """Marks of one body."""
+    """Scores of one body."""
 
     score: float
-    """Overlap less depth error, empty space and complexity; higher is better."""
+    """Overlap minus depth error, empty space and complexity; higher is better."""
     mask_iou: float
     residual_m: float
     """Median absolute depth difference on common trusted pixels [m]."""
     free: float
-    """Part of the rendered pixels in front of the measured surface."""
+    """Fraction of the rendered pixels in front of the measured surface."""
 
 
 def judge(body: Solid, evidence: Evidence, complexity: float = 0.0) -> Judgement:
@@ -41,7 +41,7 @@ def judge(body: Solid, evidence: Evidence, complexity: float = 0.0) -> Judgement
     common = covered & evidence.core
     difference = np.abs(shown.depth - evidence.depth)[common]
     residual = float(np.median(difference)) if common.any() else float("inf")
-    # Every trusted pixel counts; one that the body does not cover counts as wholly wrong.
+    # Every trusted pixel counts; an uncovered one counts as entirely wrong.
     error = np.minimum(difference / (6.0 * evidence.sigma[common]), 1.0).sum()
     trusted = max(int(np.count_nonzero(evidence.core & evidence.known)), 1)
     depth_error = (float(error) + trusted - np.count_nonzero(common)) / trusted

@@ -1,4 +1,4 @@
-"""Exact convex pieces of a vessel: slabs around the ring and a floor, so that collision keeps the cavity."""
+"""Exact convex pieces of a vessel: slabs around the ring and a floor keep the cavity open."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 
 SECTORS = 20
-"""Slabs around the ring: the inner face of each is a chord, which fills 1.6 % of a round cavity."""
+"""Number of slabs around the ring; their inner faces are chords and fill 1.6 % of a round cavity."""
 BULGE_M = 0.0008
-"""A slab is cut in height where its inside would bulge further than this into the cavity [m]."""
+"""A slab is split in height if its inner face would bulge further than this into the cavity [m]."""
 
 
 def ring_walls(outer: np.ndarray, inner: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -37,7 +37,7 @@ def ring_walls(outer: np.ndarray, inner: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 def _at(rings: np.ndarray, height: float) -> np.ndarray:
-    """The ring (M, 3) at a height between those of `rings`, by interpolation."""
+    """The ring (M, 3) at a height, interpolated between `rings`."""
     heights = rings[:, 0, 2]
     above = int(np.clip(np.searchsorted(heights, height), 1, len(heights) - 1))
     low, high = heights[above - 1], heights[above]
@@ -46,7 +46,7 @@ def _at(rings: np.ndarray, height: float) -> np.ndarray:
 
 
 def _cuts(radii: np.ndarray, heights: np.ndarray) -> list[int]:
-    """Indices of heights between which the chord of the cavity's profile stays within `BULGE_M` of the profile."""
+    """Indices of heights between which the chord stays within `BULGE_M` of the cavity's profile."""
     cuts = [0]
     while cuts[-1] < len(radii) - 1:
         start, end = cuts[-1], len(radii) - 1

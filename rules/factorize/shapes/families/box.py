@@ -1,4 +1,4 @@
-"""Boxes and cylinders: an upright box, and a cylinder that lies on the support."""
+"""Boxes and cylinders: an upright box, and a cylinder lying on the support."""
 
 from __future__ import annotations
 
@@ -11,31 +11,30 @@ from ..evidence import Evidence
 from ..refine import Model
 
 SMALLEST_M = 0.003
-"""No edge is shorter [m]."""
+"""Minimum edge length [m]."""
 LARGEST_M = 1.5
-"""No edge is longer [m]."""
+"""Maximum edge length [m]."""
 LEAN_RAD = 0.015
 """Standard deviation of the lean of an upright box [rad]."""
 
 
 def upright(x: float, y: float, yaw: float, base: float = 0.0) -> np.ndarray:
-    """T_world_object (4, 4) of a body that stands at (`x`, `y`) with its base at height `base` [m], turned by `yaw`."""
+    """T_world_object (4, 4) of a body at (`x`, `y`), turned by `yaw`, with its base at height `base` [m]."""
     cosine, sine = np.cos(yaw), np.sin(yaw)
     rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     return transforms.rigid(rotation, np.array([x, y, base]))
 
 
 def box(evidence: Evidence) -> Model:
-    """An upright box: x, y, yaw, width, depth, height and, for the fit alone, a lean along its width and depth [rad].
+    """An upright box: x, y, yaw, width, depth, height and, for the fit only, a lean along width and depth [rad].
 
-    Cartons sag and planes are a little wrong: without the lean, either would go into the sizes. `standing` takes it
-    out again.
+    Cartons sag and planes are slightly wrong; without the lean, both would bias the sizes. `standing` removes it.
     """
     starts = []
     for angle in np.deg2rad(np.arange(0.0, 90.0, 7.5)):
         low, high = spans(evidence.points[:, :2], angle)
         starts.append(_start(low, high, angle, evidence.height))
-    # The smallest rectangles about the footprint first: a wrong turn makes it larger.
+    # Smallest rectangles around the footprint first: a wrong yaw enlarges them.
     starts.sort(key=lambda start: float(start[3] * start[4]))
     starts = starts[:4]
     likely = _likely_depth(starts[0])
@@ -50,13 +49,13 @@ def box(evidence: Evidence) -> Model:
         lower=np.array([-np.inf] * 3 + edges[0] + [-0.1, -0.1]),
         upper=np.array([np.inf] * 3 + edges[1] + [0.1, 0.1]),
         expected=np.array([0.0, 0.0, 0.0, likely, likely, evidence.height, 0.0, 0.0]),
-        # Weak, or it would pull at sizes that are seen; enough to keep a depth that is not.
+        # Too weak to bias seen sizes, strong enough to hold an unseen depth.
         spread=np.array([np.inf, np.inf, np.inf, 0.1, 0.1, 0.1, LEAN_RAD, LEAN_RAD]),
     )
 
 
 def standing(p: np.ndarray) -> Model:
-    """The upright box with the sizes of the leaning box `p`, free to move and turn about where its middle was."""
+    """The upright box with the sizes of the leaning box `p`, free to move and turn about its former centre."""
     start = stood_up(p)
     free = np.array([np.inf, np.inf, np.inf, 0.0, 0.0, 0.0])
     return Model(
@@ -70,7 +69,7 @@ def standing(p: np.ndarray) -> Model:
 
 
 def stood_up(p: np.ndarray) -> np.ndarray:
-    """The upright box with the sizes of a leaning one, moved to where its middle was."""
+    """The upright box with the sizes and the centre of a leaning one."""
     middle = upright(p[0], p[1], p[2]) @ np.array([p[6] * p[5] / 2, p[7] * p[5] / 2, 0.0, 1.0])
     return np.array([*middle[:2], *p[2:6]])
 
@@ -94,7 +93,7 @@ def box_body(p: np.ndarray) -> Solid:
 
 
 def spans(points: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
-    """Low and high ends (2,) of points (N, 2) along axes turned by `angle`, tolerant of 1 % strays on each side [m]."""
+    """Low and high ends (2,) of points (N, 2) along axes turned by `angle`, with 1 % trimmed on each side [m]."""
     turned = points @ np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return np.quantile(turned, 0.01, axis=0), np.quantile(turned, 0.99, axis=0)
 
@@ -107,12 +106,12 @@ def _start(low: np.ndarray, high: np.ndarray, angle: float, height: float) -> np
 
 
 def _likely_depth(start: np.ndarray) -> float:
-    """Depth of a box of which only the front is seen [m]: cartons are about half as deep as narrow."""
+    """Likely depth of a box with only its front in view [m]: cartons are about half as deep as narrow."""
     return max(0.55 * float(min(max(start[3:5]), start[5])), 2 * SMALLEST_M)
 
 
 def _deepened(start: np.ndarray, forward: np.ndarray, depth: float) -> np.ndarray:
-    """The same box at least `depth` [m] deep, its front face where it was."""
+    """The same box made at least `depth` [m] deep, with its front face fixed."""
     axes = np.array([[np.cos(start[2]), np.sin(start[2])], [-np.sin(start[2]), np.cos(start[2])]])
     along = axes @ forward
     thin = int(np.argmax(np.abs(along)))
@@ -124,7 +123,7 @@ def _deepened(start: np.ndarray, forward: np.ndarray, depth: float) -> np.ndarra
 
 
 def lying(evidence: Evidence) -> Model:
-    """A cylinder that lies on the support: x, y, yaw of its axis, radius, length."""
+    """A cylinder lying on the support: x, y, yaw of its axis, radius, length."""
     radius = evidence.height / 2
     starts = []
     for angle in np.deg2rad(np.arange(0.0, 180.0, 15.0)):
@@ -150,7 +149,7 @@ def lying_solid(p: np.ndarray) -> Solid:
 def lying_body(p: np.ndarray, facets: int = 40) -> Solid:
     """The lying cylinder in its own frame: axis along x, base on z = 0."""
     turn = np.arange(facets) * 2 * np.pi / facets
-    # Counter-clockwise about +x, so that rings from -x to +x keep the outside outside.
+    # Counter-clockwise about +x: rings from -x to +x have outward normals.
     circle = np.stack([np.zeros(facets), p[3] * np.cos(turn), p[3] * np.sin(turn) + p[3]], axis=-1)
     ends = np.array([[-p[4] / 2, 0, 0], [p[4] / 2, 0, 0]])
     return solids.loft(circle[None] + ends[:, None])

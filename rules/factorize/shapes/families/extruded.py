@@ -1,4 +1,4 @@
-"""Bodies of one outline: the footprint swept upwards, for flat things whose top is seen whole."""
+"""Prisms: the footprint swept upwards, for flat objects with a fully visible top."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ..refine import Model
 from .box import LARGEST_M, SMALLEST_M, upright
 
 CELL_M = 0.003
-"""Grid on which the footprint is drawn [m]."""
+"""Grid on which the footprint is rasterized [m]."""
 SLACK_M = 0.0025
-"""How far the outline may be simplified [m]."""
+"""Tolerance of the outline's simplification [m]."""
 
 
 def extruded(evidence: Evidence) -> tuple[np.ndarray, Model] | None:
-    """The outline (P, 2) about its middle, and x, y, growth in x and y, height of the prism over it."""
+    """The outline (P, 2) about its centre, and a model: x, y, growth in x and y, height of the prism."""
     top = evidence.points[evidence.normals[:, 2] > 0.7]
     flat = len(top) > 0.4 * len(evidence.points)
     outline = footprint(top if flat else evidence.points, closed=not flat)

@@ -27,7 +27,7 @@ def cylinder(evidence: Evidence) -> Model:
 
 
 def revolved(evidence: Evidence, *, hollow: bool, wall_m: float) -> tuple[Layout, Model]:
-    """A profile turned about a vertical axis; with `hollow` there is a cavity that is open upwards."""
+    """A profile revolved about a vertical axis; `hollow` adds a cavity that is open at the top."""
     height = evidence.height
     layout = Layout(knots=int(np.clip(round(height / 0.02), 5, 9 if hollow else 12)), hollow=hollow)
     centre, typical = axis(evidence)
@@ -49,12 +49,12 @@ def oval(evidence: Evidence) -> tuple[Layout, Model]:
 
 
 def model(layout: Layout, name: str, starts: list[np.ndarray], wall_m: float) -> Model:
-    """The model of a layout about its first guesses.
+    """The model of a layout around its initial guesses.
 
     Args:
         layout: Meaning of the parameters.
-        name: Of the family.
-        starts: First guesses; unseen parameters stay near the first.
+        name: Name of the family.
+        starts: Initial guesses; unseen parameters stay near the first one.
         wall_m: Wall thickness of unseen walls [m].
     """
     knots, inf = layout.knots, np.inf
@@ -87,7 +87,7 @@ def model(layout: Layout, name: str, starts: list[np.ndarray], wall_m: float) ->
 
 
 def _oval_start(evidence: Evidence, yaw: float, layout: Layout) -> np.ndarray:
-    """Half-axes from the widths of the seen points in slices; the axis is a half-axis of depth behind the front."""
+    """Half-axes from the widths of the seen points in slices; the axis is one depth half-axis behind the front."""
     along, across = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
     u, v, z = evidence.points[:, :2] @ along, evidence.points[:, :2] @ across, evidence.points[:, 2]
     heights = np.linspace(0.0, evidence.height, layout.knots)

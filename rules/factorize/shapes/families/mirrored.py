@@ -1,11 +1,11 @@
-"""Bodies of no family: the seen surface, mirrored at a vertical plane of symmetry.
+"""Free-form bodies: the seen surface, mirrored at a vertical plane of symmetry.
 
-Known are the seen surface and the outline of the mask: the body is the largest that fits behind the one and within the
-other and equals its mirror image. Guessed are the plane (upright, within some 50 degrees of facing the camera; its
-place explains the view best at a depth that is not far from the width) and so the whole back; that whatever is hidden
-but could be full is full, down to what the object stands on; and the surface where depth is missing, which continues
-the nearest seen one. A body whose true plane of symmetry lies along the line of sight comes out too short or too bulky,
-and so does one without such a plane; a cavity is only as deep as it was seen, and has the wrong back.
+The seen surface and the outline of the mask are known: the body is the largest mirror-symmetric solid behind the
+surface and within the outline. Three assumptions fill in the rest. The plane, and so the whole back, is upright, within
+some 50 degrees of facing the camera, and placed to explain the view best at a depth not far from the width. Hidden
+space that could be full is full, down to the surface under the object. Missing depth continues the nearest seen
+surface. A body without such a plane, or with one along the line of sight, comes out too short or too bulky; a cavity
+is only as deep as it was seen, and has the wrong back.
 """
 
 from __future__ import annotations
@@ -27,39 +27,39 @@ if TYPE_CHECKING:
     from manifold3d import CrossSection, Manifold
 
 COST = 0.2
-"""Complexity. The front is copied, so it always fits: the body wins only where every family with sizes fits badly."""
+"""Complexity. The copied front always fits; with this cost the body wins only if every parametric family fits badly."""
 YAWS_DEG = (0.0, -20.0, 20.0, -40.0, 40.0)
-"""Turns of the plane from facing the camera that are tried."""
+"""Yaws of the plane to try, from facing the camera."""
 RATIOS = (0.6, 0.9, 1.4, 2.1)
-"""Depths over widths of the body that are tried."""
+"""Ratios of depth to width to try."""
 UNLIKELY = 0.04
-"""Cost of a depth e times larger or smaller than the width, beside an overlap of 1."""
+"""Cost of a depth e times larger or smaller than the width, relative to an overlap of 1."""
 SEARCHED_PX = 90
-"""Resolution at which planes are compared [px]."""
+"""Mask size at which planes are compared [px]."""
 COARSE, FINE = 12, 48
-"""Edges that the longer side of the outline is divided into: while the plane is sought, and in the end."""
+"""Edges along the longer side of the outline: during the plane search, and in the result."""
 MOST_FACES = 5500
 SLACK_M = 0.0003
-"""How far faces may first move to have fewer of them [m]; doubled until they are few enough."""
+"""Initial tolerance of face reduction [m]; doubled until there are few enough faces."""
 FOOT_M = 0.004
-"""Height over its lowest point at which a body that hangs in the air is cut to be extended downwards [m]."""
+"""Height above its lowest point at which a floating body is cut before it is extended downwards [m]."""
 SPECK_M = 1e-4
-"""Size of the body that a plane leaves of which nothing is left [m]."""
+"""Size of the placeholder body if the plane leaves nothing [m]."""
 
 
 @dataclass(frozen=True)
 class Front:
-    """The space that may be full: the seen surface and everything behind it, within the outline of the mask."""
+    """The possibly full space: the seen surface and everything behind it, within the outline of the mask."""
 
     coarse: Manifold
     fine: Manifold
 
     def body(self, p: np.ndarray, *, fine: bool = False) -> Solid | None:
-        """The largest body within, in the world frame, with a plane of symmetry; None where nothing is left.
+        """The largest body within that is symmetric about a plane, in the world frame; None if empty.
 
         Args:
             p: Direction of the plane's normal (from x to y, about z) [rad] and its distance from the origin [m].
-            fine: Whether to keep the detail of the view.
+            fine: Whether to keep the full detail of the view.
         """
         half = self.fine if fine else self.coarse
         normal = np.array([np.cos(p[0]), np.sin(p[0]), 0.0])
@@ -110,12 +110,12 @@ def finished(front: Front, p: np.ndarray) -> tuple[Solid, np.ndarray]:
 
 
 def _built(front: Front, p: np.ndarray) -> Solid:
-    """The coarse body; a speck, which explains nothing, where the plane leaves none."""
+    """The coarse body, or a speck that explains nothing if the plane leaves none."""
     return front.body(p) or solids.box((SPECK_M, SPECK_M, SPECK_M), (0.0, 0.0, SPECK_M / 2))
 
 
 def _thinned(evidence: Evidence) -> Evidence:
-    """The view at about `SEARCHED_PX` pixels along the mask's longer side: every n-th pixel."""
+    """The view subsampled to about `SEARCHED_PX` pixels along the mask's longer side."""
     step = max(1, round(float(np.ptp(np.argwhere(evidence.mask), axis=0).max()) / SEARCHED_PX))
     k = evidence.k / np.array([[step], [step], [1.0]])
     names = ("mask", "known", "depth", "sigma", "core")
@@ -123,7 +123,7 @@ def _thinned(evidence: Evidence) -> Evidence:
 
 
 def _best_plane(front: Front, evidence: Evidence) -> np.ndarray | None:
-    """The likeliest plane of a coarse grid and its neighbours; None where no plane leaves a body."""
+    """The likeliest plane of a coarse grid and its neighbours; None if no plane leaves a body."""
     found = _likeliest(front, evidence, [(yaw, ratio) for yaw in YAWS_DEG for ratio in RATIOS])
     if found is None:
         return None
@@ -132,7 +132,7 @@ def _best_plane(front: Front, evidence: Evidence) -> np.ndarray | None:
 
 
 def _likeliest(front: Front, evidence: Evidence, choices: list[tuple[float, float]]) -> tuple[float, float] | None:
-    """The choice of turn [degrees] and depth over width whose body explains the view best, at a likely depth."""
+    """The choice of yaw [deg] and depth-to-width ratio that best explains the view at a likely depth."""
     marks = {}
     for yaw_deg, ratio in choices:
         body = front.body(_plane(evidence, yaw_deg, ratio))
@@ -142,7 +142,7 @@ def _likeliest(front: Front, evidence: Evidence, choices: list[tuple[float, floa
 
 
 def _plane(evidence: Evidence, yaw_deg: float, ratio: float) -> np.ndarray:
-    """Direction of the normal [rad] and distance from the origin [m] of a plane half the body's depth behind its front.
+    """Direction of the normal [rad] and distance from the origin [m] of a plane half the body's depth behind the front.
 
     Args:
         evidence: The view.
@@ -158,7 +158,7 @@ def _plane(evidence: Evidence, yaw_deg: float, ratio: float) -> np.ndarray:
 
 
 def _outline(evidence: Evidence) -> tuple[CrossSection | None, np.ndarray]:
-    """The mask as polygons [px] and as pixels; what something nearer may hide is filled up to the convex hull."""
+    """The mask as polygons [px] and as pixels; parts that may be occluded are filled up to the convex hull."""
     import cv2
     import manifold3d as m3
 
@@ -175,12 +175,12 @@ def _outline(evidence: Evidence) -> tuple[CrossSection | None, np.ndarray]:
     if not rings:
         return None, evidence.mask
     section = m3.CrossSection(rings, m3.FillRule.EvenOdd)
-    # Contours run through the centres of the outermost pixels, half a pixel inside.
+    # Contours run through the centres of border pixels, half a pixel inside.
     return section.offset(0.5, m3.JoinType.Round).simplify(0.7), mask > 0
 
 
 def _smooth_depth(evidence: Evidence) -> np.ndarray:
-    """Depth (H, W) of the seen surface: gaps hold the nearest trusted depth, then noise is smoothed [m]."""
+    """Smoothed depth (H, W) of the seen surface [m]; gaps take the nearest trusted depth."""
     from scipy import ndimage
 
     nearest = ndimage.distance_transform_edt(~evidence.core, return_distances=False, return_indices=True)
@@ -190,11 +190,11 @@ def _smooth_depth(evidence: Evidence) -> np.ndarray:
 
 
 def _swept(outline: CrossSection, depth: np.ndarray, evidence: Evidence, edge_px: float) -> Manifold:
-    """The solid above z = 0 between the seen surface and the same far behind it along the lines of sight."""
+    """The solid above z = 0 swept from the seen surface far back along the lines of sight."""
     import manifold3d as m3
     from scipy import ndimage
 
-    # A prism over the outline, thinner than an edge is long, so that only its two ends are divided.
+    # A prism thinner than an edge is long: only its two ends are subdivided.
     thick = 0.5 * edge_px
     prism = m3.Manifold.extrude(outline.simplify(0.1 * edge_px), thick).refine_to_length(edge_px)
 
@@ -211,7 +211,7 @@ def _swept(outline: CrossSection, depth: np.ndarray, evidence: Evidence, edge_px
 
 
 def _standing(body: Manifold) -> Manifold:
-    """The body, extended straight down to z = 0 where its lowest part hangs in the air."""
+    """The body, extended straight down to z = 0 if it floats."""
     import manifold3d as m3
 
     low = float(body.bounding_box()[2])

@@ -1,4 +1,4 @@
-"""The names of the families of bodies that `factorize.mesh` tries; light, so that the rule's options can name them."""
+"""Names of the body families of `factorize.mesh`; imports nothing, for use in the rule's options."""
 
 from __future__ import annotations
 
@@ -14,4 +14,4 @@ HYPOTHESES = (
     "panels",
     "mirrored",
 )
-"""Every family, in the order in which they are tried."""
+"""All families, in the order in which they are tried."""

@@ -1,4 +1,4 @@
-"""Two thin slabs that meet at a level crease: an open laptop, a book that stands open, a hinged lid."""
+"""Two thin slabs that meet at a level crease: an open laptop, a standing open book, a hinged lid."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from .box import LARGEST_M, upright
 from .planes import largest_plane
 
 THIN_M = 0.006
-"""Thickness of a slab whose edge is not seen [m]."""
+"""Thickness of a slab with an unseen edge [m]."""
 THINNEST_M = 0.003
-"""No slab is thinner [m]."""
+"""Minimum thickness of a slab [m]."""
 BASE_M = 0.015
-"""Thickness of a base that is not seen [m]."""
+"""Thickness of an unseen base [m]."""
 OVERHANG = -0.06
-"""Upward part of the unit normal of a face that overhangs."""
+"""Largest z component of the unit normal of an overhanging face."""
 
 
 def panels(evidence: Evidence) -> Model | None:
     """x, y, yaw, width, base depth, base thickness, lid length, lid thickness, opening angle; None without two planes.
 
-    In the body's frame x runs along the crease, the base reaches from the crease towards -y, and the lid stands at
-    its +y end; at angle pi the lid lies flat.
+    In the body's frame x runs along the crease, the base reaches from the crease towards -y, and the lid is at
+    its +y end; at angle pi the lid is flat.
     """
     start = _start(evidence)
     if start is None:
@@ -65,7 +65,7 @@ def slabs(p: np.ndarray) -> list[Solid]:
 
 
 def _from_behind(evidence: Evidence) -> np.ndarray | None:
-    """A start where the camera sees one plane that overhangs: nothing stands so alone, it is a lid seen from behind."""
+    """A start if the camera sees one overhanging plane: it cannot stand alone, so it is a lid seen from behind."""
     points = evidence.points[:: max(1, len(evidence.points) // 4000)]
     plane = largest_plane(points)
     if plane is None:
@@ -94,7 +94,7 @@ def _start(evidence: Evidence) -> np.ndarray | None:
     (base_normal, base), (lid_normal, lid) = found
     crease = np.cross(base_normal, lid_normal)
     crease = np.array([crease[0], crease[1], 0.0]) / max(float(np.linalg.norm(crease[:2])), 1e-9)
-    # y points from the base over the crease; the crease is where the lid's plane cuts the height of the base.
+    # y points from the base over the crease; the lid's plane meets the base's height at the crease.
     level = float(np.median(base[:, 2]))
     across = np.array([-crease[1], crease[0]])
     tilt = float(lid_normal[:2] @ across)
@@ -104,7 +104,7 @@ def _start(evidence: Evidence) -> np.ndarray | None:
         return None
     if float(np.median(base[:, :2] @ across)) > edge:
         crease, across, edge = -crease, -across, -edge
-    # Along the lid: sin(angle) is how fast it rises, -cos(angle) how fast it goes back.
+    # Along the lid, sin(angle) is its rise and -cos(angle) its way back, per unit length.
     back = float((lid[:, :2] @ across - edge) @ (lid[:, 2] - level)) / float(((lid[:, 2] - level) ** 2).sum() + 1e-12)
     angle = float(np.arctan2(1.0, -back))
     reach = (lid[:, :2] @ across - edge) * -np.cos(angle) + (lid[:, 2] - level) * np.sin(angle)
@@ -120,7 +120,7 @@ def _start(evidence: Evidence) -> np.ndarray | None:
 
 
 def _two_planes(evidence: Evidence) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None:
-    """(normal, points) of a level plane and of one that rises from it, or None."""
+    """(normal, points) of a level plane and of one rising from it, or None."""
     points = evidence.points[:: max(1, len(evidence.points) // 4000)]
     normals = evidence.normals[:: max(1, len(evidence.points) // 4000)]
     level = normals[:, 2] > 0.93

@@ -1,19 +1,19 @@
-"""The plane that most of some points lie on."""
+"""Fit the plane with the most inliers."""
 
 from __future__ import annotations
 
 import numpy as np
 
 TRIES = 300
-"""Random triples."""
+"""Number of random triples."""
 NEAR_M = 0.004
-"""Distance up to which a point lies on a plane [m]."""
+"""Maximum distance of an inlier [m]."""
 LEAST = 50
-"""Points that make a plane."""
+"""Minimum number of inliers."""
 
 
 def largest_plane(points: np.ndarray) -> tuple[np.ndarray, float] | None:
-    """Unit normal (3,) and offset [m] of the plane with the most of the points (N, 3), refined on them; seeded."""
+    """Unit normal (3,) and offset [m] of the plane with the most inliers of (N, 3), refined on them; seeded."""
     random = np.random.default_rng(0)
     best, most = None, 0
     for _ in range(TRIES if len(points) >= LEAST else 0):

@@ -1,4 +1,4 @@
-"""Stacked cross-sections about a vertical axis, and how a parameter vector describes them."""
+"""Stacked cross-sections about a vertical axis, and their parameter vector."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dextera_build.geometry.solids import Solid
 from .box import SMALLEST_M, upright
 
 THINNEST_M = 0.0012
-"""No wall is thinner [m]."""
+"""Minimum wall thickness [m]."""
 BEND_RAD = 0.2
 """Standard deviation of the turn of a profile from one piece to the next [rad]."""
 WALL_STEP_M = 0.0008
@@ -25,7 +25,7 @@ FACETS = 60
 
 @dataclass(frozen=True)
 class Profile:
-    """Cross-sections by height: superellipses with half-axes `a` along x and `b` along y, maybe with a cavity."""
+    """Cross-sections by height: superellipses with half-axes `a` along x and `b` along y, and an optional cavity."""
 
     heights: np.ndarray  # (K,) from 0 up [m]
     a: np.ndarray  # (K,) [m]
@@ -35,7 +35,7 @@ class Profile:
     floor: float = 0.0  # height of the cavity's floor [m]
 
     def finer(self, count: int) -> Profile:
-        """The same profile at `count` heights, joined by a smooth curve that never overshoots."""
+        """The same profile at `count` heights, interpolated by a smooth curve without overshoot."""
         from scipy.interpolate import PchipInterpolator
 
         heights = np.linspace(0.0, self.heights[-1], count)
@@ -73,7 +73,7 @@ class Layout:
     hollow: bool = False
 
     def split(self, p: np.ndarray) -> list[np.ndarray]:
-        """Runs of parameters: what stands before the half-axes, the half-axes, then ratios, walls and floor."""
+        """Split the parameters: those before the half-axes, the half-axes, then ratios, walls and floor."""
         own = [self.knots] + [self.ratios] * self.oval + [self.knots] * self.hollow
         return np.split(p, np.cumsum([5 if self.oval else 3, *own])[: 2 + self.oval + 2 * self.hollow - 1])
 
@@ -104,7 +104,7 @@ class Layout:
         return self.profile(p).solid(40).moved(self.pose(p))
 
     def finer(self, p: np.ndarray) -> tuple[Layout, np.ndarray]:
-        """The layout with twice as many knots, and the parameters that draw the same profile with it."""
+        """The layout with twice as many knots, and the parameters of the same profile in it."""
         layout = replace(self, knots=min(2 * self.knots - 1, 25))
         old, new = np.linspace(0, 1, self.knots), np.linspace(0, 1, layout.knots)
         runs = self.split(p)
@@ -114,18 +114,18 @@ class Layout:
         return layout, np.concatenate(runs)
 
     def bends(self, height: float) -> np.ndarray:
-        """Rows (R, P): how a body of about this height bends and its wall swells, in standard deviations."""
+        """Rows (R, P) that map parameters to profile bends and wall changes, in standard deviations."""
         first = 5 if self.oval else 3
         count = first + self.knots + self.oval * self.ratios + self.hollow * (self.knots + 1)
         rows = np.zeros((max(self.knots - 2, 0), count))
         for i in range(self.knots - 2):
             rows[i, first + i : first + i + 3] = [1.0, -2.0, 1.0]
-        # A wall that is not seen is as thick as the wall next to it, a floor about as thick as the wall.
+        # An unseen wall is as thick as the wall next to it, a floor about as thick as the wall.
         walls = np.zeros((self.knots - 1 if self.hollow else 0, count))
         for i in range(len(walls)):
             walls[i, first + self.knots + i : first + self.knots + i + 2] = [-1.0, 1.0]
         floor = np.zeros((1 if self.hollow else 0, count))
         if self.hollow:
             floor[0, [first + self.knots, -1]] = [-1.0, 1.0]
-        # A profile may turn by about a quarter radian from knot to knot before it counts.
+        # Turns of up to about a quarter radian from knot to knot cost little.
         return np.concatenate([rows / (BEND_RAD * height / (self.knots - 1)), walls / WALL_STEP_M, floor / FLOOR_M])

@@ -1,4 +1,4 @@
-"""Axis, radii and cavity of a body that may be a surface of revolution, from the points and normals of one view."""
+"""Estimate axis, radii and cavity of a surface of revolution from the points and normals of one view."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .box import SMALLEST_M
 
 
 def axis(evidence: Evidence) -> tuple[np.ndarray, float]:
-    """Where a vertical axis (2,) is that the seen normals point at or away from, and the typical radius [m].
+    """Position (2,) of the vertical axis that the seen normals point towards or away from, and the typical radius [m].
 
     A surface of revolution, convex or the inside of a cup, has all its normals in planes through the axis.
     """
@@ -24,7 +24,7 @@ def axis(evidence: Evidence) -> tuple[np.ndarray, float]:
     weight = np.ones(len(points))
     centre = points.mean(axis=0)
     for _ in range(15):
-        # A weak pull to where the points are keeps flat fronts, whose normals are all parallel, from running away.
+        # A weak pull towards the points keeps flat fronts, whose normals are parallel, from diverging.
         normal = (rows * weight[:, None]).T @ rows + 1e-3 * len(points) * np.eye(2)
         centre = np.linalg.solve(normal, (rows * weight[:, None]).T @ right + 1e-3 * len(points) * points.mean(axis=0))
         weight = 1.0 / (1.0 + ((rows @ centre - right) / 0.004) ** 2)
@@ -39,13 +39,13 @@ def sides(evidence: Evidence, centre: np.ndarray) -> np.ndarray:
 
 
 def interior(evidence: Evidence, centre: np.ndarray) -> float:
-    """Part of the trusted points that lie on walls facing the axis, well below the rim: a cavity is seen."""
+    """Fraction of the trusted points on walls facing the axis, well below the rim: evidence of a cavity."""
     below = evidence.points[:, 2] < evidence.height - 0.006
     return float(((sides(evidence, centre) < -0.35) & below).mean())
 
 
 def outer_radii(evidence: Evidence, centre: np.ndarray, typical: float, heights: np.ndarray) -> np.ndarray:
-    """Radius at each height from the points that face away from the axis [m]; gaps are bridged."""
+    """Radius at each height from the points that face away from the axis [m]; gaps are interpolated."""
     outside = sides(evidence, centre) > 0.3
     radius = np.linalg.norm(evidence.points[:, :2] - centre, axis=1)
     reach = max((heights[1] - heights[0]) * 0.7, 0.004)
@@ -61,7 +61,7 @@ def outer_radii(evidence: Evidence, centre: np.ndarray, typical: float, heights:
 
 
 def cavity_floor(evidence: Evidence, centre: np.ndarray, typical: float, wall_m: float) -> float:
-    """Height of the cavity's floor [m]: the lowest seen inside, or one wall where it is hidden."""
+    """Height of the cavity's floor [m]: the lowest seen inner point, or one wall thickness if hidden."""
     inside = (sides(evidence, centre) < 0.0) | (evidence.normals[:, 2] > 0.9)
     inside &= np.linalg.norm(evidence.points[:, :2] - centre, axis=1) < typical
     inside &= evidence.points[:, 2] < 0.5 * evidence.height

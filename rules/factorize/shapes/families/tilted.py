@@ -1,4 +1,4 @@
-"""A box in any orientation: it leans, or lies on something that is not level."""
+"""A box in any orientation: leaning, or on an uneven surface."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from .box import LARGEST_M, SMALLEST_M
 from .planes import largest_plane
 
 LEAST_PART = 0.15
-"""A face that gives a direction holds at least this part of the points."""
+"""Smallest fraction of the points on a face that defines a direction."""
 
 
 def tilted(evidence: Evidence) -> tuple[list[np.ndarray], Model] | None:
-    """First orientations (3, 3), and the model: which of them, a rotation vector on top, middle, sizes; or None.
+    """Initial orientations (3, 3), and the model: index of one, a further rotation vector, centre, sizes; or None.
 
-    The first parameter is fixed by the start: the number of the orientation that it begins at.
+    Each start fixes the first parameter, the index of its initial orientation.
     """
     frames = _frames(evidence)
     if not frames:
@@ -51,13 +51,13 @@ def tilted_body(p: np.ndarray) -> Solid:
 
 
 def tilted_pose(frames: list[np.ndarray], p: np.ndarray) -> np.ndarray:
-    """T_world_object (4, 4); the parameters hold the middle of the box, the object's origin is that of its base."""
+    """T_world_object (4, 4); the parameters hold the box centre, the object's origin is the centre of its base."""
     rotation = turned_by(p[1:4]) @ frames[round(float(p[0]))]
     return transforms.rigid(rotation, p[4:7] - rotation[:, 2] * p[9] / 2)
 
 
 def turned_by(vector: np.ndarray) -> np.ndarray:
-    """Rotation (3, 3) about the direction of a vector (3,) by its length [rad] (Rodrigues)."""
+    """Rotation (3, 3) about a vector (3,) by its length [rad] (Rodrigues)."""
     angle = float(np.linalg.norm(vector))
     if angle < 1e-12:
         return np.eye(3)
@@ -67,7 +67,7 @@ def turned_by(vector: np.ndarray) -> np.ndarray:
 
 
 def _frames(evidence: Evidence) -> list[np.ndarray]:
-    """Orientations whose axes are normals of the largest seen faces, the most upright axis as z."""
+    """Orientations with axes normal to the largest seen faces, and the most upright axis as z."""
     step = max(1, len(evidence.points) // 4000)
     points, normals = evidence.points[::step], evidence.normals[::step]
     first = largest_plane(points)
@@ -93,7 +93,7 @@ def _upright_frame(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _deepened(low: np.ndarray, high: np.ndarray, sight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of a box of which only one face is seen, grown away from the camera to a likely depth."""
+    """Ends of a box with only one face in view, grown away from the camera to a likely depth."""
     size = high - low
     thin = int(np.argmin(size))
     extra = max(0.0, 0.4 * float(np.median(size)) - float(size[thin]))
