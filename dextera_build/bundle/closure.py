@@ -66,7 +66,7 @@ def of(contents: Contents, read: Read, actions: Actions) -> tuple[set[str], dict
         except MissingBlob:
             raise
         except (*UNREADABLE, StoreError):
-            raise ill_formed(f"a header of `{address}`", "it is not that of an artifact") from None
+            raise ill_formed(f"a header of `{address}`", "it does not describe an artifact") from None
     return blobs, results
 
 
@@ -87,7 +87,7 @@ def _document(read: Read, address: str, node: Node) -> dict[str, Any]:
         raise ill_formed(what, "it does not have the fields of a key document")
     documents.refuse_other_spelling(data, document, what)
     if document["rule"] != node.rule or document["backend"] != node.backend:
-        raise wrong_result(address, "its key document is that of another rule or backend")
+        raise wrong_result(address, "its key document names another rule or backend")
     try:
         traces.parts_of(data)
     except (ValueError, TypeError, KeyError):

@@ -123,7 +123,7 @@ def _build(raw: dict[str, Any]) -> Build:
     nodes = tuple(Node(**row) for row in rows)
     known = {node.node: node for node in nodes}
     if len(known) != len(nodes):
-        raise ill_formed(_WHAT, "a node stands twice")
+        raise ill_formed(_WHAT, "a node is listed twice")
     if not raw["targets"]:
         raise ill_formed(_WHAT, "it has no targets")
     for name in (*raw["targets"], *(name for node in nodes for name in node.depends_on)):

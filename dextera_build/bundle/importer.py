@@ -111,7 +111,7 @@ def _receive(source: Layout, layer: Descriptor, store: Store, sizes: dict[str, i
             if folder != "cas" or not is_digest(digest):
                 raise archive(info.name, "is not named by a digest")
             if digest in sizes:
-                raise archive(digest, "stands twice")
+                raise archive(digest, "occurs twice")
             sizes[digest] = info.size
             with packed.extractfile(info) as file:  # type: ignore[union-attr]
                 if not store.blobs.receive(digest, info.size, iter(lambda: file.read(_CHUNK), b"")):

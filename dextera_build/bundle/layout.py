@@ -51,7 +51,7 @@ def reading(name: str, file: IO[bytes]) -> Iterator[tarfile.TarFile]:
             yield packed
     except (tarfile.TarError, ValueError, OverflowError, OSError) as error:
         raise (
-            archive(name, f"cannot be read ({error})") if packed else not_a_bundle(name, "it is no tar archive")
+            archive(name, f"cannot be read ({error})") if packed else not_a_bundle(name, "it is not a tar archive")
         ) from None
 
 
@@ -66,7 +66,7 @@ def files(packed: tarfile.TarFile) -> Iterator[tarfile.TarInfo]:
         if number >= MOST_FILES:
             raise too_large("an archive", number + 1, MOST_FILES)
         if info.name in seen:
-            raise archive(info.name, "stands twice")
+            raise archive(info.name, "occurs twice")
         seen.add(info.name)
         if not info.isdir():
             yield info
@@ -90,7 +90,7 @@ class Layout:
             self._parts = {info.name.removeprefix("./"): info for info in files(packed)}
         for name in self._parts.keys() - {"oci-layout", "index.json"}:
             if not name.startswith(BLOBS) or not is_digest(name.removeprefix(BLOBS)):
-                raise archive(name, "is no part of an OCI image layout")
+                raise archive(name, "is not part of an OCI image layout")
 
     def manifest(self) -> Descriptor:
         """The one manifest that its index names.

@@ -83,7 +83,7 @@ class Manifest:
         }:
             raise ill_formed(what, f"it is not of type `{BUNDLE}`")
         if len({part.digest for part in (config, *layers)}) != 1 + len(layers):
-            raise ill_formed(what, "a layer stands twice")
+            raise ill_formed(what, "a layer is listed twice")
         documents.refuse_other_spelling(data, found._plain(), what)
         return found
 

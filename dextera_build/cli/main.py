@@ -1,7 +1,7 @@
 """`dxb`: reads the command line, runs one verb, prints errors, and returns the exit code.
 
 Exit codes: 0 done, 1 a node failed, 2 command line or recipe wrong, 3 stale under `--check` or
-not as locked under `--locked`, 4 the machine lacks something, 70 a fault in dxb, 130 interrupted,
+not as locked under `--locked`, 4 the machine lacks something, 70 an internal error, 130 interrupted,
 141 broken pipe.
 """
 

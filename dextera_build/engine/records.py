@@ -21,7 +21,7 @@ def record_of(node: Node, project: str, blockers: Sequence[str] = ()) -> NodeFin
         blockers: Addresses of the failed units that it waits for.
     """
     status, rule = node.status, node.rule
-    assert status is not None, f"nothing became of {node.address}"
+    assert status is not None, f"{node.address} has no status"
     made = node.result if node.state is State.DONE else None
     last = node.last if status in ("ran", "failed") else None
     called = (last.reply or {}).get("calls") if last else None

@@ -115,7 +115,7 @@ class _Verifier:
         # A result may be wrong about a size; the digest decides.
         if (size != wanted or not self._fast) and not _is_named_right(digest, path):
             kind = "truncated" if size < wanted else "damaged"
-            what = f"{size} of {wanted} bytes" if kind == "truncated" else "its bytes are not those of its name"
+            what = f"{size} of {wanted} bytes" if kind == "truncated" else "its bytes do not match its digest"
             self._find(kind, digest, what, str(path))
 
     def results(self) -> None:
@@ -127,7 +127,7 @@ class _Verifier:
             if lacks:
                 self._find("lacking", key, f"{len(lacks)} of {len(kept.needs)} blobs are not there", path)
             elif not kept.needs:
-                self._find("unreadable", key, "it is no result, or that of another key", path)
+                self._find("unreadable", key, "it is not a result, or belongs to another key", path)
 
     def leftovers(self) -> None:
         """Find leftovers of killed processes; files that may still be in use are left alone."""

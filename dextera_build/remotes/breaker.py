@@ -86,7 +86,7 @@ class Guarded(Remote):
             with self._guard:
                 self._damaged += 1
                 if self._damaged >= _DAMAGED:
-                    self._give_up("read", f"blob `{digest.hash[:12]}` came with other bytes")
+                    self._give_up("read", f"blob `{digest.hash[:12]}` does not match its digest")
         return right
 
     def send(self, digest: Digest, file: BinaryIO) -> None:

@@ -209,7 +209,7 @@ def _publish(store: Store, key: str, message: bytes) -> None:
     try:
         entry = entries.read(message)
     except ValueError:
-        raise _RefusedError(HTTPStatus.BAD_REQUEST, "this is no result of dxb") from None
+        raise _RefusedError(HTTPStatus.BAD_REQUEST, "this is not an entry of dxb") from None
     if entry.key != key or entry.is_bare:
         raise _RefusedError(HTTPStatus.BAD_REQUEST, "the result of another key, or a bare one")
     try:

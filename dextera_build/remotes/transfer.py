@@ -86,7 +86,7 @@ class Transfer:
                 return
             self._right[remote.address, blob] = right
             if not right:
-                raise RemoteFault(remote.address, f"blob `{blob.hash[:12]}` came with other bytes")
+                raise RemoteFault(remote.address, f"blob `{blob.hash[:12]}` does not match its digest")
 
         self._crew.each(bring, wanted)
         return not lacking

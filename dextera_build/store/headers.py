@@ -83,7 +83,7 @@ def _fields(stored: Any) -> dict[str, Any]:
         case _:
             right = False
     if not right or len(stored) != 2:
-        raise ValueError("it is no header")
+        raise ValueError("it is not a header")
     fields: dict[str, Any] = stored["fields"]
     return fields
 

@@ -116,9 +116,9 @@ def test_every_blob_is_needed(folder, other):
 
 def test_compressed_and_other_files_are_refused(tmp_path, other):
     for magic, word in [
-        (b"\x1f\x8b\x08", "no tar archive"),
-        (b"hello", "no tar archive"),
-        (b"", "no tar archive"),
+        (b"\x1f\x8b\x08", "not a tar archive"),
+        (b"hello", "not a tar archive"),
+        (b"", "not a tar archive"),
         (bytes(1024), "index.json"),
     ]:
         (tmp_path / "x.tar").write_bytes(magic)

@@ -76,8 +76,10 @@ def test_a_tab_before_the_word_keeps_the_marks_under_it() -> None:
 
 @pytest.mark.parametrize("lines", [None, [], ["one line only"]])
 def test_a_line_that_cannot_be_read_is_only_named(lines: list[str] | None) -> None:
-    error = RecipeError("the key `a` stands twice", code="DXB-R102", where=Place("r.yaml", 3, 1), facts={"first": "2"})
-    assert quoting(lines, error) == ("error[DXB-R102]: the key `a` stands twice\n  --> r.yaml:3:1\n   = first: 2")
+    error = RecipeError(
+        "the key `a` is a duplicate", code="DXB-R102", where=Place("r.yaml", 3, 1), facts={"first": "2"}
+    )
+    assert quoting(lines, error) == ("error[DXB-R102]: the key `a` is a duplicate\n  --> r.yaml:3:1\n   = first: 2")
 
 
 def test_a_place_that_is_a_whole_file() -> None:

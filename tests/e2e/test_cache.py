@@ -127,12 +127,12 @@ def test_verify_exits_with_1_until_the_damage_is_repaired(built: Space) -> None:
     blob.chmod(0o444)
     name = blob.parent.name + blob.name
     found = built.dxb("cache", "verify")
-    assert (found.code, found.out) == (1, f"damaged\t{name}\tits bytes are not those of its name\t-\n")
+    assert (found.code, found.out) == (1, f"damaged\t{name}\tits bytes do not match its digest\t-\n")
     assert "`dxb cache verify --repair` quarantines damaged files" in found.err
     assert built.dxb("cache", "verify", "--fast").code == 0
     repaired = built.dxb("cache", "verify", "--repair")
     assert repaired.code == 0
-    assert repaired.out.startswith(f"damaged\t{name}\tits bytes are not those of its name\trepaired\n")
+    assert repaired.out.startswith(f"damaged\t{name}\tits bytes do not match its digest\trepaired\n")
     again = built.dxb("cache", "verify", "--json")
     assert json.loads(again.out)["findings"] == []
     first = built.dxb("build", "say/words")

@@ -99,11 +99,11 @@ def test_findings_say_what_is_wrong(store: Store) -> None:
     for number in (0, 1):
         blob(store, number).chmod(0o444)
     assert said == {
-        ("damaged", digest.of_bytes(b"0" * 100)): "its bytes are not those of its name",
+        ("damaged", digest.of_bytes(b"0" * 100)): "its bytes do not match its digest",
         ("truncated", digest.of_bytes(b"1" * 100)): "50 of 100 bytes",
         ("lacking", key_of("r1")): "1 of 3 blobs are not there",
         ("lacking", key_of("r2")): "1 of 3 blobs are not there",
-        ("unreadable", key_of("r3")): "it is no result, or that of another key",
+        ("unreadable", key_of("r3")): "it is not a result, or belongs to another key",
     }
 
 

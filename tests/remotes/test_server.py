@@ -168,4 +168,4 @@ def test_a_result_comes_after_its_blobs_and_goes_with_them(client: Client, tmp_p
 def test_what_is_no_result_is_refused(client: Client, body: bytes) -> None:
     code, said = client.ask("PUT", f"/ac/{OTHER}", body)
     assert code == 400
-    assert said.startswith(b"this is no result of dxb")
+    assert said.startswith(b"this is not an entry of dxb")
