@@ -108,7 +108,7 @@ def test_an_output_file_that_was_changed_is_written_again_and_the_change_is_kept
         assert out.read_bytes() == b"ONE!!! TWO!!!"
         kept = f"cache/out/say/words/{aside}"
         assert (
-            f"files of `all` in out/ were edited: they are written again, and the edited ones are kept in {kept}\n"
+            f"files of `all` in out/ were edited; they are restored, and the edited ones are kept in {kept}\n"
             in again.err
         )
         assert (built.root / kept / "all").read_bytes() == b"mine"

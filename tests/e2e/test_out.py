@@ -176,7 +176,7 @@ def test_a_change_that_keeps_size_and_time_is_seen(counts: Space, name: str) -> 
     again = counts.dxb("build", "g:a0")
     assert again.out == out
     assert path.read_bytes() == before
-    assert "the changed ones are in cache/out/g/a0~" in again.err
+    assert "the edited ones are kept in cache/out/g/a0~" in again.err
     assert (counts.root / "cache/out/g/a0~" / name).read_bytes() == b"z" * len(before)
 
 

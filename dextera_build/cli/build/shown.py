@@ -24,7 +24,7 @@ def tell(built: Built, *, quiet: bool = False) -> None:
         print(f"the disk is full: the log of run {built.run} lacks {count(built.lost, 'event')}", file=sys.stderr)
     for node, folder in built.placed.kept.items():
         kept = f"the edited ones are kept in {shown(folder)}"
-        print(f"files of `{node}` in out/ were edited: they are written again, and {kept}", file=sys.stderr)
+        print(f"files of `{node}` in out/ were edited; they are restored, and {kept}", file=sys.stderr)
     if built.placed.removed:
         print(f"out of date and removed from out/: {some(built.placed.removed)}", file=sys.stderr)
     if built.notice and not quiet:
