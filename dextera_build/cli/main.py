@@ -78,6 +78,8 @@ def _run(words: list[str]) -> int:
     args.words = words
     # A command keeps most of its objects; a search for cycles every 700 objects takes a tenth of a small build.
     gc.set_threshold(_YOUNG)
+    # The search for pydantic plug-ins reads the metadata of every installed package, and nothing here uses one.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         code: int = importlib.import_module(MODULES[args.verb]).run(args)
     finally:
