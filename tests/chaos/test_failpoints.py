@@ -28,7 +28,7 @@ WHERE = {
     "result.diverged": "shaken",
     "use.noted": "aged",
     "leaves.save": "first",
-    "snapshot.saved": "first",
+    "snapshot.saved": "edited",
     "history.saved": "went on",
     "keep.aside": "first",
     "log.made": "first",
