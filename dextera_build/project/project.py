@@ -105,7 +105,7 @@ class Project:
 
     @property
     def jobs(self) -> int:
-        """Cores for nodes; 0 in the settings means all that this process may use."""
+        """Cores for nodes; 0 in the settings means every core available to this process."""
         return int(self.config["jobs"].value) or len(os.sched_getaffinity(0))
 
     @property

@@ -205,6 +205,7 @@ def _went_on(space: Space) -> None:
 
 SCENARIOS = {
     "first": Scenario((*PLAIN, "--lock"), _nothing),
+    "unpinned": Scenario(PLAIN, _nothing),
     "edited": Scenario(PLAIN, _edited),
     "again": Scenario(PLAIN, _built_long_ago),
     "went on": Scenario((*PLAIN, "--force", "aside"), _went_on, PLAIN),

@@ -26,7 +26,7 @@ class Disturbed:
     """A project that is edited while it is built.
 
     Args:
-        seed: Of all that happens.
+        seed: Seed of the project, its edits and the kills.
         folder: Where it lies.
     """
 

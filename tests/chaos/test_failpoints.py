@@ -28,7 +28,7 @@ WHERE = {
     "result.diverged": "shaken",
     "use.noted": "aged",
     "leaves.save": "first",
-    "snapshot.saved": "edited",
+    "snapshot.saved": "unpinned",
     "history.saved": "went on",
     "keep.aside": "first",
     "log.made": "first",
@@ -54,6 +54,8 @@ WHERE = {
     "import.blobs": "import",
 }
 """Failpoint -> a scenario in which it is reached."""
+FRESH = ("first", "unpinned")
+"""Scenarios of a project that was never built; a build with `--lock` saves no snapshot."""
 QUICK = ("file.written", "result.blobs", "result.published", "export.stamp", "log.event")
 """Those that the fast tests stop at; all others take minutes."""
 FAILING = [name for name, point in POINTS.items() if point.fails]
@@ -152,7 +154,7 @@ def test_what_the_system_refuses_is_one_clear_error_or_does_not_matter(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name, scenario in WHERE.items() if scenario == "first"])
+@pytest.mark.parametrize("name", [name for name, scenario in WHERE.items() if scenario in FRESH])
 def test_ctrl_c_anywhere_leaves_a_store_to_go_on_from(name: str, tmp_path: Path, clean: Clean) -> None:
     """Promise: Ctrl-C at any step ends the build with code 130, and the next one goes on."""
     space, said = stopped(tmp_path, WHERE[name], f"{name}:interrupt")
@@ -162,13 +164,14 @@ def test_ctrl_c_anywhere_leaves_a_store_to_go_on_from(name: str, tmp_path: Path,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name, scenario in WHERE.items() if scenario == "first"])
+@pytest.mark.parametrize("name", [name for name, scenario in WHERE.items() if scenario in FRESH])
 def test_real_processes_recover_too(name: str, tmp_path: Path, clean: Clean) -> None:
     """Promise: so it is for `dxb` as people start it, with workers; a worker that dies fails its node alone."""
     space = project(tmp_path / "project")
-    answer = space.dxb(*SCENARIOS["first"].words, env={failpoints.VARIABLE: f"{name}:kill"})
+    words = SCENARIOS[WHERE[name]].words
+    answer = space.dxb(*words, env={failpoints.VARIABLE: f"{name}:kill"})
     assert answer.code in (-signal.SIGKILL, 1), answer.err
     assert answer.code != 1 or "DXB-B301" in answer.err
-    again = space.dxb(*SCENARIOS["first"].words)
+    again = space.dxb(*words)
     assert again.code == 0, again.err
-    assert_recovers(space, "first", clean)
+    assert_recovers(space, WHERE[name], clean)

@@ -1,6 +1,6 @@
 """Random projects whose rules import helper modules in every layout that Python knows, and random edits of them.
 
-A project is nothing but files, so that a copy of them is all that a clean build, or a reference, starts from.
+A project consists of files alone; a clean build, or a reference, starts from a copy of them.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
             code = max(code, _check(session, order, locking))
             continue
         with console(project.console, sys.stderr, verbose=args.verbose) as shown:
-            built = build.build(session, order, locking, shown, watch)
+            built = build.build(session, order, locking, shown, watch if keeps else None)
         tell(built, quiet=project.console in ("none", "jsonl"))
         answers += lines(built.placed.paths)
         print(lines(built.placed.paths), end="")
