@@ -40,6 +40,9 @@ class Importer:
         """Whether dxb's own modules are compiled from source as well."""
         self._wanted: dict[str, str] = {}
         self._loaded: dict[str, str] = {}
+        """Module -> digest of its source; "" for one that has none: missing, or a package without `__init__.py`."""
+        self._origins: dict[str, tuple[Sequence[str] | None, str]] = {}
+        """Module -> the folders that were searched for it, None for the search path, and the file found there."""
         self._edited: RuleError | None = None
 
     def find_spec(
@@ -55,12 +58,16 @@ class Importer:
         )
         if not (wanted or may_be_ours):
             return None
-        spec = find_top(name) if path is None else PathFinder.find_spec(name, path)
-        there = spec is not None and spec.has_location
-        if wanted is not None and there == (wanted == _PACKAGE):
-            raise self._refuse(str(spec.origin) if spec is not None and there else name)
+        spec = _search(name, path)
+        file = _file(spec)
+        if wanted is not None and bool(file) == (wanted == _PACKAGE):
+            raise self._refuse(file or name)
+        if not file and all(map(is_first_party, path or ())):
+            self._loaded[name] = ""
+            self._origins[name] = path, file
         if spec is not None and type(spec.loader) is SourceFileLoader and self._is_ours(name, spec.loader.path):
             spec.loader = _Loader(name, spec.loader.path, self)
+            self._origins[name] = path, file
         return spec
 
     def want(self, sources: Mapping[str, str], root: str) -> None:
@@ -71,14 +78,14 @@ class Importer:
             root: The package under which its rule is mounted.
 
         Raises:
-            RuleError: One of its modules was already loaded from another source.
+            RuleError: One of its modules was already loaded from another source, or found missing.
         """
         self._edited = None
         for source, said in sources.items():
             name = _module(source, root)
             self._wanted[name] = said or (_PACKAGE if source.endswith(_PACKAGE) else "")
             if self._loaded.get(name, said) != said:
-                raise self._refuse(sys.modules[name].__file__ or name)
+                raise self._refuse(self._origins[name][1] or source)
 
     def verify(self) -> None:
         """Raise the error of a refused import again, even if the rule caught it.
@@ -105,12 +112,14 @@ class Importer:
         return data
 
     def forget_changed(self) -> None:
-        """Forget all loaded modules if a source file changed, and let the import system find new ones."""
+        """Forget all loaded modules if a source file changed, appeared or vanished."""
         invalidate_caches()  # Python caches the contents of folders on the search path
-        if forget_changed():
+        moved = any(_file(_search(name, path)) != file for name, (path, file) in self._origins.items())
+        if forget_changed() or moved:
             for name in self._loaded:
                 sys.modules.pop(name, None)
             self._loaded.clear()
+            self._origins.clear()
 
     def _refuse(self, file: str) -> RuleError:
         self._edited = RuleError(
@@ -137,6 +146,15 @@ class _Loader(SourceFileLoader):
         """The module's code, compiled without the byte-code cache of the base class."""
         code: CodeType = self.source_to_code(self._importer.source(fullname, self.path), self.path)
         return code
+
+
+def _search(name: str, path: Sequence[str] | None) -> ModuleSpec | None:
+    return find_top(name) if path is None else PathFinder.find_spec(name, path)
+
+
+def _file(spec: ModuleSpec | None) -> str:
+    """The file of a module; "" if it has none."""
+    return str(spec.origin) if spec is not None and spec.has_location else ""
 
 
 def _module(source: str, root: str) -> str:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy
 import pytest
 
+from dextera_build.code.importer import IMPORTER
 from dextera_build.code.loader import Library
 from dextera_build.code.modules import PACKAGE, read, shared
 from dextera_build.errors import MachineError, Place, RecipeError, RuleError
@@ -151,6 +152,29 @@ def test_a_module_that_appears_later_is_not_there(project):
     before = run(project, known)
     (project / "rules/toy/late.py").write_text("F = 2\n")
     assert run(project, known) == before
+
+
+@pytest.mark.parametrize("later", ["late.py", "late/__init__.py", "deep/__init__.py"])
+def test_a_module_that_appears_is_imported_by_the_next_build_of_a_process(project, later):
+    (project / "rules/toy/deep.py").write_text("try:\n    from .late import F\nexcept ImportError:\n    F = 3\n")
+    assert said(project) == b"3"
+    (project / "rules/toy" / later).parent.mkdir(exist_ok=True)
+    (project / "rules/toy" / later).write_text("F = 2\n")
+    assert said(project) == b"2"
+
+
+@pytest.mark.parametrize("later", ["late.py", "inner/__init__.py"])
+def test_a_module_that_appears_after_the_import_but_before_the_digest_is_refused(project, later):
+    (project / "rules/toy/inner").mkdir()
+    (project / "rules/toy/inner/leaf.py").write_text("")
+    imports = "from .inner import leaf\ntry:\n    from . import late\nexcept ImportError:\n    pass\nF = 3\n"
+    (project / "rules/toy/deep.py").write_text(imports)
+    library = Library(project)
+    found = library.find("toy.mul")
+    assert found.rule
+    (project / "rules/toy" / later).write_text("")
+    with pytest.raises(RuleError, match="it was edited while the build ran"):
+        IMPORTER.want(library.code.of(found.file).sources, found.root.name)
 
 
 def test_a_package_that_comes_to_shadow_a_module_is_refused(project):
