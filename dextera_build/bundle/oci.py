@@ -76,11 +76,8 @@ class Manifest:
         config, *layers = map(Descriptor.read, (raw["config"], *raw["layers"]))
         signature = layers.pop() if layers and layers[-1].media_type == SIGNATURE else None
         found = cls(config, tuple(layers), signature, raw["annotations"])
-        if {raw.get("artifactType"), config.media_type, *(layer.media_type for layer in layers)} - {
-            BUNDLE,
-            CONFIG,
-            PACK,
-        }:
+        types = (raw.get("artifactType"), config.media_type, *(layer.media_type for layer in layers))
+        if not all(kind in (BUNDLE, CONFIG, PACK) for kind in types):
             raise ill_formed(what, f"it is not of type `{BUNDLE}`")
         if len({part.digest for part in (config, *layers)}) != 1 + len(layers):
             raise ill_formed(what, "a layer is listed twice")

@@ -158,6 +158,7 @@ def test_a_cut_archive_is_refused_at_every_block(tmp_path, store, plan, other):
         (lambda raw: raw["layers"][-1].update(digest="sha256:../x"), "DXB-S306", "SHA-256"),
         (lambda raw: raw["config"].update(size=1 << 40), "DXB-S305", "config"),
         (lambda raw: raw["config"].update(mediaType="text/plain"), "DXB-S306", "not of type"),
+        (lambda raw: raw.update(artifactType=[]), "DXB-S306", "not of type"),
         (lambda raw: raw.update(annotations={"a": "\x1b[31m"}), "DXB-S306", "control characters"),
         (lambda raw: raw["layers"].pop(0), "DXB-S303", "lacks"),
         (lambda raw: raw.update(more=1), "DXB-S306", "spelled"),
