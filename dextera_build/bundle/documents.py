@@ -99,7 +99,9 @@ def check(value: Any, form: Any, what: str, place: str = "it") -> None:
     else:
         for name, inner in form.items():
             if isinstance(name, str):
-                check(value.get(name), inner, what, name)
+                if name not in value:
+                    raise _unfit(what, place, f"an object with `{name}`")
+                check(value[name], inner, what, name)
                 continue
             for key, item in value.items():
                 check(key, name, what, f"a name in {place}")

@@ -215,6 +215,7 @@ def node_of(raw: dict, name: str = "scene") -> dict:
         (lambda raw: node_of(raw).update(depends_on=["ghost"]), "DXB-S306", "no node `ghost`"),
         (lambda raw: node_of(raw).update(node="a\nb"), "DXB-S306", "control characters"),
         (lambda raw: node_of(raw).update(seconds=-1), "DXB-S306", "seconds"),
+        (lambda raw: node_of(raw).pop("backend"), "DXB-S306", "`nodes` is not an object with `backend`"),
         (lambda raw: node_of(raw).update(result=None), "DXB-S306", "has no result"),
         (lambda raw: node_of(raw).update(is_whole=False), "DXB-S306", "has no result"),
         (lambda raw: node_of(raw, "read").update(is_whole=False, result="0" * 64), "DXB-S303", "lacks"),
