@@ -146,7 +146,7 @@ class Session:
         """The history of this request on this machine."""
         from dextera_build.runs.history import History
 
-        return History(self.store, self.recipe, str(self.project.root), self.variant)
+        return History(self.store, self.recipe, str(self.project.root), self.variant, self._built_last())
 
     @cached_property
     def history(self) -> dict[str, Entry]:

@@ -98,14 +98,18 @@ def check(value: Any, form: Any, what: str, place: str = "it") -> None:
         raise _unfit(what, place, "an object")
     else:
         for name, inner in form.items():
-            if isinstance(name, str):
-                if name not in value:
-                    raise _unfit(what, place, f"an object with `{name}`")
-                check(value[name], inner, what, name)
-                continue
-            for key, item in value.items():
-                check(key, name, what, f"a name in {place}")
-                check(item, inner, what, key)
+            _check_field(value, name, inner, what, place)
+
+
+def _check_field(value: dict[str, Any], name: str | Form, form: Any, what: str, place: str) -> None:
+    if isinstance(name, Form):
+        for key, item in value.items():
+            check(key, name, what, f"a name in {place}")
+            check(item, form, what, key)
+    elif name not in value:
+        raise _unfit(what, place, f"an object with `{name}`")
+    else:
+        check(value[name], form, what, name)
 
 
 def _unfit(what: str, place: str, form: str) -> BundleRefused:

@@ -40,10 +40,11 @@ class History:
         recipe: Address of the recipe.
         project: Folder of the project; projects that share a store may have recipes of the same name.
         variant: Distinguishes the request from the recipe's default; "" for the default.
+        last: Variant of the request built last.
     """
 
-    def __init__(self, store: Store, recipe: str, project: str = "", variant: str = "") -> None:
-        self._base = History(store, recipe, project) if variant else None
+    def __init__(self, store: Store, recipe: str, project: str = "", variant: str = "", last: str = "") -> None:
+        self._base = History(store, recipe, project, last if last != variant else "") if variant else None
         self._state = store.state
         self._kind = "\0".join((_KIND, project, recipe, variant))
         self._entries: dict[str, Entry] | None = None
@@ -51,7 +52,7 @@ class History:
         """Addresses of entries that are not saved yet."""
 
     def get(self, address: str) -> Entry | None:
-        """The entry of a node, or its entry in the recipe's default request; None if it was never built here."""
+        """The entry of a node in this request, else in the one built last, else in the default; None without any."""
         return self._load().get(address) or (self._base.get(address) if self._base else None)
 
     def all(self) -> dict[str, Entry]:

@@ -90,6 +90,16 @@ def test_an_option_is_named_with_its_line(built):
     assert answer.out.splitlines()[1] == "  option\ttext\tone two -> three\trecipes/say/words.yaml:3:34"
 
 
+def test_a_request_that_was_never_built_is_compared_with_the_one_built_last(space):
+    changed = ("--profile", "stub", "--set", "start.text=three")
+    assert space.build("say/words", "--profile", "stub").code == 0
+    answer = space.dxb("why", "say/words:start", *changed)
+    assert answer.out.splitlines()[1].startswith("  option\ttext\tone two -> three")
+    assert space.build("say/words", *changed).code == 0
+    answer = space.dxb("why", "say/words:start", "--profile", "stub", "--set", "start.text=four")
+    assert answer.out.splitlines()[1].startswith("  option\ttext\tthree -> four")
+
+
 def test_a_changed_helper_is_named_with_function_and_line(built):
     built.edit("rules/toy/marks.py", 'b"!" * times', 'b"?" * times')
     answer = json.loads(built.dxb("why", "--json", "say/words:word[two].loud").out)
