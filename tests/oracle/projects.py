@@ -196,7 +196,9 @@ class RandomProject:
 
     def _rewire(self) -> str:
         path = self.random.choice([path for path in self.sources() if "_fast" not in path])
-        self.put(path, self._rule(Path(path).stem) if Path(path).stem in self.rules else self._module(path))
+        alone = not path.startswith(f"{self.main}/")
+        name = Path(path).stem
+        self.put(path, self._rule(name, alone=alone) if name in self.rules else self._module(path))
         return f"{path} imports others"
 
     def _backend(self) -> str:
