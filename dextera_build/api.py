@@ -69,9 +69,12 @@ class Result:
                 facts={"nodes that returned something": listing(known, most=30)},
                 hint=did_you_mean(node, known),
             )
+        from dextera_build.artifacts.forms import type_among
+
         kind: Any = self._session.project.library.find(record.rule).rule.returns
         with headers.reading(f"`{node}`"):
-            decoded: Artifact = kind.decode(record.output, self._session.store.reader)
+            reader = self._session.store.reader
+            decoded: Artifact = type_among(kind, record.output, reader).decode(record.output, reader)
         return decoded
 
 

@@ -281,7 +281,7 @@ class Slot:
 
     name: str
     annotation: Any
-    """`Mesh`, `Collection[Asset]`, ... without the `| None` of an optional input."""
+    """`Mesh`, `Collection[Asset]`, `Image | Mesh`, ... without the `| None` of an optional input."""
     optional: bool
 
 
@@ -392,5 +392,5 @@ def rule(  # noqa: PLR0913 - one argument per declaration
 
 def _without_none(annotation: Any) -> Any:
     if get_origin(annotation) in (typing.Union, types.UnionType):
-        return next(part for part in get_args(annotation) if part is not type(None))
+        return typing.Union[tuple(part for part in get_args(annotation) if part is not type(None))]  # noqa: UP007
     return annotation

@@ -200,11 +200,13 @@ class Session:
     def artifact(self, node: str) -> Artifact:
         """A node's last output, decoded."""
         document = self.document(node)
+        from dextera_build.artifacts.forms import type_among
         from dextera_build.store import headers
 
         kind: Any = self.project.library.find(str(document["rule"])).rule.returns
+        key, reader = self.output(node), self.store.reader
         with headers.reading(f"`{node}`"):
-            decoded: Artifact = kind.decode(self.output(node), self.store.reader)
+            decoded: Artifact = type_among(kind, key, reader).decode(key, reader)
         return decoded
 
     def document(self, node: str) -> dict[str, Any]:

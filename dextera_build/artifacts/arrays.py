@@ -10,7 +10,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeGuard, get_args, get_origin
+from typing import TYPE_CHECKING, TypeGuard
 
 from dextera_build.errors import ArtifactError
 
@@ -26,7 +26,7 @@ class Array:
     """The declared form of an array field, used as `Annotated[np.ndarray, Array("V 3", "float32", unit="m")]`.
 
     Args:
-        shape: Axis sizes separated by spaces: numbers, or names that must agree within one artifact.
+        shape: Axis sizes separated by spaces: numbers, names that must agree within one artifact, or `*` for any size.
         dtype: NumPy dtype name.
         unit: SI unit, or "" for a pure number.
         frame: The frame that coordinates are expressed in, or "".
@@ -44,19 +44,6 @@ class Array:
         unit = f" [{self.unit}]" if self.unit else ""
         frame = f" in {self.frame}" if self.frame else ""
         return f"{self.dtype} ({', '.join(self.shape.split())}){unit}{frame}"
-
-
-def array_in(annotation: Any, metadata: list[Any]) -> Array | None:
-    """The form that an annotation declares, if any."""
-    for spec in metadata:
-        if isinstance(spec, Array):
-            return spec
-    for part in get_args(annotation):
-        if get_origin(part) is Annotated:
-            for spec in get_args(part)[1:]:
-                if isinstance(spec, Array):
-                    return spec
-    return None
 
 
 def is_array(value: object) -> TypeGuard[np.ndarray]:
@@ -113,6 +100,8 @@ def check_array(place: str, name: str, value: np.ndarray, spec: Array, axes: dic
     if value.ndim != len(wanted):
         raise ArtifactError(f"{place}: shape is {value.shape}, but {spec.describe()} is declared", code="DXB-A104")
     for axis, size in zip(wanted, value.shape, strict=True):
+        if axis == "*":
+            continue
         first, known = axes.setdefault(axis, (name, int(axis) if axis.isdigit() else size))
         if size != known:
             source = "the type" if axis.isdigit() else first

@@ -1,13 +1,6 @@
 """The base of all artifacts: frozen, validated values that are stored as a canonical JSON header and blobs.
 
-The header is `{"artifact": <type name>, "fields": {...}}`. Inside `fields`, plain JSON is stored as it is, and
-
-    {"$array": [dtype, [shape], digest]}   an array; its blob is little-endian, C order
-    {"$bytes": [digest, size]}             raw bytes
-    {"$ref": digest}                       another artifact, by the digest of its header
-    {"$map": {...}}                        a dict
-    {"$value": {...}}                      a `Value`, stored inline
-
+The header is `{"artifact": <type name>, "fields": {...}}`; `fields.py` describes how values are written there,
 so the store and the engine can follow references without knowing any type.
 """
 
@@ -23,20 +16,15 @@ from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, Generic, Self, TypeVa
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, model_validator
 
 from dextera_build import digest
-from dextera_build.artifacts import describe
+from dextera_build.artifacts import describe, fields
 from dextera_build.artifacts.arrays import Array as Array
-from dextera_build.artifacts.arrays import array_bytes, array_of, check_array, is_array, save_arrays
+from dextera_build.artifacts.arrays import is_array, save_arrays
 from dextera_build.artifacts.content import SMALL, Content, Get, OnDisk, Put, Stored
-from dextera_build.artifacts.hints import arguments, first
+from dextera_build.artifacts.forms import NOTHING, forms
 from dextera_build.artifacts.labels import check_labels, check_paths, path_fault
-from dextera_build.artifacts.schema import array_specs, declared
+from dextera_build.artifacts.schema import array_specs
+from dextera_build.artifacts.value import Value as Value
 from dextera_build.errors import ArtifactError, StoreError
-
-
-class Value(BaseModel):
-    """A small plain structure that is stored inline in the header of the artifact that holds it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Artifact(BaseModel):
@@ -61,13 +49,17 @@ class Artifact(BaseModel):
         """The type's name in headers and messages; a generic's parameters are left out."""
         return cls.__name__.split("[")[0]
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        if cls.__pydantic_complete__:  # otherwise the first value is refused
+            forms(cls)
+
     @model_validator(mode="after")
     def _check_arrays(self) -> Self:
         axes: dict[str, tuple[str, int]] = {}
-        for name, spec in array_specs(type(self)).items():
-            value = getattr(self, name)
-            if value is not None:
-                check_array(f"{self.name()}.{name}", name, value, spec, axes)
+        for name, form in forms(type(self)).items():
+            if form.holds_arrays:
+                fields.check(f"{self.name()}.{name}", name, getattr(self, name), form, axes)
         return self
 
     def facts(self) -> Iterator[str]:
@@ -88,8 +80,8 @@ class Artifact(BaseModel):
 
     def encode(self, put: Put) -> str:
         """Store this value through `put(bytes) -> digest` and return the digest of its header."""
-        fields = {name: _encode(getattr(self, name), put) for name in type(self).model_fields}
-        return put(digest.canonical({"artifact": self.name(), "fields": fields}))
+        stored = {name: fields.encode(getattr(self, name), form, put) for name, form in forms(type(self)).items()}
+        return put(digest.canonical({"artifact": self.name(), "fields": stored}))
 
     @classmethod
     def decode(cls, key: str, get: Get) -> Self:
@@ -104,10 +96,11 @@ class Artifact(BaseModel):
     def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
         if header["artifact"] != cls.name():
             raise ArtifactError(f"a {cls.name()} is needed here, but a {header['artifact']} came", code="DXB-A102")
-        kinds = declared(cls)
+        known = forms(cls)
+        values = {name: fields.decode(raw, known.get(name, NOTHING), get) for name, raw in header["fields"].items()}
         made = cls.__new__(cls)
         # A subclass's own checks are for new values; they do not apply to stored ones, such as files of a project.
-        Artifact.__init__(made, **{n: _decode(raw, kinds.get(n), get) for n, raw in header["fields"].items()})
+        Artifact.__init__(made, **values)
         return made
 
     @classmethod
@@ -134,9 +127,11 @@ class Artifact(BaseModel):
                 arrays[name] = value
             elif isinstance(value, Artifact):
                 written += value.export(folder, f"{stem}.{name}")
-            elif isinstance(value, dict) and value and all(isinstance(v, Artifact) for v in value.values()):
-                for label, part in value.items():
+            elif (parts := _parts(value)) and all(isinstance(part, Artifact) for part in parts.values()):
+                for label, part in parts.items():
                     written += part.export(folder, f"{stem}.{name}.{label}")
+            elif parts and all(map(is_array, parts.values())):
+                arrays |= {f"{name}.{label}": part for label, part in parts.items()}
             else:
                 plain[name] = value.model_dump(mode="json") if isinstance(value, BaseModel) else value
         if arrays:
@@ -334,51 +329,11 @@ def _inside(folder: Path, name: str) -> Path:
     return folder / name
 
 
-def _encode(value: Any, put: Put) -> Any:
-    if is_array(value):
-        return {"$array": [value.dtype.name, list(value.shape), put(array_bytes(value))]}
-    if isinstance(value, bytes):
-        return {"$bytes": [put(value), len(value)]}
-    if isinstance(value, Artifact):
-        return {"$ref": value.encode(put)}
-    if isinstance(value, Value):
-        return {"$value": {name: _encode(getattr(value, name), put) for name in type(value).model_fields}}
-    if isinstance(value, Mapping):
-        return {"$map": {str(name): _encode(item, put) for name, item in value.items()}}
-    if isinstance(value, tuple | list):
-        return [_encode(item, put) for item in value]
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    raise ArtifactError(f"a {type(value).__name__} cannot be stored in an artifact", code="DXB-A107")
-
-
-def _decode(raw: Any, hint: Any, get: Get) -> Any:
-    if isinstance(raw, list):
-        inner = arguments(hint)
-        item = inner[0] if inner else None
-        fixed = inner if inner and inner[-1] is not Ellipsis and len(inner) == len(raw) else [item] * len(raw)
-        return tuple(_decode(part, kind, get) for part, kind in zip(raw, fixed, strict=True))
-    if not isinstance(raw, dict):
-        return raw
-    ((tag, body),) = raw.items()
-    if tag == "$array":
-        dtype, shape, blob = body
-        return array_of(dtype, shape, get(blob))
-    if tag == "$bytes":
-        return get(body[0])
-    if tag == "$ref":
-        return _artifact_in(hint).decode(body, get)
-    if tag == "$map":
-        inner = arguments(hint)
-        return {name: _decode(item, inner[1] if len(inner) == 2 else None, get) for name, item in body.items()}
-    kind = first(hint, Value)
-    kinds = declared(kind)
-    return kind(**{name: _decode(item, kinds.get(name), get) for name, item in body.items()})
-
-
-def _artifact_in(hint: Any) -> type[Artifact]:
-    found: type[Artifact] = first(hint, Artifact)
-    return found
+def _parts(value: Any) -> dict[str, Any]:
+    """Label or index -> part of a dict or a sequence."""
+    if isinstance(value, tuple):
+        return {str(index): part for index, part in enumerate(value)}
+    return value if isinstance(value, dict) else {}
 
 
 def _plain(value: Any) -> Any:

@@ -8,26 +8,17 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel
 
 from dextera_build import digest
-from dextera_build.artifacts.arrays import Array, array_in
-
-
-@cache
-def declared(kind: type[BaseModel]) -> dict[str, Any]:
-    """Field -> its declared type."""
-    return {name: info.annotation for name, info in kind.model_fields.items()}
+from dextera_build.artifacts.arrays import Array
+from dextera_build.artifacts.forms import forms
 
 
 @cache
 def array_specs(kind: type[BaseModel]) -> dict[str, Array]:
     """Field -> declared array form, for the array fields of `kind`."""
-    return {
-        name: spec
-        for name, info in kind.model_fields.items()
-        for spec in (array_in(info.annotation, info.metadata),)
-        if spec is not None
-    }
+    return {name: form.array for name, form in forms(kind).items() if form.array is not None}
 
 
+@cache
 def schema_digest(annotation: Any) -> str:
     """Digest of a type's structure: names, field types and array forms, through all artifacts that it refers to."""
     return digest.of_value(_schema(annotation, ()))

@@ -149,8 +149,11 @@ class Out:
 
     def _restore(self, folder: str, node: str, copy: _Copy) -> str:
         """Write the files of an output into a folder; returns the name of the main file."""
+        from dextera_build.artifacts.forms import type_among  # slow to import
+
         with headers.reading(f"`{node}`"):
-            kind, where = self._session.project.library.find(copy.rule).rule.returns, Path(folder)
+            returns, where = self._session.project.library.find(copy.rule).rule.returns, Path(folder)
+            kind = type_among(returns, copy.output, self._session.store.reader)
             written = kind.restore(copy.output, self._session.store.reader, where, stem_of(node))
             return written[0].relative_to(where).as_posix() if written else "."
 

@@ -52,6 +52,8 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
 
 
 def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
+    from dextera_build.artifacts.forms import type_among
+
     found = _library(task["project"]).find(task["rule"])
     IMPORTER.want(task.get("sources", {}), found.root.name)
     _refuse_other_versions(task.get("packages", {}))
@@ -62,7 +64,8 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     for name, slot in rule.slots.items():
         if name in task["inputs"]:
             with headers.reading(f"the input `{name}`"):
-                inputs[name] = slot.annotation.decode(task["inputs"][name], store.reader)
+                key = task["inputs"][name]
+                inputs[name] = type_among(slot.annotation, key, store.reader).decode(key, store.reader)
     # JSON mode accepts a list for a tuple, and the engine passes options as JSON.
     options = rule.options.model_validate_json(json.dumps(task["options"]))
     calls, reads = _Calls(task, store, emit), ProjectReads(Path(task["project"]), store) if rule.discovers else None
@@ -206,10 +209,12 @@ def _exchange(store: Store, project: str, listed: str) -> Exchange | None:
 
 
 def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[str, Any]:
+    from dextera_build.recipe.kinds import fits, type_name
+
     wanted = found.rule.returns
-    if not any(base.__name__ == wanted.__name__ for base in type(result).__mro__):
+    if not fits(wanted, type(result)):
         raise RuleError(
-            f"{found.path} returned {type(result).__name__}, but {wanted.__name__} is declared",
+            f"{found.path} returned {type(result).__name__}, but {type_name(wanted)} is declared",
             code="DXB-B209",
             where=found.place,
         )

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from types import UnionType
-from typing import Any, Union, get_args, get_origin
+from typing import Any, get_args
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -14,6 +12,7 @@ from pydantic_core import PydanticUndefined
 
 from dextera_build.artifacts.meanings import bounds, meanings
 from dextera_build.code.loader import BackendFile, RuleFile
+from dextera_build.recipe.kinds import type_name
 
 Row = dict[str, str]
 
@@ -78,20 +77,6 @@ def options(kind: type[BaseModel], prefix: str = "") -> Iterator[Option]:
         yield Option(prefix + name, form, limits, _default(field), said.get(name, ""))
         for inner in _groups(field.annotation):
             yield from options(inner, f"{prefix}{name}.")
-
-
-def type_name(annotation: Any) -> str:
-    """A type as shown to the author of a recipe: `Collection[Asset]`, `tuple[float, ...]`."""
-    if isinstance(annotation, type) and not get_args(annotation):
-        return annotation.__name__
-    if hasattr(annotation, "__metadata__"):
-        return type_name(annotation.__origin__)
-    parts = ["..." if part is Ellipsis else type_name(part) for part in get_args(annotation)]
-    if get_origin(annotation) in (tuple, dict):
-        return f"{get_origin(annotation).__name__}[{', '.join(parts)}]"
-    if get_origin(annotation) in (Union, UnionType):
-        return " | ".join(parts)
-    return re.sub(r"[A-Za-z_][\w.]*\.(\w+)", r"\1", str(annotation)).replace("NoneType", "None").replace("~", "")
 
 
 def _groups(annotation: Any) -> list[type[BaseModel]]:

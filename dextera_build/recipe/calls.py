@@ -6,15 +6,24 @@ import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.code.loader import BackendFile, Library, RuleFile, choose_backend, version_of
 from dextera_build.engine.graph import Call, Graph, Input, Pack, RuleFacts
-from dextera_build.errors import MachineError, RecipeError, UsageError, did_you_mean, install_extra, listing
+from dextera_build.errors import (
+    ArtifactError,
+    MachineError,
+    Place,
+    RecipeError,
+    UsageError,
+    did_you_mean,
+    install_extra,
+    listing,
+)
 from dextera_build.recipe import matrix
+from dextera_build.recipe.kinds import fits, parameters, type_name
 from dextera_build.recipe.schema import CallDecl
-from dextera_build.recipe.scope import Scope, type_name
+from dextera_build.recipe.scope import Scope
 from dextera_build.recipe.settings import Setting
 from dextera_build.recipe.strict_yaml import Node
 from dextera_build.workers.retries import Retries, name_of
@@ -200,7 +209,7 @@ def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> 
     files = [found.file] + ([backend.file] if backend else [])
     code = library.code.of(*files)
     library.warn_of_undeclared(found, code, names)
-    types = {name: _schema(slot.annotation) for name, slot in rule.slots.items()}
+    declared = {**{name: slot.annotation for name, slot in rule.slots.items()}, "return": rule.returns}
     return RuleFacts(
         path=found.path,
         version=rule.version,
@@ -208,7 +217,7 @@ def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> 
         packages={name: str(version) for name, version in versions.items()},
         backend=backend.name if backend else None,
         weights=backend.facts.weights if backend else (),
-        types={**types, "return": _schema(rule.returns)},
+        types={name: _schema(annotation, name, found.place) for name, annotation in declared.items()},
         cpus=rule.cpus,
         memory_gb=rule.memory_gb,
         gpus=rule.gpus,
@@ -224,10 +233,15 @@ def _spelled(kind: type[BaseException] | str) -> str:
     return kind if isinstance(kind, str) else name_of(kind)
 
 
-@cache
-def _schema(annotation: Any) -> str:
+def _schema(annotation: Any, name: str, where: Place) -> str:
+    from dextera_build.artifacts.forms import form_of
     from dextera_build.artifacts.schema import schema_digest
 
+    try:
+        form_of(annotation, name)  # a union must be readable from the store
+    except ArtifactError as error:
+        error.where = where
+        raise
     return schema_digest(annotation)[:16]
 
 
@@ -246,7 +260,7 @@ def _resolved(node: Node, name: str, slot: Slot, scope: Scope) -> Input | None:
     if bound.input is None:
         return None
     given = bound.kind()
-    if not _fits(slot.annotation, given):
+    if not fits(slot.annotation, given):
         raise RecipeError(
             f"`{name}` takes {type_name(slot.annotation)}, but `{text}` is {type_name(given)}",
             code="DXB-R107",
@@ -257,7 +271,7 @@ def _resolved(node: Node, name: str, slot: Slot, scope: Scope) -> Input | None:
 
 def _packed(node: Node, name: str, slot: Slot, scope: Scope) -> Input:
     """A collection listed in the recipe: `trials: {act: $act_trials, ppo: $ppo_trials}`."""
-    inner = getattr(slot.annotation, "__pydantic_generic_metadata__", {}).get("args") or ()
+    inner = parameters(slot.annotation)
     if not inner or not slot.annotation.__name__.startswith("Collection["):
         raise RecipeError(
             f"the input `{name}` takes {type_name(slot.annotation)}, this is a mapping",
@@ -268,12 +282,6 @@ def _packed(node: Node, name: str, slot: Slot, scope: Scope) -> Input:
     part = replace(slot, annotation=inner[0], optional=True)
     parts = {label: _resolved(given, f"{name}.{label}", part, scope) for label, given in node.value.items()}
     return Pack({label: source for label, source in parts.items() if source and not isinstance(source, Pack)})
-
-
-def _fits(wanted: Any, given: Any) -> bool:
-    # Two mounts of one file create two classes, so types are compared by name.
-    names = [base.__name__ for base in getattr(given, "__mro__", (given,))]
-    return wanted.__name__ in names or wanted.__name__ == "Artifact"
 
 
 _BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 
 from dextera_build.engine.graph import Gather, Input, Item, Leaf, Output, Pack
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
+from dextera_build.recipe.kinds import field_type
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Bound:
         if isinstance(self.input, Leaf | Pack):
             raise RecipeError("a file has no fields", code="DXB-R107", where=where)
         inner = replace(self.input, fields=(*self.input.fields, *fields))
-        return Bound(inner, lambda: _field_type(self.kind(), fields, where))
+        return Bound(inner, lambda: field_type(self.kind(), fields, where))
 
 
 @dataclass(frozen=True)
@@ -131,46 +132,6 @@ def item(group: tuple[str, ...], over: Callable[[], Bound], where: Place) -> Bou
     """The binding of the item variable of a group over `over`."""
 
     def kind() -> Any:
-        return _field_type(over().kind(), ("items", "*"), where)
+        return field_type(over().kind(), ("items", "*"), where)
 
     return Bound(Item(group), kind)
-
-
-def _field_type(kind: Any, fields: tuple[str, ...], where: Place) -> Any:
-    from typing import get_args, get_origin
-
-    from dextera_build.artifacts.base import Artifact
-
-    for name in fields:
-        if get_origin(kind) is dict:
-            kind = get_args(kind)[1]
-            continue
-        known = getattr(kind, "model_fields", {})
-        if name not in known:
-            raise RecipeError(
-                f"{type_name(kind)} has no `{name}`",
-                code="DXB-R107",
-                where=where,
-                facts={"it has": listing(known)},
-                hint=did_you_mean(name, known),
-            )
-        kind = known[name].annotation
-        kind = next((part for part in get_args(kind) if part is not type(None)), kind) if _optional(kind) else kind
-    if not (isinstance(kind, type) and issubclass(kind, Artifact)):
-        raise RecipeError(
-            f"`{'.'.join(fields)}` is {type_name(kind)}, not an artifact, and only artifacts can be inputs",
-            code="DXB-R107",
-            where=where,
-        )
-    return kind
-
-
-def _optional(kind: Any) -> bool:
-    from typing import get_args
-
-    return type(None) in get_args(kind)
-
-
-def type_name(kind: Any) -> str:
-    """`Mesh`, `Collection[Asset]`."""
-    return getattr(kind, "__name__", str(kind))

@@ -11,7 +11,7 @@ from dextera_build import artifacts
 from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.meanings import meanings
 from dextera_build.artifacts.schema import array_specs
-from dextera_build.explain.rule_card import type_name
+from dextera_build.recipe.kinds import type_name
 
 from .markdown import code, join, table
 

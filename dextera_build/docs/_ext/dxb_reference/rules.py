@@ -6,7 +6,8 @@ import inspect
 from itertools import groupby
 
 from dextera_build.code.loader import Library, RuleFile
-from dextera_build.explain.rule_card import Option, options, type_name
+from dextera_build.explain.rule_card import Option, options
+from dextera_build.recipe.kinds import type_name
 
 from .markdown import code, join, table
 

@@ -1,0 +1,134 @@
+"""Random values of every artifact type, drawn from its declared fields."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import types
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from pydantic import BaseModel
+from scipy.spatial.transform import Rotation
+
+import dextera_build.artifacts as package
+from dextera_build.artifacts.arrays import Array
+from dextera_build.artifacts.base import Artifact, Folder
+from dextera_build.artifacts.camera import Capture, Transform
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.image import Image
+
+Draw = Callable[[st.SearchStrategy[Any]], Any]
+LABELS = st.from_regex(r"[a-z][a-z0-9_]{0,7}", fullmatch=True)
+NUMBERS = st.floats(-1e6, 1e6, allow_nan=False).map(float)
+PLAIN: dict[Any, st.SearchStrategy[Any]] = {
+    int: st.integers(-(2**53), 2**53),
+    float: NUMBERS,
+    bool: st.booleans(),
+    bytes: st.binary(max_size=40),
+    str: st.text(st.characters(exclude_categories=["Cs", "Cc"]), max_size=12),
+    type(None): st.none(),
+    Any: st.none() | st.integers() | st.text(max_size=4),
+}
+
+
+def kinds() -> list[type[Artifact]]:
+    """Every artifact type that dxb defines."""
+    for module in pkgutil.iter_modules(package.__path__):
+        importlib.import_module(f"{package.__name__}.{module.name}")
+    found = {kind for kind in _below(Artifact) if kind.__module__.startswith(package.__name__)}
+    return sorted((kind for kind in found if kind.name() != "Collection"), key=lambda kind: kind.__name__)
+
+
+def _below(kind: type[Any]) -> Iterator[type[Any]]:
+    for each in kind.__subclasses__():
+        yield each
+        yield from _below(each)
+
+
+@st.composite
+def values(draw: Draw, kind: type[BaseModel]) -> Any:
+    """A value of an artifact type, or of a `Value`."""
+    special = SPECIAL.get(kind)
+    return kind(**(_fields(draw, kind) if special is None else special(draw)))
+
+
+def _fields(draw: Draw, kind: type[BaseModel]) -> dict[str, Any]:
+    axes: dict[str, int] = {}
+    fields = {}
+    for name, info in kind.model_fields.items():
+        spec = [each for each in info.metadata if isinstance(each, Array)]
+        hint = Annotated[(info.annotation, spec[0])] if spec else info.annotation  # type: ignore[valid-type]
+        fields[name] = _drawn(draw, hint, axes)
+    return fields
+
+
+def _folder(draw: Draw) -> dict[str, Any]:
+    return {"files": draw(st.dictionaries(LABELS.map(lambda name: f"a/{name}"), PLAIN[bytes], max_size=3))}
+
+
+def _mesh(draw: Draw) -> dict[str, Any]:
+    fields = _fields(draw, Mesh)
+    fields["faces"] = fields["faces"] % len(fields["vertices"])
+    if fields["uv"] is None or fields["texture"] is None:
+        fields["uv"] = fields["texture"] = None
+    return fields
+
+
+def _capture(draw: Draw) -> dict[str, Any]:
+    fields = _fields(draw, Capture)
+    height, width = fields["depth"].depth.shape
+    pixels = draw(arrays.arrays(np.uint8, (height, width, 3)))
+    size = {"width": width, "height": height}
+    return fields | {"rgb": Image(pixels=pixels), "camera": fields["camera"].model_copy(update=size)}
+
+
+def _transform(draw: Draw) -> dict[str, Any]:
+    turn, shift = (np.array(draw(st.tuples(*3 * [st.floats(-10, 10)]))) for _ in range(2))
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
+    matrix[:3, 3] = shift
+    return {"parent": draw(LABELS), "child": draw(LABELS), "matrix": matrix}
+
+
+SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
+    Folder: _folder,
+    Mesh: _mesh,
+    Capture: _capture,
+    Transform: _transform,
+}
+"""Types whose fields depend on one another."""
+
+
+def _drawn(draw: Draw, hint: Any, axes: dict[str, int]) -> Any:
+    origin, inner = get_origin(hint), get_args(hint)
+    if hint in PLAIN:
+        return draw(PLAIN[hint])
+    if origin in (Union, types.UnionType):
+        return _drawn(draw, draw(st.sampled_from(inner)), axes)
+    if origin is Annotated:
+        spec = next((each for each in inner[1:] if isinstance(each, Array)), None)
+        return _drawn(draw, inner[0], axes) if spec is None else _array(draw, spec, axes)
+    if origin is Literal:
+        return draw(st.sampled_from(inner))
+    if origin is dict:
+        return {label: _drawn(draw, inner[1], axes) for label in draw(st.lists(LABELS, max_size=3, unique=True))}
+    if origin in (tuple, list):
+        repeats = origin is list or inner[-1] is Ellipsis
+        return tuple(_drawn(draw, part, axes) for part in (inner[:1] * draw(st.integers(0, 3)) if repeats else inner))
+    return draw(values(hint))
+
+
+def _array(draw: Draw, spec: Array, axes: dict[str, int]) -> np.ndarray:
+    def size(axis: str) -> int:
+        if axis.isdigit():
+            return int(axis)
+        return draw(st.integers(0, 4)) if axis == "*" else axes.setdefault(axis, draw(st.integers(1, 4)))
+
+    dtype = np.dtype(spec.dtype)
+    shape = tuple(map(size, spec.shape.split()))
+    options = {"allow_nan": not spec.finite, "allow_infinity": not spec.finite} if dtype.kind == "f" else {}
+    return draw(arrays.arrays(dtype, shape, elements=arrays.from_dtype(dtype, **options)))  # type: ignore[call-overload]
