@@ -5,12 +5,13 @@ NumPy is imported with the first array, because the import is slow and many rule
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from dextera_build.errors import ArtifactError
 
@@ -65,11 +66,42 @@ def array_of(dtype: str, shape: list[int], data: bytes) -> np.ndarray:
         ValueError: `dtype` names no numbers, or the bytes are not such an array.
         TypeError: NumPy has no such dtype.
     """
-    if not _NUMBERS.fullmatch(dtype):
-        raise ValueError(f"`{dtype}` is not a numeric dtype")
     import numpy as np
 
-    return np.frombuffer(data, dtype=np.dtype(dtype)).reshape(shape).copy()
+    return np.frombuffer(data, dtype=_dtype(dtype)).reshape(shape).copy()
+
+
+def mapped_array(dtype: str, shape: list[int], file: Path) -> np.ndarray:
+    """The array that is stored in `file`, memory-mapped: only the parts that are used are read.
+
+    Raises:
+        ValueError: `dtype` names no numbers, or the file does not have the size of such an array.
+        TypeError: NumPy has no such dtype.
+    """
+    import numpy as np
+
+    size = file.stat().st_size
+    if size != array_size(dtype, shape):
+        raise ValueError(f"{size:,} bytes are not an array of {dtype} {tuple(shape)}")
+    return np.asarray(np.memmap(file, _dtype(dtype), "r", shape=tuple(shape)))  # results of a `memmap` are one, too
+
+
+def array_size(dtype: str, shape: list[int]) -> int:
+    """Number of bytes of an array as stored.
+
+    Raises:
+        ValueError: `dtype` names no numbers.
+        TypeError: NumPy has no such dtype.
+    """
+    return _dtype(dtype).itemsize * math.prod(shape)
+
+
+def _dtype(name: str) -> np.dtype[Any]:
+    if not _NUMBERS.fullmatch(name):
+        raise ValueError(f"`{name}` is not a numeric dtype")
+    import numpy as np
+
+    return np.dtype(name).newbyteorder("<")
 
 
 def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:

@@ -17,8 +17,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from dextera_build.artifacts.arrays import array_bytes, array_of, check_array, is_array
-from dextera_build.artifacts.content import Get, Put
+from dextera_build.artifacts.arrays import array_bytes, array_of, array_size, check_array, is_array, mapped_array
+from dextera_build.artifacts.content import SMALL, Get, Put
 from dextera_build.artifacts.forms import NOTHING, Form, forms, unexpected
 from dextera_build.artifacts.value import Value
 from dextera_build.errors import ArtifactError
@@ -93,6 +93,8 @@ def decode(raw: Any, form: Form, get: Get) -> Any:
     ((tag, body),) = raw.items()
     if tag == "$array":
         dtype, shape, blob = body
+        if hasattr(get, "path") and array_size(dtype, shape) > SMALL:
+            return mapped_array(dtype, shape, get.path(blob))
         return array_of(dtype, shape, get(blob))
     if tag == "$bytes":
         return get(body[0])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import json
+import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -25,6 +27,7 @@ from dextera_build.engine.key import Writer
 from dextera_build.errors import ArtifactError
 from dextera_build.remotes.folder import Directory
 from dextera_build.remotes.transfer import Transfer
+from dextera_build.store import headers
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from tests.artifacts.generated import kinds, values
@@ -227,3 +230,43 @@ def test_containers_are_exported_with_their_labels(tmp_path: Path) -> None:
     names = [path.name for path in made.export(tmp_path, "views")]
     assert sorted(names) == ["views.npz", "views.parts.0", "views.parts.1"]
     assert np.load(tmp_path / "views.npz")["rows.a"].tolist() == [1.0, 1.0, 1.0]
+
+
+PEAK = """
+import sys
+from pathlib import Path
+from dextera_build.store.store import Store
+from tests.artifacts.test_forms import Cloud
+store = Store(Path(sys.argv[1]))
+cloud = Cloud.decode(sys.argv[2], store.reader)
+print(float(cloud.points[-1, -1]), type(cloud.points).__name__)
+with open("/proc/self/status") as status:
+    print(next(int(line.split()[1]) for line in status if line.startswith("RssAnon")))
+"""
+
+
+class Cloud(Artifact):
+    """A large array."""
+
+    points: Annotated[np.ndarray, Array("N 3", "float64", finite=False)]
+
+
+def test_a_large_array_stays_in_its_file(tmp_path: Path) -> None:
+    store = Store(tmp_path / "store")
+    points = np.zeros((4_000_000, 3))
+    points[-1, -1] = 7.0
+    key = Cloud(points=points).encode(store.writer)
+    words = [sys.executable, "-c", PEAK, str(tmp_path / "store"), key]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
+    shown, memory_kb = done.stdout.splitlines()
+    assert shown == "7.0 ndarray"
+    assert int(memory_kb) * 1024 < points.nbytes
+    again = Cloud.decode(key, store.reader)
+    assert again.encode(Memory().put) == key
+    with pytest.raises(ValueError, match="read-only"):
+        again.points[0] = 1.0
+    header = json.loads(store.blobs.get(key))
+    header["fields"]["points"]["$array"][1] = [3_999_999, 3]
+    forged = store.writer(json.dumps(header).encode())
+    with pytest.raises(ArtifactError, match="the stored header of `cloud` is malformed"), headers.reading("`cloud`"):
+        Cloud.decode(forged, store.reader)
