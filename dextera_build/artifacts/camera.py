@@ -1,15 +1,15 @@
-"""Cameras, named transforms and captures."""
+"""Cameras and captures."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Self
 
 import numpy as np
 from pydantic import model_validator
 
-from dextera_build.artifacts.base import Array, Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.errors import ArtifactError
 
@@ -37,44 +37,6 @@ class Camera(Artifact):
     def crop(self, left: int, top: int, width: int, height: int) -> Camera:
         """The camera of the sub-image whose upper left pixel is (`left`, `top`)."""
         return Camera(width=width, height=height, fx=self.fx, fy=self.fy, cx=self.cx - left, cy=self.cy - top)
-
-
-class Transform(Artifact):
-    """A rigid motion between two named frames: X_parent = matrix @ X_child."""
-
-    parent: str
-    """Frame of the resulting coordinates."""
-    child: str
-    """Frame of the given coordinates."""
-    matrix: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="parent")]
-    """T_parent_child, homogeneous."""
-
-    def __matmul__(self, other: Transform) -> Transform:
-        """T_a_c = T_a_b @ T_b_c.
-
-        Raises:
-            ArtifactError: The inner frames differ.
-        """
-        if self.child != other.parent:
-            raise ArtifactError(
-                f"T_{self.parent}_{self.child} cannot be followed by T_{other.parent}_{other.child}",
-                code="DXB-A201",
-                facts={"inner frames": f"`{self.child}` and `{other.parent}`"},
-            )
-        return Transform(parent=self.parent, child=other.child, matrix=self.matrix @ other.matrix)
-
-    def inverse(self) -> Transform:
-        """T_child_parent."""
-        from dextera_build.geometry import transforms
-
-        return Transform(parent=self.child, child=self.parent, matrix=transforms.invert(self.matrix))
-
-    @model_validator(mode="after")
-    def _check_rigid(self) -> Self:
-        rotation = self.matrix[:3, :3]
-        if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-5) or np.linalg.det(rotation) < 0:
-            raise ArtifactError(f"T_{self.parent}_{self.child} is not a rigid motion", code="DXB-A202")
-        return self
 
 
 class Capture(Artifact):

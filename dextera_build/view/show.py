@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from dextera_build.artifacts.base import Artifact, Collection
-from dextera_build.artifacts.camera import Camera, Capture, Transform
+from dextera_build.artifacts.camera import Camera, Capture
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Asset, Body, Collision, ObjectView, Segmentation, Shape, Support
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.scene import Background
 from dextera_build.errors import UsageError
 from dextera_build.geometry import cameras, convex, kinematics, quaternions, transforms
@@ -165,9 +166,9 @@ def _(image: Image, server: Any, name: str) -> Any:
 
 
 @show.register
-def _(transform: Transform, server: Any, name: str) -> Any:
+def _(pose: Pose, server: Any, name: str) -> Any:
     """A pair of axes."""
-    return add_frame(server, name, transform.matrix, axes=0.1)
+    return add_frame(server, name, pose.matrix, axes=0.1)
 
 
 def add_frame(server: Any, name: str, pose: np.ndarray, axes: float = 0.0) -> Any:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Transform
 from dextera_build.artifacts.object import Support
+from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import registration, transforms
 from dextera_build.rule import Context, Options, rule
 
@@ -20,9 +20,7 @@ class BaseOptions(Options):
 
 
 @rule(version=1, packages=("numpy",))
-def base(
-    ctx: Context, support: Support, measured: Transform | None = None, *, options: BaseOptions | None = None
-) -> Transform:
+def base(ctx: Context, support: Support, measured: Pose | None = None, *, options: BaseOptions | None = None) -> Pose:
     """Return T_world_base [m] in the twin's world: T_world_camera @ T_camera_base if the latter was measured."""
     options = options or BaseOptions()
     if measured is None:
@@ -32,7 +30,7 @@ def base(
                 hint="give input `measured` from a robot-camera calibration, or option `position_m`",
             )
         turn = registration.rotation(np.array([0.0, 0.0, np.radians(options.yaw_deg)]))
-        placed = Transform(parent="world", child="base", matrix=transforms.rigid(turn, np.array(options.position_m)))
+        placed = Pose(parent="world", child="base", matrix=transforms.rigid(turn, np.array(options.position_m)))
         ctx.say(f"{_place(placed.matrix)}, chosen")
         return placed
     frames = (measured.parent, measured.child)
@@ -41,7 +39,7 @@ def base(
         f"the measured transform is T_{frames[0]}_{frames[1]}, but T_camera_base is needed",
         hint="take it from `capture.mount` or a calibration rule",
     )
-    placed = Transform(parent="world", child="camera", matrix=support.world_from_camera) @ measured
+    placed = Pose(parent="world", child="camera", matrix=support.world_from_camera) @ measured
     lean = float(np.degrees(np.arccos(np.clip(placed.matrix[2, 2], -1.0, 1.0))))
     ctx.metric("base height", 1000 * float(placed.matrix[2, 3]), "mm")
     ctx.metric("base lean", lean, "deg")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import NonNegativeFloat, NonNegativeInt
 
-from dextera_build.artifacts.camera import Transform
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import World
 from dextera_build.errors import listing
@@ -28,7 +28,7 @@ class MountOptions(Options):
 
 
 @rule(version=1, packages=("numpy",))
-def mount(ctx: Context, world: World, robot: RobotModel, *, options: MountOptions | None = None) -> Transform:
+def mount(ctx: Context, world: World, robot: RobotModel, *, options: MountOptions | None = None) -> Pose:
     """Return T_camera_base [m]: the true pose in a reference world with the declared calibration error.
 
     This simulates a calibration from pictures of the moving robot and returns only its result: the true pose
@@ -44,7 +44,7 @@ def mount(ctx: Context, world: World, robot: RobotModel, *, options: MountOption
     turn = rng.normal(size=3) * np.radians(options.rotation_sigma_deg)
     truth = transforms.invert(world.world_from_camera) @ world.stand.matrix()
     rotation = truth[:3, :3] @ registration.rotation(turn)
-    found = Transform(parent="camera", child=BASE, matrix=transforms.rigid(rotation, truth[:3, 3] + shift))
+    found = Pose(parent="camera", child=BASE, matrix=transforms.rigid(rotation, truth[:3, 3] + shift))
     off, angle = 1000 * float(np.linalg.norm(shift)), float(np.degrees(np.linalg.norm(turn)))
     ctx.metric("simulated position error", off, "mm")
     ctx.metric("simulated rotation error", angle, "deg")

@@ -6,8 +6,8 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.camera import Transform
 from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.scene import Scene
 from dextera_build.artifacts.task import Primitive, Reset, TaskBundle, TaskObject, TaskSpec
@@ -67,7 +67,7 @@ def task(
     scene: Scene,
     assets: Collection[Asset],
     robot: RobotModel,
-    base: Transform,
+    base: Pose,
     *,
     options: TaskOptions,
 ) -> TaskBundle:

@@ -17,9 +17,10 @@ from scipy.spatial.transform import Rotation
 import dextera_build.artifacts as package
 from dextera_build.artifacts.arrays import Array
 from dextera_build.artifacts.base import Artifact, Folder
-from dextera_build.artifacts.camera import Capture, Transform
+from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.pose import Pose, Similarity
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 LABELS = st.from_regex(r"[a-z][a-z0-9_]{0,7}", fullmatch=True)
@@ -86,19 +87,30 @@ def _capture(draw: Draw) -> dict[str, Any]:
     return fields | {"rgb": Image(pixels=pixels), "camera": fields["camera"].model_copy(update=size)}
 
 
-def _transform(draw: Draw) -> dict[str, Any]:
+def _pose(draw: Draw) -> dict[str, Any]:
     turn, shift = (np.array(draw(st.tuples(*3 * [st.floats(-10, 10)]))) for _ in range(2))
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
     matrix[:3, 3] = shift
-    return {"parent": draw(LABELS), "child": draw(LABELS), "matrix": matrix}
+    spread = draw(st.none() | arrays.arrays(np.float64, (6, 6), elements=st.floats(-1, 1)))
+    covariance = None if spread is None else spread @ spread.T
+    stamp = draw(st.none() | NUMBERS)
+    return {"parent": draw(LABELS), "child": draw(LABELS), "matrix": matrix, "covariance": covariance, "stamp": stamp}
+
+
+def _similarity(draw: Draw) -> dict[str, Any]:
+    fields = _pose(draw)
+    covariance = fields["covariance"]
+    wider = None if covariance is None else np.pad(covariance, (0, 1))
+    return fields | {"scale": draw(st.floats(1e-3, 1e3)), "covariance": wider}
 
 
 SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Folder: _folder,
     Mesh: _mesh,
     Capture: _capture,
-    Transform: _transform,
+    Pose: _pose,
+    Similarity: _similarity,
 }
 """Types whose fields depend on one another."""
 

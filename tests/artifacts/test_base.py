@@ -9,10 +9,11 @@ import pytest
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact, Collection, File, Folder
-from dextera_build.artifacts.camera import Camera, Capture, Transform
+from dextera_build.artifacts.camera import Camera, Capture
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import Body, Joint, Link, Shape
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.schema import schema_digest
 from dextera_build.errors import ArtifactError
 
@@ -112,7 +113,7 @@ def test_a_label_is_not_part_of_the_item() -> None:
         ),
         (lambda: Hull(vertices=TETRA.copy(), size=3), "Hull.size: Extra inputs are not permitted"),
         (lambda: Hull(), "Hull.vertices: Field required"),
-        (lambda: Transform(parent="a", child="b", matrix=2 * np.eye(4)), "T_a_b is not a rigid motion"),
+        (lambda: Pose(parent="a", child="b", matrix=2 * np.eye(4)), "T_a_b is not a rigid motion"),
     ],
 )
 def test_what_does_not_fit_is_refused(make, message) -> None:
@@ -150,7 +151,7 @@ def test_a_closed_mesh_is_told_from_an_open_one() -> None:
 
 
 def test_frames_must_meet() -> None:
-    a_b, b_c = (Transform(parent=p, child=c, matrix=np.eye(4)) for p, c in (("a", "b"), ("b", "c")))
+    a_b, b_c = (Pose(parent=p, child=c, matrix=np.eye(4)) for p, c in (("a", "b"), ("b", "c")))
     assert ((a_b @ b_c).parent, (a_b @ b_c).child) == ("a", "c")
     assert a_b.inverse().parent == "b"
     with pytest.raises(ArtifactError, match="T_a_b cannot be followed by T_a_b"):

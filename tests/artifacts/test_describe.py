@@ -12,9 +12,9 @@ import pytest
 from PIL import Image as Pillow
 
 from dextera_build.artifacts.base import Artifact, Collection, File, Folder
-from dextera_build.artifacts.camera import Transform
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import DepthImage, Image, LabelImage
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.table import Column, Table
 from dextera_build.errors import UsageError
 from tests import factories
@@ -31,7 +31,7 @@ LINES = [
     (Folder(files={"a": b"12", "b/c": b"3"}), "Folder(2 files (a, b/c), 3 bytes)"),
     (Collection[File](items={"one": File(data=b"")}), "Collection(1 File (one))"),
     (Collection[File](items={}), "Collection()"),
-    (Transform(parent="camera", child="base", matrix=np.eye(4)), "Transform(parent camera, child base)"),
+    (Pose(parent="camera", child="base", matrix=np.eye(4)), "Pose(parent camera, child base)"),
     (factories.laptop_asset(), r"Asset\(2 links \(\w+, \w+\), 1 joint \(\w+\), .*\)"),
     (TABLE, "Table(title Sizes, 1 column (edge), 2 rows)"),
 ]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Transform
+from dextera_build.artifacts.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests import factories
@@ -17,9 +17,7 @@ SUPPORT = factories.support()
 
 def test_a_measured_base_is_taken_through_the_camera(tmp_path: Path) -> None:
     world_from_base = factories.pose(0.3, 0.5, -0.02, 2.0)
-    measured = Transform(
-        parent="camera", child="base", matrix=np.linalg.inv(SUPPORT.world_from_camera) @ world_from_base
-    )
+    measured = Pose(parent="camera", child="base", matrix=np.linalg.inv(SUPPORT.world_from_camera) @ world_from_base)
     runner = RuleRunner(tmp_path)
     found = runner.run("align.base", support=SUPPORT, measured=measured, options={"position_m": (9.0, 9.0, 9.0)})
     assert (found.parent, found.child) == ("world", "base")
@@ -41,6 +39,6 @@ def test_somebody_has_to_say_where_the_robot_stands(tmp_path: Path) -> None:
 
 
 def test_a_transform_of_other_frames_is_refused(tmp_path: Path) -> None:
-    other = Transform(parent="base", child="camera", matrix=np.eye(4))
+    other = Pose(parent="base", child="camera", matrix=np.eye(4))
     with pytest.raises(RuleError, match="T_base_camera, but T_camera_base is needed"):
         RuleRunner(tmp_path).run("align.base", support=SUPPORT, measured=other)

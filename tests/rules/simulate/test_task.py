@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.camera import Transform
 from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.testing import RuleRunner
@@ -33,7 +33,7 @@ def make(tmp_path):
         support=factories.support(0.8),
         camera=factories.camera(),
     )
-    base = Transform(parent="world", child="base", matrix=factories.pose(0.0, -0.5, 0.0, yaw=1.5))
+    base = Pose(parent="world", child="base", matrix=factories.pose(0.0, -0.5, 0.0, yaw=1.5))
 
     def run(options, profile="cpu", **changed):
         inputs = {"scene": scene, "assets": assets, "robot": episodes.robot(), "base": base, **changed}
@@ -88,14 +88,14 @@ def test_what_cannot_be_done_is_refused(make, options, message):
 
 
 def test_a_base_in_another_frame_is_refused(make):
-    base = Transform(parent="camera", child="base", matrix=np.eye(4))
+    base = Pose(parent="camera", child="base", matrix=np.eye(4))
     with pytest.raises(RuleError, match="given in `camera`, not in the world"):
         make(LIFT, base=base)
 
 
 def test_a_task_without_room_says_so(make):
     with pytest.raises(RuleError, match="no start of `Lift` without collisions"):
-        make(LIFT, base=Transform(parent="world", child="base", matrix=factories.pose(0.3, 0.0, 0.0)))
+        make(LIFT, base=Pose(parent="world", child="base", matrix=factories.pose(0.3, 0.0, 0.0)))
 
 
 def test_the_stub_takes_what_is_there(make):

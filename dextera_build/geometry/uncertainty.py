@@ -1,0 +1,61 @@
+"""First-order propagation of covariance through rigid motions and similarities.
+
+An uncertain motion is p = p0 + dp, R = Exp(dr) R0, and for a similarity s = s0 exp(dl): translation [m], rotation
+vector [rad] about the axes of the parent frame, logarithm of the scale. Covariances are in this order, (6, 6) or
+(7, 7); the first six are those of `geometry_msgs/PoseWithCovariance`. Motions that are combined are taken as
+independent.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def compose(
+    first: np.ndarray, second: np.ndarray, covariances: tuple[np.ndarray, np.ndarray], scale: float = 1.0
+) -> np.ndarray:
+    """Covariance of T_a_b composed with T_b_c.
+
+    Args:
+        first: T_a_b, (4, 4) rigid.
+        second: T_b_c, (4, 4) rigid.
+        covariances: Of both, (6, 6), or (7, 7) for similarities.
+        scale: Scale of the first, which also scales the translation of the second.
+    """
+    size = len(covariances[0])
+    rotation, arm = first[:3, :3], scale * first[:3, :3] @ second[:3, 3]
+    by_first, by_second = np.eye(size), np.eye(size)
+    by_first[:3, 3:6] = -cross(arm)
+    by_second[:3, :3] = scale * rotation
+    by_second[3:6, 3:6] = rotation
+    if size == 7:
+        by_first[:3, 6] = arm
+    return _symmetric(by_first @ covariances[0] @ by_first.T + by_second @ covariances[1] @ by_second.T)
+
+
+def invert(motion: np.ndarray, covariance: np.ndarray, scale: float = 1.0) -> np.ndarray:
+    """Covariance of the inverse of T_a_b.
+
+    Args:
+        motion: T_a_b, (4, 4) rigid.
+        covariance: Of T_a_b, (6, 6), or (7, 7) for a similarity.
+        scale: Its scale.
+    """
+    back, size = motion[:3, :3].T, len(covariance)
+    jacobian = -np.eye(size)
+    jacobian[:3, :3] = -back / scale
+    jacobian[:3, 3:6] = -back @ cross(motion[:3, 3]) / scale
+    jacobian[3:6, 3:6] = -back
+    if size == 7:
+        jacobian[:3, 6] = back @ motion[:3, 3] / scale
+    return _symmetric(jacobian @ covariance @ jacobian.T)
+
+
+def cross(vector: np.ndarray) -> np.ndarray:
+    """(3, 3) matrix whose product with v is `vector` x v."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _symmetric(matrix: np.ndarray) -> np.ndarray:
+    return np.asarray((matrix + matrix.T) / 2)
