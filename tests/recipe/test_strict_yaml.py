@@ -123,13 +123,28 @@ def test_what_would_fill_memory_or_stack_is_refused(text, message, place):
 @settings(deadline=None)
 @given(plain_data)
 def test_both_parsers_read_the_same(value):
+    # PyYAML leaves `0E0` unquoted, which is a number here; such a key is refused.
     text = yaml.safe_dump({"x": value}, allow_unicode=True)
-    fast = strict_yaml.parse(text, "f")
+    fast = read(text)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(strict_yaml, "PARSER", yaml.SafeLoader)
-        slow = strict_yaml.parse(text, "f")
-    assert fast.plain() == slow.plain()
-    assert fast.at(("x",)) == slow.at(("x",))
+        assert read(text) == fast
+
+
+def read(text):
+    """The values and a place, or the error."""
+    try:
+        root = strict_yaml.parse(text, "f")
+    except RecipeError as error:
+        return str(error)
+    return root.plain(), root.at(("x",))
+
+
+@pytest.mark.parametrize("parser", [strict_yaml.PARSER, yaml.SafeLoader])
+def test_both_parsers_refuse_the_same_key(parser, monkeypatch):
+    monkeypatch.setattr(strict_yaml, "PARSER", parser)
+    with pytest.raises(RecipeError, match=r"a key must be text, this one is 0\.0"):
+        strict_yaml.parse("x:\n  0E0: null\n", "f")
 
 
 def test_a_call_knows_its_places_over_many_lines():
