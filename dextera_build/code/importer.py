@@ -114,12 +114,19 @@ class Importer:
     def forget_changed(self) -> None:
         """Forget all loaded modules if a source file changed, appeared or vanished."""
         invalidate_caches()  # Python caches the contents of folders on the search path
-        moved = any(_file(_search(name, path)) != file for name, (path, file) in self._origins.items())
-        if forget_changed() or moved:
+        if forget_changed() or any(self._is_elsewhere(name) for name in self._origins):
             for name in self._loaded:
                 sys.modules.pop(name, None)
             self._loaded.clear()
             self._origins.clear()
+
+    def _is_elsewhere(self, name: str) -> bool:
+        """Whether an import would find another file than the loaded one."""
+        path, file = self._origins[name]
+        try:
+            return _file(_search(name, path)) != file
+        except KeyError:  # the path of a namespace package, whose parent failed to load
+            return True
 
     def _refuse(self, file: str) -> RuleError:
         self._edited = RuleError(

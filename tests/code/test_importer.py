@@ -177,6 +177,21 @@ def test_a_module_that_appears_after_the_import_but_before_the_digest_is_refused
         IMPORTER.want(library.code.of(found.file).sources, found.root.name)
 
 
+def test_a_namespace_package_below_one_that_failed_to_load_is_searched_again(project):
+    broken = project / "rules/toy/broken"
+    (broken / "inner").mkdir(parents=True)
+    (broken / "inner/leaf.py").write_text("")
+    (broken / "__init__.py").write_text("from .inner import leaf\nraise ImportError('not today')\n")
+    deep = project / "rules/toy/deep.py"
+    deep.write_text("try:\n    from .broken import F\nexcept ImportError:\n    F = 3\n")
+    assert said(project) == b"3"
+    (broken / "__init__.py").write_text("from .inner import leaf\nF = 2\n")
+    assert said(project) == b"2"
+    (broken / "__init__.py").write_text("from .inner import leaf\nraise ImportError('again')\n")
+    assert said(project) == b"3"
+    assert said(project) == b"3"
+
+
 def test_a_package_that_comes_to_shadow_a_module_is_refused(project):
     known = sources(project)
     (project / "rules/toy/deep").mkdir()
