@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
+from typing import TYPE_CHECKING, Self, TypedDict, Unpack
 
 from dextera_build.build import build as building
 from dextera_build.build.lock import Locking
@@ -19,7 +19,6 @@ from dextera_build.project import project as settings_of
 from dextera_build.recipe.addresses import parse_target
 from dextera_build.runs.events import Listener
 from dextera_build.session import Added, Session, addresses
-from dextera_build.store import headers
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
@@ -69,13 +68,7 @@ class Result:
                 facts={"nodes that returned something": listing(known, most=30)},
                 hint=did_you_mean(node, known),
             )
-        from dextera_build.artifacts.forms import type_among
-
-        kind: Any = self._session.project.library.find(record.rule).rule.returns
-        with headers.reading(f"`{node}`"):
-            reader = self._session.store.reader
-            decoded: Artifact = type_among(kind, record.output, reader).decode(record.output, reader)
-        return decoded
+        return self._session.decoded(node, record.rule, record.output)
 
 
 @dataclass(frozen=True)

@@ -200,14 +200,17 @@ class Session:
     def artifact(self, node: str) -> Artifact:
         """A node's last output, decoded."""
         document = self.document(node)
+        return self.decoded(node, str(document["rule"]), self.output(node))
+
+    def decoded(self, node: str, rule: str, output: str) -> Artifact:
+        """The artifact that a node's rule returned, by its digest."""
         from dextera_build.artifacts.forms import type_among
         from dextera_build.store import headers
 
-        kind: Any = self.project.library.find(str(document["rule"])).rule.returns
-        key, reader = self.output(node), self.store.reader
+        returns, reader = self.project.library.find(rule).rule.returns, self.store.reader
         with headers.reading(f"`{node}`"):
-            decoded: Artifact = type_among(kind, key, reader).decode(key, reader)
-        return decoded
+            found: Artifact = type_among(returns, output, reader).decode(output, reader)
+        return found
 
     def document(self, node: str) -> dict[str, Any]:
         """Key document of a node's last build."""

@@ -78,7 +78,7 @@ def forms(kind: type[BaseModel]) -> dict[str, Form]:
     """
     made = {}
     for name, info in kind.model_fields.items():
-        spec = next((each for each in info.metadata if isinstance(each, Array)), None)
+        spec = _array_in(info.metadata)
         made[name] = Form(array=spec) if spec is not None else form_of(info.annotation, f"{kind.__name__}.{name}")
     return made
 
@@ -112,6 +112,11 @@ def type_among(hint: Any, key: str, get: Get) -> type[Any]:
     return _of(hint).type_of(key, get)
 
 
+def _array_in(metadata: Iterable[object]) -> Array | None:
+    """The array form among the metadata of an annotation."""
+    return next((each for each in metadata if isinstance(each, Array)), None)
+
+
 class _AmbiguousError(Exception):
     """Two choices are stored in the same way."""
 
@@ -122,7 +127,7 @@ def _of(hint: Any) -> Form:
     if origin in (Union, types.UnionType):
         return reduce(_either, map(_of, inner))
     if origin is Annotated:
-        spec = next((each for each in inner[1:] if isinstance(each, Array)), None)
+        spec = _array_in(inner[1:])
         return Form(array=spec) if spec is not None else _of(inner[0])
     if origin is dict:
         return Form(labelled=_of(inner[1]))

@@ -50,7 +50,7 @@ def joint_motion(joint: JointLike, position: float) -> np.ndarray:
     axis = axis / np.linalg.norm(axis)
     if joint.type == "prismatic":
         return transforms.rigid(np.eye(3), axis * position)
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    cross = transforms.cross_matrix(axis)
     rotation = np.eye(3) + np.sin(position) * cross + (1.0 - np.cos(position)) * cross @ cross
     point = np.asarray(joint.origin, np.float64)
     return transforms.rigid(rotation, point - rotation @ point)

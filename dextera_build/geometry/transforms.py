@@ -30,6 +30,12 @@ def angle(rotation: np.ndarray) -> float:
     return float(np.arctan2(np.linalg.norm(skew), np.trace(rotation) - 1.0))
 
 
+def cross_matrix(vector: np.ndarray) -> np.ndarray:
+    """(3, 3) matrix whose product with v is `vector` x v; `vector` is (3,)."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def umeyama(source: np.ndarray, target: np.ndarray, *, with_scale: bool = True) -> tuple[float, np.ndarray]:
     """Least-squares similarity target ~ s R source + t (Umeyama 1991), never a reflection.
 
@@ -60,6 +66,5 @@ def rotation_between(source: np.ndarray, target: np.ndarray) -> np.ndarray:
         axis = np.cross(a, helper)
         axis /= np.linalg.norm(axis)
         return np.asarray(2.0 * np.outer(axis, axis) - np.eye(3))
-    v = np.cross(a, b)
-    cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    cross = cross_matrix(np.cross(a, b))
     return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + cosine))

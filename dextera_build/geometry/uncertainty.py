@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from dextera_build.geometry import transforms
+
 
 def compose(
     first: np.ndarray, second: np.ndarray, covariances: tuple[np.ndarray, np.ndarray], scale: float = 1.0
@@ -25,7 +27,7 @@ def compose(
     size = len(covariances[0])
     rotation, arm = first[:3, :3], scale * first[:3, :3] @ second[:3, 3]
     by_first, by_second = np.eye(size), np.eye(size)
-    by_first[:3, 3:6] = -cross(arm)
+    by_first[:3, 3:6] = -transforms.cross_matrix(arm)
     by_second[:3, :3] = scale * rotation
     by_second[3:6, 3:6] = rotation
     if size == 7:
@@ -44,17 +46,11 @@ def invert(motion: np.ndarray, covariance: np.ndarray, scale: float = 1.0) -> np
     back, size = motion[:3, :3].T, len(covariance)
     jacobian = -np.eye(size)
     jacobian[:3, :3] = -back / scale
-    jacobian[:3, 3:6] = -back @ cross(motion[:3, 3]) / scale
+    jacobian[:3, 3:6] = -back @ transforms.cross_matrix(motion[:3, 3]) / scale
     jacobian[3:6, 3:6] = -back
     if size == 7:
         jacobian[:3, 6] = back @ motion[:3, 3] / scale
     return _symmetric(jacobian @ covariance @ jacobian.T)
-
-
-def cross(vector: np.ndarray) -> np.ndarray:
-    """(3, 3) matrix whose product with v is `vector` x v."""
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ from dextera_build.rule import Context, rule
 
 @rule(version=1)
 def count(ctx: Context, one: File | Hull, more: Collection[Hull | File] | None = None) -> File:
-    """Count the points, of all that are given."""
+    """Count the points of all inputs."""
     parts = [one, *(more.items.values() if more else ())]
     return File(data=b" ".join(b"%d" % len(part.vertices) if isinstance(part, Hull) else part.data for part in parts))
 '''
