@@ -113,7 +113,7 @@ def bundle() -> TaskBundle:
     return TaskBundle(
         model=Folder(files={"scene.xml": xml.encode()}),
         robot=robot(),
-        world_from_base=WORLD_FROM_BASE,
+        base_pose=factories.placed(WORLD_FROM_BASE, "base"),
         task=TaskSpec(name="LiftBox", primitive="lift", object="box", height_m=RISE_M, timeout_s=4.0),
         objects={
             "box": _object(factories.pose(0.0, 0.0, BOX_HALF_M[2])),
@@ -124,7 +124,10 @@ def bundle() -> TaskBundle:
 
 def view(width: int = 64, height: int = 48) -> View:
     """A camera in front of the table that sees arm and objects."""
-    return View(camera=factories.camera(width, height), world_from_camera=factories.look_at((0.1, -0.9, 0.6)))
+    return View(
+        camera=factories.camera(width, height),
+        camera_pose=factories.placed(factories.look_at((0.1, -0.9, 0.6)), "camera"),
+    )
 
 
 def wide_camera() -> Camera:
@@ -220,7 +223,7 @@ def _object(world_from_object: np.ndarray, joints: tuple[str, ...] = ()) -> Task
     corners = factories.box_corners((-0.02, -0.03, -0.04), BOX_HALF_M)
     return TaskObject(
         joints=joints,
-        world_from_object=world_from_object,
+        pose=factories.placed(world_from_object),
         positions=(0.0,) * len(joints),
         mass_scale=(0.7, 1.4),
         friction=0.5,

@@ -8,6 +8,7 @@ from dextera_build.artifacts.camera import Camera, Capture
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import Asset, Body, Collision, Inertial, Joint, Link, Physics, Pieces, Support
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.scene import Background, SupportBox
 from dextera_build.geometry import cameras, transforms
 
@@ -35,13 +36,20 @@ def look_at(place: tuple[float, float, float], target: tuple[float, float, float
 def support(half: float = 0.5) -> Support:
     """A square table of edge 2 `half` [m], seen from the front and above."""
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float64) * half
-    return Support(world_from_camera=look_at((0.0, -0.9, 0.7)), polygon=corners, residual_m=0.001, inlier_fraction=0.8)
+    return Support(
+        camera_pose=placed(look_at((0.0, -0.9, 0.7)), "camera"), polygon=corners, residual_m=0.001, inlier_fraction=0.8
+    )
 
 
 def pose(x: float = 0.0, y: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> np.ndarray:
     """T_world_object (4, 4): turned by `yaw` [rad] about z, then moved [m]."""
     c, s = np.cos(yaw), np.sin(yaw)
     return transforms.rigid(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([x, y, z]))
+
+
+def placed(matrix: np.ndarray, child: str = "object", parent: str = "world") -> Pose:
+    """T_parent_child."""
+    return Pose(parent=parent, child=child, matrix=matrix)
 
 
 def box_corners(low: tuple[float, float, float], high: tuple[float, float, float]) -> np.ndarray:
@@ -108,10 +116,10 @@ def box_asset(
     hull = Hull(vertices=mesh.vertices)
     where = pose() if place is None else place
     return Asset(
-        body=Body(links={"base": Link(mesh=mesh)}, world_from_object=where),
+        body=Body(links={"base": Link(mesh=mesh)}, pose=placed(where)),
         physics=physics({"base": box_inertial(low, high, mass)}, friction=friction, restitution=restitution),
         collision=Collision(links={"base": Pieces(hulls=(hull,), method="hull")}),
-        world_from_object=where,
+        pose=placed(where),
         category="box",
     )
 
@@ -143,10 +151,10 @@ def bowl_asset(place: np.ndarray | None = None, radius: float = 0.08, height: fl
         source="hand-made: ring",
     )
     return Asset(
-        body=Body(links={"base": Link(mesh=mesh, walls=tuple(walls))}, world_from_object=where, hollow=True),
+        body=Body(links={"base": Link(mesh=mesh, walls=tuple(walls))}, pose=placed(where), hollow=True),
         physics=physics({"base": inertial}, material="ceramic"),
         collision=Collision(links={"base": Pieces(hulls=tuple(walls), method="walls", cavity_fill=0.0)}),
-        world_from_object=where,
+        pose=placed(where),
         category="bowl",
     )
 
@@ -173,10 +181,10 @@ def laptop_asset(place: np.ndarray | None = None, opening: float = 1.9, mass: fl
     }
     hulls = {name: Pieces(hulls=(Hull(vertices=link.mesh.vertices),), method="hull") for name, link in links.items()}
     return Asset(
-        body=Body(links=links, joints=(joint,), world_from_object=where),
+        body=Body(links=links, joints=(joint,), pose=placed(where)),
         physics=physics({"base": box_inertial(*base, 0.7 * mass), "lid": box_inertial(*lid, 0.3 * mass)}),
         collision=Collision(links=hulls),
-        world_from_object=where,
+        pose=placed(where),
         category="laptop",
     )
 
@@ -196,9 +204,9 @@ def background(half: float = 0.5, size: tuple[int, int] = (240, 320)) -> Backgro
 def capture(lens: Camera | None = None, table: Support | None = None) -> Capture:
     """What the camera of `support()` sees of the bare table: even colour, exact depth, 0 above the horizon."""
     lens, table = lens or camera(), table or support()
-    directions = cameras.rays(lens.height, lens.width, lens.matrix()) @ table.world_from_camera[:3, :3].T
+    directions = cameras.rays(lens.height, lens.width, lens.matrix()) @ table.camera_pose.matrix[:3, :3].T
     down = directions[..., 2]
-    depth = np.where(down < -1e-6, table.world_from_camera[2, 3] / np.maximum(-down, 1e-6), 0.0)
+    depth = np.where(down < -1e-6, table.camera_pose.matrix[2, 3] / np.maximum(-down, 1e-6), 0.0)
     depth = np.where(depth < 5.0, depth, 0.0).astype(np.float32)
     pixels = np.full((lens.height, lens.width, 3), (168, 140, 110), np.uint8)
     return Capture(rgb=Image(pixels=pixels), depth=DepthImage(depth=depth), camera=lens)

@@ -79,7 +79,7 @@ def bundle(kind: WorldKind = "twin", *, peg_m: float = 0.15, yaw_rad: float = 0.
     return TaskBundle(
         model=Folder(files={"scene.xml": xml.encode()}),
         robot=_robot(home),
-        world_from_base=WORLD_FROM_BASE,
+        base_pose=factories.placed(WORLD_FROM_BASE, "base"),
         task=TaskSpec(
             name="OpenGate",
             primitive="articulate",
@@ -102,7 +102,9 @@ def target(goal: float) -> float:
 
 def view() -> View:
     """A camera above that sees all of it."""
-    return View(camera=factories.camera(64, 48), world_from_camera=factories.look_at((0.2, -0.7, 0.7)))
+    return View(
+        camera=factories.camera(64, 48), camera_pose=factories.placed(factories.look_at((0.2, -0.7, 0.7)), "camera")
+    )
 
 
 def _robot(home: float) -> RobotModel:
@@ -119,7 +121,7 @@ def _robot(home: float) -> RobotModel:
 def _object(place: np.ndarray, joints: tuple[str, ...] = ()) -> TaskObject:
     return TaskObject(
         joints=joints,
-        world_from_object=place,
+        pose=factories.placed(place),
         positions=(0.0,) * len(joints),
         mass_scale=(0.9, 1.1),
         friction=0.8,

@@ -114,7 +114,7 @@ def view(
         mask=(seen.index == 0) & ~occluder,
         occluder=occluder,
         camera=lens,
-        world_from_camera=eye,
+        camera_pose=factories.placed(eye, "camera"),
         category=category,
         body_type=body_type,
         material=material,
@@ -124,7 +124,7 @@ def view(
 def body(surface: Mesh, pose: np.ndarray | None = None, *, hollow: bool = False) -> Body:
     """A rigid body of one mesh."""
     where = np.eye(4) if pose is None else pose
-    return Body(links={"base": Link(mesh=surface)}, world_from_object=where, hollow=hollow)
+    return Body(links={"base": Link(mesh=surface)}, pose=factories.placed(where), hollow=hollow)
 
 
 def shape(surface: Mesh, walls: tuple[Hull, ...] = ()) -> Shape:
@@ -132,7 +132,7 @@ def shape(surface: Mesh, walls: tuple[Hull, ...] = ()) -> Shape:
     return Shape(
         mesh=surface,
         walls=walls,
-        world_from_object=np.eye(4),
+        pose=factories.placed(np.eye(4)),
         hypothesis="panels",
         hollow=False,
         residual_m=0.0,

@@ -67,7 +67,7 @@ def robot() -> RobotModel:
 
 def assets(world: World, **changed: Asset) -> dict[str, Asset]:
     """Assets of the three things, millimetres and hundredths of a radian off; a cup of the wrong shape for the mug."""
-    place = {name: TWIN_FROM_TRUTH @ thing.world_from_thing for name, thing in world.objects.items()}
+    place = {name: TWIN_FROM_TRUTH @ thing.pose.matrix for name, thing in world.objects.items()}
     return {
         "red_box": factories.box_asset(place["carton"] @ factories.pose(0.001, -0.001, 0.0, 0.02)),
         "cup": factories.bowl_asset(place["mug"] @ factories.pose(0.002, 0.001), radius=0.041, height=0.09),
@@ -82,12 +82,12 @@ def bundle(placed: dict[str, Asset], moved: np.ndarray | None = None) -> TaskBun
     true_base = factories.pose(x, y, z, float(np.radians(STAND["yaw_deg"])))
     base = (np.eye(4) if moved is None else moved) @ TWIN_FROM_TRUTH @ true_base
     scene = mjcf.scene(
-        placed, factories.background(half=0.7), factories.camera(), factories.support().world_from_camera
+        placed, factories.background(half=0.7), factories.camera(), factories.support().camera_pose.matrix
     )
     return TaskBundle(
         model=compose.with_robot(scene, robot(), base),
         robot=robot(),
-        world_from_base=base,
+        base_pose=factories.placed(base, "base"),
         task=TaskSpec(name="Test", primitive="lift", object="red_box", height_m=0.1),
         objects={name: _object(name, asset) for name, asset in sorted(placed.items())},
     )
@@ -97,7 +97,7 @@ def _object(name: str, asset: Asset) -> TaskObject:
     vertices, faces = kinematics.posed_surface(asset.body)
     return TaskObject(
         joints=tuple(f"{name}_{joint.child}_{joint.name}" for joint in asset.body.joints),
-        world_from_object=asset.world_from_object,
+        pose=asset.pose,
         positions=tuple(joint.position for joint in asset.body.joints),
         mass_scale=(0.7, 1.4),
         friction=asset.physics.friction,

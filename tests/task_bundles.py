@@ -155,7 +155,7 @@ def _bundle(task: TaskSpec, world_from_base: np.ndarray, extra: str, reset: Rese
     return TaskBundle(
         model=Folder(files={"scene.xml": xml.encode()}),
         robot=robot(),
-        world_from_base=world_from_base,
+        base_pose=factories.placed(world_from_base, "base"),
         task=task.model_copy(update={"reset": reset or still}),
         objects={"box": _object(box), "case": _object(case, {"case_lid_hinge": 1.5})},
     )
@@ -178,7 +178,7 @@ def _joint(name: str) -> RobotJoint:
 def _object(world_from_object: np.ndarray, joints: dict[str, float] | None = None) -> TaskObject:
     return TaskObject(
         joints=tuple(joints or {}),
-        world_from_object=world_from_object,
+        pose=factories.placed(world_from_object),
         positions=tuple((joints or {}).values()),
         mass_scale=(0.7, 1.4),
         friction=0.8,

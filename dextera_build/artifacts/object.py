@@ -8,8 +8,10 @@ import numpy as np
 
 from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import DepthImage, Image, LabelImage, png
+from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import kinematics, transforms
 from dextera_build.geometry.thumbnail import thumbnail
 
@@ -49,7 +51,7 @@ class Support(Artifact):
     right projected onto the plane, y = z cross x (away from the camera).
     """
 
-    world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    camera_pose: Annotated[Pose, Frames("world", "camera")]
     """T_world_camera, camera in OpenCV axes."""
     polygon: Annotated[np.ndarray, Array("P 2", "float64", unit="m", frame="world")]
     """Convex outline of the seen support, counter-clockwise."""
@@ -72,7 +74,7 @@ class ObjectView(Artifact):
     """Pixels of the crop where something nearer may hide the object; nothing is known there."""
     camera: Camera
     """Intrinsics of the crop."""
-    world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    camera_pose: Annotated[Pose, Frames("world", "camera")]
     """T_world_camera; the support is z = 0."""
     category: str
     """See `Element.category`."""
@@ -102,8 +104,8 @@ class Shape(Artifact):
     """Closed, in the object frame: origin at the middle of the base, z up in its resting pose."""
     walls: tuple[Hull, ...] = ()
     """Exact convex pieces if the hypothesis knows them (walls of a hollow body), object frame; else empty."""
-    world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
-    """First guess of the pose, T_world_object; `align.object` refines it."""
+    pose: Annotated[Pose, Frames("world", "object")]
+    """First guess of T_world_object; `align.object` refines it."""
     hypothesis: str
     """The best hypothesis: `box`, `cylinder`, `revolved`, `extruded`, `mirrored`, ..."""
     hollow: bool
@@ -161,8 +163,8 @@ class Body(Artifact):
     """Name -> link; `base` is the root."""
     joints: tuple[Joint, ...] = ()
     """A tree over the links."""
-    world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
-    """First guess of the pose of the object frame."""
+    pose: Annotated[Pose, Frames("world", "object")]
+    """First guess of T_world_object."""
     hollow: bool = False
     """See `Shape.hollow`."""
     source: Literal["rgb", "rgbd"] = "rgbd"
@@ -231,7 +233,7 @@ class Collision(Artifact):
 class Placement(Artifact):
     """Pose and scale of a body."""
 
-    world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    pose: Annotated[Pose, Frames("world", "object")]
     """T_world_object of the scaled body (root link)."""
     scale: float
     """Uniform factor from the mesh's units to metres."""
@@ -254,7 +256,7 @@ class Asset(Artifact):
     """Masses and contact, of the scaled body."""
     collision: Collision
     """Convex pieces, scaled."""
-    world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    pose: Annotated[Pose, Frames("world", "object")]
     """T_world_object."""
     category: str
     """See `Element.category`."""

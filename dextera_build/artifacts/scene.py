@@ -9,8 +9,10 @@ import numpy as np
 
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import DepthImage, Image, LabelImage
+from dextera_build.artifacts.pose import Pose
 
 
 class SupportBox(Value):
@@ -46,7 +48,7 @@ class Scene(Artifact):
     """`scene.xml` and the files that it names, relative."""
     camera: Camera
     """The photograph's intrinsics; the MJCF camera is called `capture`."""
-    world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    camera_pose: Annotated[Pose, Frames("world", "camera")]
     """T_world_camera, OpenCV axes."""
     bodies: tuple[str, ...]
     """Names of the movable objects; each is the name of its MJCF root body."""
@@ -90,7 +92,7 @@ class TruthObject(Artifact):
     """Ground truth of one object of a reference world."""
 
     mesh: Mesh
-    """Surface in the world frame of the truth, as posed."""
+    """Surface in the frame `reference`, as posed."""
     label: int
     """Its label in `Truth.labels`."""
 
@@ -108,5 +110,5 @@ class Truth(Artifact):
     """Noise-free depth."""
     camera: Camera
     """Intrinsics."""
-    world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
-    """True T_world_camera, in the truth's own world frame (not the twin's)."""
+    camera_pose: Annotated[Pose, Frames("reference", "camera")]
+    """True T_reference_camera."""

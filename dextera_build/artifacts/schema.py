@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from dextera_build import digest
 from dextera_build.artifacts.arrays import Array
 from dextera_build.artifacts.forms import forms
+from dextera_build.artifacts.frames import Frames
 
 
 @cache
@@ -20,7 +21,7 @@ def array_specs(kind: type[BaseModel]) -> dict[str, Array]:
 
 @cache
 def schema_digest(annotation: Any) -> str:
-    """Digest of a type's structure: names, field types and array forms, through all artifacts that it refers to."""
+    """Digest of a type's structure: names, field types, array forms and frames, through all artifacts below it."""
     return digest.of_value(_schema(annotation, ()))
 
 
@@ -30,7 +31,10 @@ def _schema(annotation: Any, seen: tuple[str, ...]) -> Any:
             return annotation.__name__
         inner = (*seen, annotation.__name__)
         fields = {
-            name: [_schema(info.annotation, inner), [m.describe() for m in info.metadata if isinstance(m, Array)]]
+            name: [
+                _schema(info.annotation, inner),
+                [m.describe() for m in info.metadata if isinstance(m, Array | Frames)],
+            ]
             for name, info in annotation.model_fields.items()
         }
         return [annotation.__name__, fields]

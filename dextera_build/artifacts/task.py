@@ -10,7 +10,9 @@ from pydantic import Field
 
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.packed import pack
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
 
 Primitive = Literal["lift", "articulate"]
@@ -72,7 +74,7 @@ class TaskObject(Artifact):
 
     joints: tuple[str, ...]
     """Joints inside the object, in the order of the model."""
-    world_from_object: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    pose: Annotated[Pose, Frames("world", "object")]
     """T_world_object in the photograph."""
     positions: tuple[float, ...]
     """Joint positions in the photograph [rad or m]."""
@@ -97,7 +99,7 @@ class TaskBundle(Artifact):
     """`scene.xml` and its files: scene and robot, whose names begin with `robot/`. No camera: see `View`."""
     robot: RobotModel
     """The embodiment; its joints are the action space, in this order."""
-    world_from_base: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    base_pose: Annotated[Pose, Frames("world", "base")]
     """T_world_base of the robot."""
     task: TaskSpec
     """The objective."""
@@ -128,7 +130,7 @@ class View(Artifact):
 
     camera: Camera
     """Intrinsics at the size that is rendered."""
-    world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
+    camera_pose: Annotated[Pose, Frames("world", "camera")]
     """T_world_camera, OpenCV axes."""
     samples: int = 1
     """Samples per pixel of its pictures."""

@@ -6,9 +6,11 @@ from typing import Annotated
 
 import numpy as np
 
-from dextera_build.artifacts.base import Array, Artifact, Value
+from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Hull, Mesh
+from dextera_build.artifacts.pose import Pose
 
 
 class Lamp(Value):
@@ -74,8 +76,8 @@ class Thing(Artifact):
     """Textured pieces; they may overlap at joints between them."""
     surface: Mesh
     """The closed outer surface of all pieces together, in the thing's frame."""
-    world_from_thing: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
-    """T_world_thing."""
+    pose: Annotated[Pose, Frames("reference", "thing")]
+    """T_reference_thing."""
     matter: Matter | None = None
     """Mechanical properties; None for fixtures."""
     hinge: Hinge | None = None
@@ -88,21 +90,21 @@ class RobotStand(Value):
     position: tuple[float, float, float]
     """Origin of the robot's base [m]."""
     yaw: float
-    """Rotation of the base about world z [rad]."""
+    """Rotation of the base about z [rad]."""
     joints: dict[str, float]
     """Joint -> position [rad or m]; joints left out are at home."""
 
-    def matrix(self) -> np.ndarray:
-        """T_world_base, (4, 4) float64 [m]."""
+    def pose(self) -> Pose:
+        """T_reference_base [m]."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         matrix = np.eye(4)
         matrix[:2, :2] = [[c, -s], [s, c]]
         matrix[:3, 3] = self.position
-        return matrix
+        return Pose(parent="reference", child="base", matrix=matrix)
 
 
 class World(Artifact):
-    """A reference world. Its frame: z up, the table's top is z = 0."""
+    """A reference world. Its frame, `reference`: z up, the table's top is z = 0."""
 
     objects: dict[str, Thing]
     """Things on the table, by name; the truth includes these."""
@@ -116,5 +118,5 @@ class World(Artifact):
     """The robot's place; None without a robot."""
     camera: Camera
     """Intrinsics."""
-    world_from_camera: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="world")]
-    """T_world_camera, OpenCV axes."""
+    camera_pose: Annotated[Pose, Frames("reference", "camera")]
+    """T_reference_camera, OpenCV axes."""

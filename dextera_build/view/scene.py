@@ -44,19 +44,19 @@ def show_scene(
     static = show(background, server, "/background")
     outline = show(support, server, "/support")
     pixels = None if photo is None else photo.pixels
-    lens = add_camera(server, "/camera", camera, support.world_from_camera, pixels)
+    lens = add_camera(server, "/camera", camera, support.camera_pose.matrix, pixels)
     pieces: list[Any] = []
     for label in sorted(assets):
         name = f"/{(addresses or {}).get(label, label)}"
         frames = _object(server, name, assets[label], pieces)
         _sliders(server, label, assets[label], frames)
     _switches(server, {"Background": [static], "Camera": [lens], "Outline": [outline]}, pieces)
-    _greet(server, assets, support.world_from_camera)
+    _greet(server, assets, support.camera_pose.matrix)
 
 
 def _object(server: Any, name: str, asset: Asset, pieces: list[Any]) -> dict[str, Any]:
     """Add an object as it was seen, append its hidden collision pieces to `pieces`, and return link -> frame."""
-    add_frame(server, name, asset.world_from_object, axes=0.04)
+    add_frame(server, name, asset.pose.matrix, axes=0.04)
     frames = {}
     for link, pose in kinematics.link_poses(asset.body).items():
         frames[link] = add_frame(server, f"{name}/{link}", pose)
@@ -120,7 +120,7 @@ def _switch(server: Any, title: str, handles: list[Any], visible: bool) -> None:
 
 def _greet(server: Any, assets: Mapping[str, Asset], world_from_camera: np.ndarray) -> None:
     """Start the view at the photograph's camera, rotated to the side to make depth visible at once."""
-    places = [asset.world_from_object[:3, 3] for asset in assets.values()]
+    places = [asset.pose.matrix[:3, 3] for asset in assets.values()]
     target = np.mean(places, axis=0) if places else np.zeros(3)
     c, s = np.cos(SWING_RAD), np.sin(SWING_RAD)
     arm = world_from_camera[:3, 3] - target

@@ -65,7 +65,7 @@ def _(hull: Hull, server: Any, name: str) -> Any:
 @show.register
 def _(shape: Shape, server: Any, name: str) -> Any:
     """A completed object at its first guess of a pose."""
-    frame = add_frame(server, name, shape.world_from_object)
+    frame = add_frame(server, name, shape.pose.matrix)
     show(shape.mesh, server, f"{name}/mesh")
     return frame
 
@@ -73,7 +73,7 @@ def _(shape: Shape, server: Any, name: str) -> Any:
 @show.register
 def _(body: Body, server: Any, name: str) -> Any:
     """An articulated object as it was seen."""
-    frame = add_frame(server, name, body.world_from_object)
+    frame = add_frame(server, name, body.pose.matrix)
     for link, pose in kinematics.link_poses(body).items():
         add_frame(server, f"{name}/{link}", pose)
         show(body.links[link].mesh, server, f"{name}/{link}/visual")
@@ -93,7 +93,7 @@ def _(collision: Collision, server: Any, name: str) -> Any:
 @show.register
 def _(asset: Asset, server: Any, name: str) -> Any:
     """A placed object as it was seen."""
-    return show(asset.body.model_copy(update={"world_from_object": asset.world_from_object}), server, name)
+    return show(asset.body.model_copy(update={"pose": asset.pose}), server, name)
 
 
 @show.register
@@ -135,7 +135,7 @@ def _(capture: Capture, server: Any, name: str) -> Any:
 def _(view: ObjectView, server: Any, name: str) -> Any:
     """The seen points of one object in the world frame."""
     points = cameras.backproject(view.depth.depth, view.camera.matrix())
-    world = transforms.apply(view.world_from_camera, points)
+    world = transforms.apply(view.camera_pose.matrix, points)
     return add_points(server, name, world, view.rgb.pixels, view.mask & (view.depth.depth > 0))
 
 

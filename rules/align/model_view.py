@@ -55,8 +55,8 @@ class ModelView:
         stride = max(1, round(float(np.sqrt(height * width / pixels))))
         rows, columns = slice(stride // 2, None, stride), slice(stride // 2, None, stride)
         directions = cameras.rays(height, width, seen.camera.matrix())[rows, columns]
-        self._directions = directions @ seen.world_from_camera[:3, :3].T
-        self._origin = seen.world_from_camera[:3, 3]
+        self._directions = directions @ seen.camera_pose.matrix[:3, :3].T
+        self._origin = seen.camera_pose.matrix[:3, 3]
         self._depth = seen.depth.depth[rows, columns].astype(np.float64)
         self._known = ~seen.occluder[rows, columns]
         self._mask = seen.mask[rows, columns]
@@ -109,4 +109,4 @@ def seen_points(seen: ObjectView, most: int = MOST) -> np.ndarray:
     """World points (N, 3) of the object's valid pixels, thinned evenly to about `most`."""
     valid = seen.mask & (seen.depth.depth > 0.0)
     points = cameras.backproject(seen.depth.depth, seen.camera.matrix())[valid]
-    return transforms.apply(seen.world_from_camera, points)[:: max(1, len(points) // most)]
+    return transforms.apply(seen.camera_pose.matrix, points)[:: max(1, len(points) // most)]

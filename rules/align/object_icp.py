@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dextera_build.artifacts.object import Body, ObjectView, Placement
+from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import kinematics, registration, transforms
 from dextera_build.geometry.registration import Search, Similarity
 from dextera_build.rule import Backend
@@ -38,7 +39,7 @@ def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
     vertices, faces = kinematics.posed_surface(body)
     model = ModelView(vertices, faces, seen)
     points = seen_points(seen)
-    guess = Similarity(1.0, np.array(body.world_from_object))
+    guess = Similarity(1.0, np.array(body.pose.matrix))
     score = model.score(guess)
     if score.iou >= options.guess_iou and score.violation <= options.most_violation:
         best, method = _refined(model, vertices, points, guess, score, options)
@@ -93,7 +94,7 @@ def _result(model: ModelView, vertices: np.ndarray, points: np.ndarray, placed: 
     distances = np.sort(model.distances(placed, points))
     score = model.score(placed)
     placement = Placement(
-        world_from_object=placed.pose,
+        pose=Pose(parent="world", child="object", matrix=placed.pose),
         scale=placed.scale,
         residual_m=float(distances[: max(1, int(0.9 * len(distances)))].mean()),
         overlap=float((distances <= 0.005).mean()),

@@ -17,9 +17,7 @@ BACKEND = Backend(summary="the body's own pose at scale 1, for tests", profiles=
 
 def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
     """The guess, unscaled and unchecked."""
-    placement = Placement(
-        world_from_object=body.world_from_object, scale=1.0, residual_m=0.0, overlap=1.0, method="guess, unchecked"
-    )
+    placement = Placement(pose=body.pose, scale=1.0, residual_m=0.0, overlap=1.0, method="guess, unchecked")
     return Placed(placement, iou=1.0, violation=0.0, gap_m=0.0)
 
 

@@ -12,10 +12,10 @@ _LIGHT = np.array([0.3, -0.5, 0.81])
 
 def draw(vertices: np.ndarray, faces: np.ndarray, seen: ObjectView, placement: Placement) -> np.ndarray:
     """Draw the photograph with the mesh outline on the left, the shaded render on the right; (H, 2 W, 3) uint8."""
-    world = transforms.apply(placement.world_from_object, placement.scale * vertices)
+    world = transforms.apply(placement.pose.matrix, placement.scale * vertices)
     height, width = seen.mask.shape
     surface = raycast.Surface(world, faces)
-    render = raycast.render([surface], seen.camera.matrix(), seen.world_from_camera, height, width)
+    render = raycast.render([surface], seen.camera.matrix(), seen.camera_pose.matrix, height, width)
     drawn = render.index >= 0
     left, right = seen.rgb.pixels.copy(), seen.rgb.pixels // 3
     left[_edge(seen.mask)] = (60, 130, 246)

@@ -140,7 +140,7 @@ def _placed(
     vertices: np.ndarray, seen: ObjectView, points: np.ndarray, rotation: np.ndarray, whole: np.ndarray
 ) -> Similarity:
     """The model in one orientation, with scale and position from the seen extents."""
-    camera_from_world = transforms.invert(seen.world_from_camera)
+    camera_from_world = transforms.invert(seen.camera_pose.matrix)
     local = transforms.apply(camera_from_world, points)
     turned = vertices @ (camera_from_world[:3, :3] @ rotation).T
     # If both axes are cut, there is nothing better.
@@ -151,5 +151,5 @@ def _placed(
     low, high = np.quantile(local, 0.01, axis=0), np.quantile(local, 0.99, axis=0)
     # Only the front half is visible; its nearest point is the model's nearest point.
     centre = np.array([*((low + high) / 2.0)[:2], low[2] + depth / 2.0])
-    place = transforms.apply(seen.world_from_camera, (centre - scale * middle)[None])[0]
+    place = transforms.apply(seen.camera_pose.matrix, (centre - scale * middle)[None])[0]
     return Similarity(scale, transforms.rigid(rotation, place))

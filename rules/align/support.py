@@ -7,6 +7,7 @@ from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveIn
 
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.object import Support
+from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import cameras, planes, regions, transforms
 from dextera_build.rule import Context, Options, rule
 
@@ -55,7 +56,7 @@ def support(ctx: Context, capture: Capture, *, options: SupportOptions) -> Suppo
     result = _support(best, points, valid)
     area = regions.area(result.polygon)
     ctx.check(result.residual_m < 0.02, "the support is not flat", residual=f"{result.residual_m * 1000:.1f} mm")
-    below, rms = result.world_from_camera[2, 3], 1000 * result.residual_m
+    below, rms = result.camera_pose.matrix[2, 3], 1000 * result.residual_m
     ctx.say(f"{area:.2f} m² at {below:.2f} m below the camera, {rms:.1f} mm rms")
     ctx.metric("support residual", result.residual_m * 1000, "mm")
     ctx.metric("support inliers", result.inlier_fraction)
@@ -70,7 +71,7 @@ def _support(surface: Surface, points: np.ndarray, valid: np.ndarray) -> Support
     heights = planes.distance(surface.plane, points[surface.region])
     polygon = outline - regions.centroid(outline)
     return Support(
-        world_from_camera=world_from_camera,
+        camera_pose=Pose(parent="world", child="camera", matrix=world_from_camera),
         polygon=np.ascontiguousarray(polygon),
         residual_m=float(np.sqrt(np.mean(np.square(heights)))),
         inlier_fraction=float(surface.region.sum() / valid.sum()),

@@ -46,9 +46,9 @@ def split(capture: Capture, support: Support, hole: np.ndarray, tolerance: float
         tolerance: Maximum distance of the support's pixels from the plane [m].
     """
     depth, k = capture.depth.depth, capture.camera.matrix()
-    plane = plane_depth(capture.camera, support.world_from_camera)
+    plane = plane_depth(capture.camera, support.camera_pose.matrix)
     finite = np.isfinite(plane)
-    pose = support.world_from_camera
+    pose = support.camera_pose.matrix
     floor = transforms.apply(pose, cameras.backproject(np.where(finite, plane, 0.0), k))[..., :2]
     height = transforms.apply(pose, cameras.backproject(depth, k))[..., 2]
     measured = (depth > 0) & ~hole

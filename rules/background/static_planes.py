@@ -50,7 +50,7 @@ def clean(capture: Capture, support: Support, segmentation: Segmentation, option
         pixels,
         depth,
         capture.camera,
-        support.world_from_camera,
+        support.camera_pose.matrix,
         stride=max(1, round(options.stride * capture.camera.width)),
         edge=options.edge,
         flat=layers.behind | layers.level,
@@ -83,7 +83,7 @@ def _fill_support(
     limits = layers.floor[layers.behind]
     # No finer than the photograph at its nearest point.
     texel = max(options.texel_m, float(layers.plane[target].min()) / capture.camera.fx)
-    view = top_view(spots, limits, margin, texel, capture.camera, support.world_from_camera)
+    view = top_view(spots, limits, margin, texel, capture.camera, support.camera_pose.matrix)
     gap = view.lay(target.astype(np.uint8), smooth=False) > 0
     flat = view.lay(image)
     level, free = (

@@ -29,14 +29,14 @@ def clean(capture: Capture, support: Support, segmentation: Segmentation, option
     pixels = capture.rgb.pixels.copy()
     pixels[hole] = np.round(pixels[~hole].mean(axis=0)).astype(np.uint8) if (~hole).any() else 128
     k = capture.camera.matrix()
-    plane = plane_depth(capture.camera, support.world_from_camera)
+    plane = plane_depth(capture.camera, support.camera_pose.matrix)
     depth = np.where(hole, np.where(np.isfinite(plane), plane, 0.0), capture.depth.depth).astype(np.float32)
     box = support_box(support.polygon, 0.0, options.thickness_m)
     x, y = box.half_size[:2]
     turn = np.array([[np.cos(box.yaw), -np.sin(box.yaw)], [np.sin(box.yaw), np.cos(box.yaw)]])
     flat = np.array([[-x, -y], [x, -y], [x, y], [-x, y]]) @ turn.T + box.centre[:2]
     corners = np.concatenate([flat, np.zeros((4, 1))], axis=1)
-    seen = cameras.project(transforms.apply(transforms.invert(support.world_from_camera), corners), k)
+    seen = cameras.project(transforms.apply(transforms.invert(support.camera_pose.matrix), corners), k)
     size = (capture.camera.width, capture.camera.height)
     uv = np.clip(np.stack([(seen[:, 0] + 0.5) / size[0], 1 - (seen[:, 1] + 0.5) / size[1]], axis=1), 0, 1)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)

@@ -42,7 +42,7 @@ def mount(ctx: Context, world: World, robot: RobotModel, *, options: MountOption
     rng = np.random.default_rng(options.seed)
     shift = rng.normal(size=3) * options.position_sigma_m
     turn = rng.normal(size=3) * np.radians(options.rotation_sigma_deg)
-    truth = transforms.invert(world.world_from_camera) @ world.stand.matrix()
+    truth = (world.camera_pose.inverse() @ world.stand.pose()).matrix
     rotation = truth[:3, :3] @ registration.rotation(turn)
     found = Pose(parent="camera", child=BASE, matrix=transforms.rigid(rotation, truth[:3, 3] + shift))
     off, angle = 1000 * float(np.linalg.norm(shift)), float(np.degrees(np.linalg.norm(turn)))

@@ -23,14 +23,14 @@ class TruthOptions(Options):
 
 @rule(version=1, packages=("numpy",), cpus=2, memory_gb=2.0)
 def truth(ctx: Context, world: World, robot: RobotModel | None = None, *, options: TruthOptions | None = None) -> Truth:
-    """Return posed surfaces in the world frame [m], noise-free colours and depth, and labels of visible pixels.
+    """Return posed surfaces in the frame `reference` [m], noise-free colours and depth, and labels of visible pixels.
 
     The backend offers `photograph(world, robot, supersample=...) -> Shot`, as for `capture.reference`.
     """
     options = options or TruthOptions()
     shot = ctx.backend.photograph(world, robot, supersample=options.supersample)
     objects = {
-        name: TruthObject(mesh=solids.moved(thing.surface, thing.world_from_thing), label=label)
+        name: TruthObject(mesh=solids.moved(thing.surface, thing.pose.matrix), label=label)
         for label, (name, thing) in enumerate(world.objects.items(), start=1)
     }
     seen = {name: int((shot.labels == known.label).sum()) for name, known in objects.items()}
@@ -45,7 +45,7 @@ def truth(ctx: Context, world: World, robot: RobotModel | None = None, *, option
         rgb=Image(pixels=rgb),
         depth=DepthImage(depth=shot.depth.astype(np.float32)),
         camera=world.camera,
-        world_from_camera=world.world_from_camera,
+        camera_pose=world.camera_pose,
     )
 
 

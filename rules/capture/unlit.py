@@ -18,11 +18,11 @@ def unlit(world: World) -> Shot:
     for label, thing in things:
         for part in thing.parts.values():
             mesh = part.mesh
-            vertices = transforms.apply(thing.world_from_thing, mesh.vertices.astype(np.float64))
+            vertices = transforms.apply(thing.pose.matrix, mesh.vertices.astype(np.float64))
             texture = mesh.texture.pixels if mesh.texture is not None else None
             surfaces.append(raycast.Surface(vertices, mesh.faces, mesh.uv, texture, mesh.colour))
             labels.append(label)
     camera = world.camera
-    seen = raycast.render(surfaces, camera.matrix(), world.world_from_camera, camera.height, camera.width)
+    seen = raycast.render(surfaces, camera.matrix(), world.camera_pose.matrix, camera.height, camera.width)
     owner = np.array([*labels, 0], np.int32)
     return Shot(raycast.shade(surfaces, seen) / 255.0, seen.depth, owner[seen.index])

@@ -9,6 +9,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.world import Hinge, Lamp, Matter, Part, RobotStand, Thing, World
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Context, Fraction, Options, rule
@@ -82,7 +83,7 @@ class WorldOptions(Options):
 
 @rule(version=1, packages=("numpy", "pillow", "manifold3d"))
 def world(ctx: Context, *, options: WorldOptions) -> World:
-    """Return the reference world: textured closed meshes [m], poses in the world frame, lights, camera."""
+    """Return the reference world: textured closed meshes [m], poses in its frame `reference`, lights, camera."""
     objects = {}
     for name, thing in options.objects.items():
         objects[name] = _thing(thing.parts(), thing.pose(), thing.matter(), thing.hinge())
@@ -108,13 +109,14 @@ def world(ctx: Context, *, options: WorldOptions) -> World:
         ambient=options.ambient,
         stand=stand,
         camera=camera,
-        world_from_camera=pose,
+        camera_pose=Pose(parent="reference", child="camera", matrix=pose),
     )
 
 
 def _thing(parts: dict[str, Part], pose: np.ndarray, matter: Matter | None = None, hinge: Hinge | None = None) -> Thing:
     surface = solids.union([part.mesh for part in parts.values()])
-    return Thing(parts=parts, surface=surface, world_from_thing=pose, matter=matter, hinge=hinge)
+    place = Pose(parent="reference", child="thing", matrix=pose)
+    return Thing(parts=parts, surface=surface, pose=place, matter=matter, hinge=hinge)
 
 
 def _camera(options: CameraOptions) -> tuple[Camera, np.ndarray]:
@@ -140,7 +142,7 @@ def _check_physics(ctx: Context, name: str, thing: Thing) -> None:
 
 
 def _posed(thing: Thing) -> Mesh:
-    return solids.moved(thing.surface, thing.world_from_thing)
+    return solids.moved(thing.surface, thing.pose.matrix)
 
 
 def _check_places(ctx: Context, objects: dict[str, Thing], table: TableOptions) -> None:

@@ -17,7 +17,7 @@ BACKEND = Backend(summary="no rendering: a bar that grows with time, on a grey o
 def frames(bundle: TaskBundle, episodes: Episodes, view: View) -> Iterator[tuple[str, np.ndarray]]:
     """Index and frames (T, H, W, 3) uint8 of each episode."""
     # A different camera gives different pictures, as in a real film, so dependent nodes are rebuilt.
-    grey = int(digest.of_bytes(np.ascontiguousarray(view.world_from_camera).tobytes())[:2], 16) // 2
+    grey = int(digest.of_bytes(np.ascontiguousarray(view.camera_pose.matrix).tobytes())[:2], 16) // 2
     for index, episode in episodes.items.items():
         steps = len(episode.joints)
         pixels = np.full((steps, view.camera.height, view.camera.width, 3), grey, np.uint8)

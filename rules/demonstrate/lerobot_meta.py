@@ -12,7 +12,6 @@ import numpy as np
 from dextera_build import digest
 from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.geometry import transforms
 
 from .lerobot_features import Feature
 
@@ -123,7 +122,7 @@ def about(bundle: TaskBundle, episodes: Episodes) -> dict[str, object]:
         "world": bundle.kind,
         "embodiment": episodes.embodiment,
         "model": digest.of_bytes(bundle.model.files.get("scene.xml", b"")),
-        "world_from_base": bundle.world_from_base.tolist(),
+        "world_from_base": bundle.base_pose.matrix.tolist(),
         "frames": "poses and forces are in the robot's base frame; metres, radians, newtons; quaternions w x y z",
         "start": "start/qpos is MuJoCo's qpos of the task's model, start/ctrl its targets; set both to begin again",
         "attempts": episodes.attempts,
@@ -133,10 +132,10 @@ def about(bundle: TaskBundle, episodes: Episodes) -> dict[str, object]:
 
 def cameras(bundle: TaskBundle, view: View, name: str) -> dict[str, object]:
     """`meta/cameras.json`: intrinsics [px] and poses of the cameras, OpenCV axes, integer pixel centres."""
-    base = transforms.invert(bundle.world_from_base) @ view.world_from_camera
+    base = (bundle.base_pose.inverse() @ view.camera_pose).matrix
     return {
         name: view.camera.model_dump(mode="json")
-        | {"base_from_camera": base.tolist(), "world_from_camera": view.world_from_camera.tolist()}
+        | {"base_from_camera": base.tolist(), "world_from_camera": view.camera_pose.matrix.tolist()}
     }
 
 

@@ -11,7 +11,7 @@ from mcap.writer import CompressionType, Writer
 
 from dextera_build.artifacts.episode import Episode, Episodes, Film
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.geometry import poses, transforms
+from dextera_build.geometry import poses
 from dextera_build.rule import Backend, Context
 
 from . import ros_messages, ros_types
@@ -99,10 +99,10 @@ class Recording:
 
     def once(self, bundle: TaskBundle, view: View | None) -> None:
         """Write static frames."""
-        edges = [("world", BASE, poses.from_matrix(bundle.world_from_base))]
+        edges = [("world", BASE, poses.from_matrix(bundle.base_pose.matrix))]
         if view is not None:
-            camera = transforms.invert(bundle.world_from_base) @ view.world_from_camera
-            edges.append((BASE, self._optical, poses.from_matrix(camera)))
+            camera = bundle.base_pose.inverse() @ view.camera_pose
+            edges.append((BASE, self._optical, poses.from_matrix(camera.matrix)))
         # In one message: late subscribers get only the last one.
         self._send("/tf_static", "tf2_msgs/TFMessage", 0, ros_messages.transforms(0, edges), LATCHED)
 

@@ -71,8 +71,8 @@ def _surface(asset: Asset) -> np.ndarray:
     """Vertices of every link at the photograph's joint positions, (N, 3) in the world frame [m]."""
     poses = kinematics.link_poses(asset.body, {joint.name: joint.position for joint in asset.body.joints})
     parts = [transforms.apply(poses[name], link.mesh.vertices) for name, link in asset.body.links.items()]
-    return transforms.apply(asset.world_from_object, np.concatenate(parts))
+    return transforms.apply(asset.pose.matrix, np.concatenate(parts))
 
 
 def _distance(asset: Asset, support: Support) -> float:
-    return float(np.linalg.norm(_surface(asset).mean(axis=0) - support.world_from_camera[:3, 3]))
+    return float(np.linalg.norm(_surface(asset).mean(axis=0) - support.camera_pose.matrix[:3, 3]))

@@ -18,7 +18,7 @@ def render(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Colours (H, W, 3) uint8 and, per pixel, the index of its object in `scene.bodies` (H, W) int32, or -1."""
     model = models.compile_folder(scene.model)
     data = models.at_home(model)
-    with rendering.Eye(model, scene.camera, scene.world_from_camera) as eye:
+    with rendering.Eye(model, scene.camera, scene.camera_pose.matrix) as eye:
         pixels = eye.rgb(data)
         geoms = eye.segmentation(data)
     roots = np.append(np.asarray(model.body_rootid), -1)[rendering.bodies_of(model, geoms)]

@@ -24,7 +24,7 @@ class Seen:
 
 def true_objects(truth: Truth) -> dict[str, Seen]:
     """True objects by name, in the camera frame."""
-    camera_from_world = transforms.invert(truth.world_from_camera)
+    camera_from_world = truth.camera_pose.inverse().matrix
     return {
         name: Seen(
             truth.labels.labels == thing.label,
@@ -39,13 +39,13 @@ def render_assets(
     assets: Collection[Asset], support: Support, camera: Camera
 ) -> tuple[dict[str, Seen], np.ndarray, np.ndarray]:
     """Assets by label, and the twin's colours (H, W, 3) uint8 and depth (H, W) [m], all in the camera frame."""
-    camera_from_world = transforms.invert(support.world_from_camera)
+    camera_from_world = support.camera_pose.inverse()
     surfaces: list[raycast.Surface] = []
     owners: list[int] = []
     for number, asset in enumerate(assets.items.values()):
         poses = kinematics.link_poses(asset.body)
         for link, part in asset.body.links.items():
-            matrix = camera_from_world @ asset.world_from_object @ poses[link]
+            matrix = (camera_from_world @ asset.pose).matrix @ poses[link]
             vertices = transforms.apply(matrix, part.mesh.vertices.astype(np.float64))
             texture = part.mesh.texture.pixels if part.mesh.texture is not None else None
             surfaces.append(raycast.Surface(vertices, part.mesh.faces, part.mesh.uv, texture, part.mesh.colour))

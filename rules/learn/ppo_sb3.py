@@ -46,7 +46,7 @@ def heading(bundle: TaskBundle) -> float | None:
     mechanism = Mechanism(environment.model, name)
     _, along = mechanism.pushed_at(goal - float(joint.qpos[0]), 1.0)
     link = int(environment.model.jnt_bodyid[joint.id])
-    ahead = bundle.world_from_base[:3, :3].T @ environment.data.xmat[link].reshape(3, 3) @ along
+    ahead = bundle.base_pose.matrix[:3, :3].T @ environment.data.xmat[link].reshape(3, 3) @ along
     return float(np.arctan2(ahead[1], ahead[0]))
 
 

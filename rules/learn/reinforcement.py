@@ -10,7 +10,7 @@ from dextera_build import digest
 from dextera_build.artifacts.policy import Channel, PolicyContract
 from dextera_build.artifacts.robot import Grip
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.geometry import quaternions, transforms
+from dextera_build.geometry import quaternions
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import features
 from dextera_build.policy.layout import of_bundle
@@ -101,7 +101,7 @@ def _statistics(channel: Channel, bundle: TaskBundle) -> tuple[np.ndarray, np.nd
     if channel.name in ("joints", "previous_action"):
         return np.array([joint.home for joint in bundle.robot.joints]), np.full(count, JOINT_RAD)
     if channel.name == "objects":
-        pose = transforms.invert(bundle.world_from_base) @ thing.world_from_object
+        pose = (bundle.base_pose.inverse() @ thing.pose).matrix
         turn = features.rotation_columns(quaternions.from_matrix(pose[:3, :3]))
         return np.concatenate([pose[:3, 3], turn]), np.array([PLACE_M] * 3 + [TURN] * 6)
     if channel.name == "displacement":

@@ -31,8 +31,8 @@ def asset(
     names = set(body.links)
     for what, links in (("physics", set(physics.links)), ("collision", set(collision.links))):
         ctx.check(links == names, f"{what} has links {sorted(links)}, but the body has {sorted(names)}")
-    _check_rigid(ctx, placement)
     s = placement.scale
+    ctx.check(bool(np.isfinite(s)) and s > 0.0, f"the scale is {s}, but it is positive")
     mass = sum(link.mass_kg for link in physics.links.values()) * s**3
     pieces = sum(len(link.hulls) for link in collision.links.values())
     ctx.metric("mass", mass, "kg")
@@ -46,27 +46,13 @@ def asset(
                 for name, link in collision.links.items()
             }
         ),
-        world_from_object=placement.world_from_object,
+        pose=placement.pose,
         category=seen.category,
     )
 
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
-
-
-def _check_rigid(ctx: Context, placement: Placement) -> None:
-    scale, pose = placement.scale, placement.world_from_object
-    hint = "a uniform factor belongs into `scale`; a non-uniform one would break joints and inertia"
-    ctx.check(bool(np.isfinite(scale)) and scale > 0.0, f"the scale is {scale}, but it is positive", hint=hint)
-    sizes = np.linalg.norm(pose[:3, :3], axis=0)
-    ctx.check(
-        bool(np.allclose(pose[:3, :3].T @ pose[:3, :3], np.eye(3), atol=1e-6))
-        and float(np.linalg.det(pose[:3, :3])) > 0.0,
-        "the pose scales, shears or mirrors the object",
-        hint=hint,
-        axis_lengths=np.round(sizes, 6).tolist(),
-    )
 
 
 def scale_body(body: Body, s: float) -> Body:

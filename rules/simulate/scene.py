@@ -18,7 +18,7 @@ def scene(ctx: Context, assets: Collection[Asset], background: Background, suppo
     keyframe `home` holds the pose and the joint positions of the photograph.
     """
     placed = assets.items
-    model = mjcf.scene(placed, background, camera, support.world_from_camera)
+    model = mjcf.scene(placed, background, camera, support.camera_pose.matrix)
     joints = sum(len(asset.body.joints) for asset in placed.values())
     pieces = sum(len(part.hulls) for asset in placed.values() for part in asset.collision.links.values())
     mass = sum(link.mass_kg for asset in placed.values() for link in asset.physics.links.values())
@@ -28,7 +28,7 @@ def scene(ctx: Context, assets: Collection[Asset], background: Background, suppo
     ctx.metric("mass", mass, "kg")
     bodies = tuple(names.body_names(placed).values())
     ctx.say(f"{_count(len(bodies), 'body', 'bodies')}, {_count(joints, 'joint', 'joints')}, {mass:.2f} kg")
-    return Scene(model=model, camera=camera, world_from_camera=support.world_from_camera, bodies=bodies)
+    return Scene(model=model, camera=camera, camera_pose=support.camera_pose, bodies=bodies)
 
 
 def _count(number: int, one: str, many: str) -> str:

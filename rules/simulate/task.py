@@ -91,11 +91,11 @@ def task(
     bundle = TaskBundle(
         model=ctx.backend.compose(scene.model, robot, base.matrix),
         robot=robot,
-        world_from_base=base.matrix,
+        base_pose=base,
         task=spec,
         objects={body: _object(assets, label, options.points) for label, body in labels.items()},
     )
-    reach = float(np.linalg.norm(bodies[options.object].world_from_object[:2, 3] - base.matrix[:2, 3]))
+    reach = float(np.linalg.norm(bodies[options.object].pose.matrix[:2, 3] - base.matrix[:2, 3]))
     ctx.metric("distance of base and object", reach, "m")
     ctx.say(
         f"{options.name}: {options.primitive} `{options.object}`, {len(robot.joints)} joints, base {reach:.2f} m away"
@@ -170,7 +170,7 @@ def _object(assets: Collection[Asset], label: str, count: int) -> TaskObject:
         high = sum(link.mass_high_kg for link in asset.physics.links.values()) / total
     return TaskObject(
         joints=tuple(_joint_names(assets, label)),
-        world_from_object=asset.world_from_object,
+        pose=asset.pose,
         positions=tuple(joint.position for joint in asset.body.joints),
         mass_scale=(low, high),
         friction=asset.physics.friction,

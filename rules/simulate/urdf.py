@@ -118,7 +118,7 @@ def _joint(robot: Node, joint: Joint, origins: dict[str, tuple[float, float, flo
 
 def _placement(asset: Asset) -> bytes:
     data = {
-        "world_from_object": asset.world_from_object.tolist(),
+        "world_from_object": asset.pose.matrix.tolist(),
         "joint_positions": {joint.name: joint.position for joint in asset.body.joints},
         "friction": asset.physics.friction,
         "restitution": asset.physics.restitution,

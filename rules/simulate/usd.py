@@ -16,7 +16,7 @@ def usd(ctx: Context, assets: Collection[Asset], background: Background, support
 
     Rigid bodies with explicit mass properties, convex hulls as colliders, joints between sibling links.
     """
-    result: Folder = ctx.backend.write(assets.items, background, camera, support.world_from_camera)
+    result: Folder = ctx.backend.write(assets.items, background, camera, support.camera_pose.matrix)
     ctx.check("scene.usda" in result.files, "the folder holds no `scene.usda`", files=listing(result.files))
     problems = ctx.backend.problems(result, ctx.scratch)
     ctx.check(not problems, f"the USD is not valid: {problems[0] if problems else ''}", problems=len(problems))

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import PositiveInt
 
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.scene import Scene
 from dextera_build.artifacts.task import View
 from dextera_build.geometry import cameras, transforms
@@ -39,13 +40,15 @@ def view(ctx: Context, scene: Scene, *, options: ViewOptions) -> View:
     if (options.eye_m is None) != (options.target_m is None):
         ctx.fail("`eye_m` and `target_m` go together", eye_m=options.eye_m, target_m=options.target_m)
     camera = scaled(scene.camera, options.width_px, options.height_px)
-    pose = scene.world_from_camera
+    pose = scene.camera_pose
     if options.eye_m is not None and options.target_m is not None:
-        pose = cameras.look_at(np.array(options.eye_m), np.array(options.target_m))
+        placed = cameras.look_at(np.array(options.eye_m), np.array(options.target_m))
+        pose = Pose(parent="world", child="camera", matrix=placed)
     if any(options.shift_m):
-        pose = transforms.rigid(pose[:3, :3], pose[:3, 3] + options.shift_m)
+        moved = transforms.rigid(pose.matrix[:3, :3], pose.matrix[:3, 3] + options.shift_m)
+        pose = Pose(parent="world", child="camera", matrix=moved)
     ctx.say(f"{camera.width} x {camera.height} px, {'as photographed' if options.eye_m is None else 'placed by hand'}")
-    return View(camera=camera, world_from_camera=pose, samples=options.samples)
+    return View(camera=camera, camera_pose=pose, samples=options.samples)
 
 
 def scaled(camera: Camera, width: int, height: int) -> Camera:

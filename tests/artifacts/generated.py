@@ -18,6 +18,7 @@ import dextera_build.artifacts as package
 from dextera_build.artifacts.arrays import Array
 from dextera_build.artifacts.base import Artifact, Folder
 from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.pose import Pose, Similarity
@@ -64,6 +65,8 @@ def _fields(draw: Draw, kind: type[BaseModel]) -> dict[str, Any]:
         spec = [each for each in info.metadata if isinstance(each, Array)]
         hint = Annotated[(info.annotation, spec[0])] if spec else info.annotation  # type: ignore[valid-type]
         fields[name] = _drawn(draw, hint, axes)
+        for frames in (each for each in info.metadata if isinstance(each, Frames)):
+            fields[name] = fields[name].model_copy(update={"parent": frames.parent, "child": frames.child})
     return fields
 
 

@@ -16,6 +16,7 @@ from dextera_build.artifacts.object import Body, Joint, Link, Shape
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.schema import schema_digest
 from dextera_build.errors import ArtifactError
+from tests import factories
 
 TETRA = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], np.int32)
@@ -37,7 +38,7 @@ def shape() -> Shape:
     return Shape(
         mesh=tetra(),
         walls=(Hull(vertices=TETRA.copy()), Hull(vertices=TETRA + np.float32(1))),
-        world_from_object=np.eye(4),
+        pose=factories.placed(np.eye(4)),
         hypothesis="box",
         hollow=False,
         residual_m=0.001,
@@ -60,7 +61,7 @@ def body() -> Body:
         position=1.9,
     )
     return Body(
-        links={"base": Link(mesh=tetra()), "lid": Link(mesh=tetra())}, joints=(joint,), world_from_object=np.eye(4)
+        links={"base": Link(mesh=tetra()), "lid": Link(mesh=tetra())}, joints=(joint,), pose=factories.placed(np.eye(4))
     )
 
 

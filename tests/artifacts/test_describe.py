@@ -31,7 +31,10 @@ LINES = [
     (Folder(files={"a": b"12", "b/c": b"3"}), "Folder(2 files (a, b/c), 3 bytes)"),
     (Collection[File](items={"one": File(data=b"")}), "Collection(1 File (one))"),
     (Collection[File](items={}), "Collection()"),
-    (Pose(parent="camera", child="base", matrix=np.eye(4)), "Pose(parent camera, child base)"),
+    (
+        Pose(parent="camera", child="base", matrix=np.eye(4)),
+        r"Pose\(T_camera_base at \(0\.000, 0\.000, 0\.000\) m, turned 0\.0 deg\)",
+    ),
     (factories.laptop_asset(), r"Asset\(2 links \(\w+, \w+\), 1 joint \(\w+\), .*\)"),
     (TABLE, "Table(title Sizes, 1 column (edge), 2 rows)"),
 ]

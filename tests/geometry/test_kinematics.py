@@ -9,6 +9,7 @@ from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.object import Body, Joint, Link
 from dextera_build.errors import ArtifactError
 from dextera_build.geometry import kinematics, transforms
+from tests import factories
 
 
 def link(*points: tuple[float, float, float]) -> Link:
@@ -34,7 +35,7 @@ def arm() -> Body:
             joint("elbow", "upper", "lower", origin=(1.0, 0.0, 0.0), position=-0.4),
             joint("shoulder", "base", "upper"),
         ),
-        world_from_object=np.eye(4),
+        pose=factories.placed(np.eye(4)),
     )
 
 

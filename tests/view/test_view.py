@@ -109,8 +109,8 @@ def test_the_frustum_is_the_cameras(shown: Recorder) -> None:
     camera, table = shown.nodes["/camera"], factories.support()
     lens = factories.camera()
     assert camera.fov == pytest.approx(2 * np.arctan(lens.height / 2 / lens.fy))
-    np.testing.assert_allclose(camera.position, table.world_from_camera[:3, 3])
-    np.testing.assert_allclose(quaternions.to_matrix(camera.wxyz), table.world_from_camera[:3, :3], atol=1e-9)
+    np.testing.assert_allclose(camera.position, table.camera_pose.matrix[:3, 3])
+    np.testing.assert_allclose(quaternions.to_matrix(camera.wxyz), table.camera_pose.matrix[:3, :3], atol=1e-9)
     assert camera.image.shape == (lens.height, lens.width, 3)
 
 

@@ -54,7 +54,7 @@ class Lift:
     def __init__(self, environment: Environment, reach: Reach, grasp: Grasp) -> None:
         task = environment.task
         self._object, self._rate, self._rise = task.object, task.control_hz, task.height_m
-        self._up = environment.bundle.world_from_base[2, :3].copy()
+        self._up = environment.bundle.base_pose.matrix[2, :3].copy()
         self._reach, self.grasp = reach, grasp
         self._commands: Iterator[Command] = iter(())
 

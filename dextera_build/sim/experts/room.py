@@ -39,7 +39,7 @@ class Room:
         self._data = mujoco.MjData(model)
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, self._data, 0)
-        self._base = environment.bundle.world_from_base
+        self._base = environment.bundle.base_pose.matrix
         roots = model.body_rootid[model.geom_bodyid]
         self._robot = roots == model.body(ROBOT + "base").id
         self._object = roots == model.body(environment.task.object).id

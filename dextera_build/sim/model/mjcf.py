@@ -90,7 +90,7 @@ class _Writer:
         _add(visual, "quality", shadowsize="4096", offsamples="4")
         _add(visual, "headlight", ambient="0.45 0.45 0.45", diffuse="0.4 0.4 0.4", specular="0 0 0")
         _add(visual, "map", znear="0.01", zfar="50")
-        places = [asset.world_from_object[:3, 3] for asset in self.assets.values()]
+        places = [asset.pose.matrix[:3, 3] for asset in self.assets.values()]
         middle = np.mean(places, axis=0) if places else np.zeros(3)
         _add(root, "statistic", center=numbers(middle.round(3)), extent="1", meansize="0.05")
         defaults = _add(root, "default")
@@ -161,7 +161,7 @@ class _Writer:
         body = _add(parent, "body", name=name)
         origin = np.zeros(3)
         if joint is None:
-            self._root(body, name, asset.world_from_object)
+            self._root(body, name, asset.pose.matrix)
         else:
             origin = np.asarray(joint.origin)
             body.set("pos", numbers(origin - outer))

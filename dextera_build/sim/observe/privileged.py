@@ -26,8 +26,8 @@ class Insight:
     def __init__(self, environment: Environment) -> None:
         self._environment = environment
         model, bundle = environment.model, environment.bundle
-        self._rotation = bundle.world_from_base[:3, :3].T
-        self._origin = bundle.world_from_base[:3, 3]
+        self._rotation = bundle.base_pose.matrix[:3, :3].T
+        self._origin = bundle.base_pose.matrix[:3, 3]
         self._dofs = np.array([model.joint(ROBOT + joint.name).dofadr[0] for joint in bundle.robot.joints])
         self._bodies = [int(model.body(name).id) for name in bundle.objects]
         self._tips = [int(model.site(ROBOT + bundle.robot.frames[role]).id) for role in environment.tips]

@@ -31,7 +31,7 @@ class Replica:
     def __init__(self, bundle: TaskBundle, episodes: Episodes) -> None:
         self.model = models.compile_folder(bundle.model)
         self.data = models.at_home(self.model)
-        self._base = bundle.world_from_base
+        self._base = bundle.base_pose.matrix
         self._joints = self._addresses([ROBOT + name for name in episodes.joint_names])
         self._displacements = self._addresses(list(episodes.displacement_names))
         self._objects = self._addresses(list(episodes.object_names))

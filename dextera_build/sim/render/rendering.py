@@ -119,7 +119,7 @@ def _use_chosen_platform() -> None:
 
 def through(model: Any, view: View) -> Eye:
     """The camera of `view` as used by policies and films."""
-    return Eye(model, view.camera, view.world_from_camera, samples=view.samples)
+    return Eye(model, view.camera, view.camera_pose.matrix, samples=view.samples)
 
 
 def render_rgb(

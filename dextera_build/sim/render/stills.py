@@ -27,7 +27,7 @@ class Stills:
         if view is None:
             place = portrait.stand(self._replica.model, self._replica.data, width_px, width_px * 3 // 4)
         else:
-            place = scaled(view.camera, width_px / view.camera.width), view.world_from_camera
+            place = scaled(view.camera, width_px / view.camera.width), view.camera_pose.matrix
         self._place = place
 
     def at(self, episode: Episode, rows: np.ndarray) -> np.ndarray:

@@ -63,7 +63,7 @@ class Environment:
         self.goal = np.array(bundle.task.goal, np.float32)
         self._dynamics = Dynamics(bundle, self.model)
         self._index()
-        self._base_from_world = transforms.invert(bundle.world_from_base)
+        self._base_from_world = transforms.invert(bundle.base_pose.matrix)
         self._base_turn = quaternions.from_matrix(self._base_from_world[:3, :3])
         self.begin(starts.photographed(bundle, self.model))
 

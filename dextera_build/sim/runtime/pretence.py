@@ -6,7 +6,7 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Origin, Start
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.geometry import poses, transforms
+from dextera_build.geometry import poses
 
 STEPS = 4
 
@@ -14,8 +14,8 @@ STEPS = 4
 def pretended(bundle: TaskBundle, seed: int, origin: Origin, *, success: bool) -> Episode:
     """A trial of `STEPS` control periods in which robot and objects stay as in the photograph."""
     joints = np.array([joint.home for joint in bundle.robot.joints], np.float64)
-    base_from_world = transforms.invert(bundle.world_from_base)
-    motions = [base_from_world @ thing.world_from_object for thing in bundle.objects.values()]
+    base_from_world = bundle.base_pose.inverse()
+    motions = [(base_from_world @ thing.pose).matrix for thing in bundle.objects.values()]
     placed = np.array([poses.from_matrix(motion) for motion in motions])
     inner = np.array([position for thing in bundle.objects.values() for position in thing.positions])
     tips = len(bundle.robot.tips)

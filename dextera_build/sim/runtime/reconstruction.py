@@ -50,7 +50,7 @@ def reconstruct(seen: Measurement, ctrl: np.ndarray, twin: Environment, tracker:
     data.qpos[:], data.ctrl[:] = start.qpos, start.ctrl
     random = np.random.default_rng([seed, 2])
     for name, pose in zip(bundle.objects, seen.objects, strict=True):
-        place = bundle.world_from_base @ poses.to_matrix(pose) @ _error(tracker, random)
+        place = bundle.base_pose.matrix @ poses.to_matrix(pose) @ _error(tracker, random)
         data.joint(name).qpos[:3] = place[:3, 3]
         data.joint(name).qpos[3:] = quaternions.from_matrix(place[:3, :3])
     for name, position in zip(bundle.displacement_names, seen.displacement, strict=True):

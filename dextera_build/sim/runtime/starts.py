@@ -95,8 +95,8 @@ def _place_objects(bundle: TaskBundle, data: Any, random: np.random.Generator) -
         angle = float(random.uniform(-reset.yaw_rad, reset.yaw_rad)) if ours else 0.0
         c, s = np.cos(angle), np.sin(angle)
         turned = transforms.rigid(
-            np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ thing.world_from_object[:3, :3],
-            thing.world_from_object[:3, 3] + [*shift, 0.0],
+            np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ thing.pose.matrix[:3, :3],
+            thing.pose.matrix[:3, 3] + [*shift, 0.0],
         )
         place = data.joint(name).qpos
         place[:3], place[3:] = turned[:3, 3], quaternions.from_matrix(turned[:3, :3])

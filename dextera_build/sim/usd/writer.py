@@ -104,7 +104,7 @@ def _object(stage: Any, asset: Asset, link_names: dict[str, str], files: dict[st
         frame = transforms.rigid(np.eye(3), origin)
         own = f"{path}/{names.plain(link)}"
         body = UsdGeom.Xform.Define(stage, own)
-        place(body, asset.world_from_object @ poses[link] @ frame)
+        place(body, asset.pose.matrix @ poses[link] @ frame)
         UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
         _mass(body.GetPrim(), asset.physics.links[link], origin)
         mesh = asset.body.links[link].mesh

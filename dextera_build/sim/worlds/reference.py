@@ -126,7 +126,7 @@ class _Builder:
         spec.visual.headlight.diffuse[:] = 0.0
         spec.visual.headlight.specular[:] = 0.0
         for number, lamp in enumerate(world.lamps):
-            direction = self.frame[:3, :3] @ (np.array(lamp.direction) / np.linalg.norm(lamp.direction))
+            direction = self.frame.matrix[:3, :3] @ (np.array(lamp.direction) / np.linalg.norm(lamp.direction))
             spec.worldbody.add_light(
                 name=f"lamp_{number}",
                 type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
@@ -138,7 +138,7 @@ class _Builder:
             )
         support = _support(world)
         for name, fixture in world.fixtures.items():
-            pose = self.frame @ fixture.world_from_thing
+            pose = (self.frame @ fixture.pose).matrix
             for part_name, part in fixture.parts.items():
                 own = names.plain(f"{name}_{part_name}" if len(fixture.parts) > 1 else name)
                 self.stock.look(spec.worldbody, f"static_{own}_look", part, pose)
@@ -153,7 +153,7 @@ class _Builder:
                 code="DXB-B242",
                 hint="build the world with this version of `capture.world`",
             )
-        return Placed(body, thing, thing.matter, self.frame @ thing.world_from_thing)
+        return Placed(body, thing, thing.matter, (self.frame @ thing.pose).matrix)
 
     def _exchange(self, placed: Placed) -> list[Joined]:
         """Replace the asset's body by the true object, with the twin's frame in the photograph."""
@@ -232,9 +232,9 @@ class _Builder:
 
 def _support(world: World) -> str:
     """The fixture under the objects: its top is level with z = 0 and below the first object."""
-    places = [thing.world_from_thing[:2, 3] for thing in world.objects.values()]
+    places = [thing.pose.matrix[:2, 3] for thing in world.objects.values()]
     for name, fixture in world.fixtures.items():
-        points = transforms.apply(fixture.world_from_thing, fixture.surface.vertices.astype(np.float64))
+        points = transforms.apply(fixture.pose.matrix, fixture.surface.vertices.astype(np.float64))
         low, high = points.min(axis=0), points.max(axis=0)
         under = all((low[:2] <= place).all() and (place <= high[:2]).all() for place in places)
         if under and abs(float(high[2])) < LEVEL_M:

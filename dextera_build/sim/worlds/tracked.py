@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.world import Thing, World
 from dextera_build.errors import RuleError, listing
@@ -15,8 +16,8 @@ SAMPLES = 2000
 """Number of points on each true surface."""
 
 
-def twin_from_truth(bundle: TaskBundle, world: World) -> np.ndarray:
-    """(4, 4) transform from the reference world's frame to the twin's, through the robot, which exists in both.
+def twin_from_truth(bundle: TaskBundle, world: World) -> Pose:
+    """T_world_reference: the reference world in the twin's, through the robot, which exists in both.
 
     It includes every error of the twin: of its support plane, and of the robot's calibration.
 
@@ -29,12 +30,10 @@ def twin_from_truth(bundle: TaskBundle, world: World) -> np.ndarray:
             code="DXB-B240",
             hint="give `capture.world` option `robot` with the robot's place",
         )
-    return np.asarray(bundle.world_from_base @ transforms.invert(world.stand.matrix()))
+    return bundle.base_pose @ world.stand.pose().inverse()
 
 
-def match(
-    bundle: TaskBundle, things: Mapping[str, Thing], twin_from_world: np.ndarray, farthest_m: float
-) -> dict[str, str]:
+def match(bundle: TaskBundle, things: Mapping[str, Thing], twin_from_truth: Pose, farthest_m: float) -> dict[str, str]:
     """Match each body of the task to the true object at its place, one to one.
 
     Surfaces are compared by Chamfer-L1: half the sum of both mean nearest distances.
@@ -42,16 +41,16 @@ def match(
     Args:
         bundle: The task in the twin.
         things: Movable objects of the reference world.
-        twin_from_world: See `twin_from_truth`.
+        twin_from_truth: T_world_reference, see `twin_from_truth`.
         farthest_m: Maximum distance of a pair [m].
 
     Raises:
         RuleError: A body has no match.
     """
-    truth = {name: _points(thing, twin_from_world) for name, thing in things.items()}
+    truth = {name: _points(thing, twin_from_truth) for name, thing in things.items()}
     apart = np.full((len(bundle.objects), len(truth)), np.inf)
     for row, thing in enumerate(bundle.objects.values()):
-        found = transforms.apply(thing.world_from_object, thing.points.astype(np.float64))
+        found = transforms.apply(thing.pose.matrix, thing.points.astype(np.float64))
         for column, points in enumerate(truth.values()):
             apart[row, column] = metrics.chamfer_and_f(found, points, farthest_m)[0]
     near = np.where(apart <= farthest_m, 1.0 - apart / farthest_m, 0.0)
@@ -71,7 +70,7 @@ def match(
     return {body: pairs[body] for body in bodies}
 
 
-def _points(thing: Thing, twin_from_world: np.ndarray) -> np.ndarray:
-    pose = twin_from_world @ thing.world_from_thing
+def _points(thing: Thing, twin_from_truth: Pose) -> np.ndarray:
+    pose = twin_from_truth @ thing.pose
     surface = metrics.sample_surface(thing.surface.vertices.astype(np.float64), thing.surface.faces, SAMPLES, seed=0)
-    return transforms.apply(pose, surface)
+    return transforms.apply(pose.matrix, surface)

@@ -99,8 +99,8 @@ def _add_robot(spec: Any, world: World, robot: RobotModel | None) -> dict[str, f
 
 def _add_thing(spec: Any, name: str, thing: Thing) -> int:
     quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, thing.world_from_thing[:3, :3].flatten())
-    body = spec.worldbody.add_body(name=name, pos=thing.world_from_thing[:3, 3], quat=quaternion)
+    mujoco.mju_mat2Quat(quaternion, thing.pose.matrix[:3, :3].flatten())
+    body = spec.worldbody.add_body(name=name, pos=thing.pose.matrix[:3, 3], quat=quaternion)
     for part_name, part in thing.parts.items():
         _add_part(spec, body, f"{name}/{part_name}", part)
     return len(thing.parts)
@@ -140,12 +140,12 @@ def photograph(world: World, robot: RobotModel | None, *, supersample: int, soft
         soft: Whether to ray-cast soft shadows; without it there are no shadows.
     """
     stage = build(world, robot)
-    with Eye(stage.model, world.camera, world.world_from_camera) as eye:
+    with Eye(stage.model, world.camera, world.camera_pose.matrix) as eye:
         depth = eye.depth(stage.data).astype(np.float64)
         geoms = eye.segmentation(stage.data)
     keys = [number for number, lamp in enumerate(world.lamps) if lamp.shadow]
     fine = enlarge(world.camera, supersample)
-    with Eye(stage.model, fine, world.world_from_camera) as eye:
+    with Eye(stage.model, fine, world.camera_pose.matrix) as eye:
         colours = average(eye.rgb(stage.data), supersample)
         if soft and keys:
             for key in keys:
@@ -154,7 +154,7 @@ def photograph(world: World, robot: RobotModel | None, *, supersample: int, soft
             sky, key_light = light(
                 tessellate.surfaces(stage.model, stage.data),
                 world.camera,
-                world.world_from_camera,
+                world.camera_pose.matrix,
                 depth,
                 np.array(world.lamps[keys[0]].direction),
                 radius_rad=LAMP_RADIUS_RAD,

@@ -70,7 +70,7 @@ def articulate(ctx: Context, shape: Shape, seen: ObjectView, *, options: Articul
     body = Body(
         links={"base": found.base, "lid": found.lid},
         joints=(joint,),
-        world_from_object=shape.world_from_object,
+        pose=shape.pose,
         hollow=shape.hollow,
         source=shape.source,
     )
@@ -88,6 +88,4 @@ def articulate(ctx: Context, shape: Shape, seen: ObjectView, *, options: Articul
 
 def _rigid(shape: Shape) -> Body:
     base = Link(mesh=shape.mesh, walls=shape.walls)
-    return Body(
-        links={"base": base}, world_from_object=shape.world_from_object, hollow=shape.hollow, source=shape.source
-    )
+    return Body(links={"base": base}, pose=shape.pose, hollow=shape.hollow, source=shape.source)

@@ -144,7 +144,7 @@ def _seen_angle(shape: Shape, seen: ObjectView, hinge: Hinge) -> float | None:
     """Opening angle of a plane fitted to the seen points near the lid [rad], a check on the mesh."""
     valid = seen.mask & (seen.depth.depth > 0.0)
     points = cameras.backproject(seen.depth.depth, seen.camera.matrix())[valid]
-    to_object = transforms.invert(shape.world_from_object) @ seen.world_from_camera
+    to_object = (shape.pose.inverse() @ seen.camera_pose).matrix
     local = transforms.apply(to_object, points) - hinge.origin
     inside = hinge.turn(hinge.angle)[:3, :3] @ hinge.along
     front = np.cross(hinge.axis, inside)

@@ -17,7 +17,7 @@ def draw(body: Body, seen: ObjectView) -> np.ndarray:
     rows, columns = seen.rgb.pixels.shape[:2]
     picture = Image.fromarray(seen.rgb.pixels).resize((columns * _ENLARGED, rows * _ENLARGED))
     pen = ImageDraw.Draw(picture)
-    camera_from_object = transforms.invert(seen.world_from_camera) @ body.world_from_object
+    camera_from_object = (seen.camera_pose.inverse() @ body.pose).matrix
     for joint in body.joints:
         axis, tip = _lines(body, joint)
         pen.line(_pixels(axis, camera_from_object, seen), fill=(230, 40, 40), width=3)

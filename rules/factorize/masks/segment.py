@@ -77,7 +77,7 @@ def _view(
         mask=crop,
         occluder=occluders(crop, raised[box], capture.depth.depth[box].astype(np.float64)),
         camera=capture.camera.crop(left, top, crop.shape[1], crop.shape[0]),
-        world_from_camera=support.world_from_camera,
+        camera_pose=support.camera_pose,
         category=element.category,
         body_type=element.body_type,
         material=element.material,

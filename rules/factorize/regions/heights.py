@@ -30,7 +30,7 @@ def relief(capture: Capture, support: Support) -> Relief:
     depth = capture.depth.depth.astype(np.float64)
     valid = depth > 0
     camera_points = cameras.backproject(depth, capture.camera.matrix())
-    points = transforms.apply(support.world_from_camera, camera_points)
+    points = transforms.apply(support.camera_pose.matrix, camera_points)
     over = valid & regions.inside_convex(points[..., :2], support.polygon, MARGIN_M)
     sigma = planes.depth_sigma(depth)
     height = np.where(valid, points[..., 2], 0.0)

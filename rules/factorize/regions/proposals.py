@@ -65,7 +65,7 @@ def scenery(capture: Capture, support: Support) -> Scenery:
     if not raised.any():
         return Scenery(relief, (), relief.raised)
     lab = colour_lab(capture.rgb.pixels)
-    crop = patches.surfaces(relief, raised, capture, support.world_from_camera, lab)
+    crop = patches.surfaces(relief, raised, capture, support.camera_pose.matrix, lab)
     parts = grouping.group(crop, patches.patches(crop))
     labels = crop.full(parts.labels, raised)
     things = {

@@ -73,7 +73,7 @@ def gather(seen: ObjectView, samples: int = 1500, outline_samples: int = 220) ->
         samples: Number of depth rays per fit.
         outline_samples: Number of silhouette samples per fit.
     """
-    k, pose = seen.camera.matrix(), seen.world_from_camera
+    k, pose = seen.camera.matrix(), seen.camera_pose.matrix
     mask = without_pinholes(seen.mask)
     depth = seen.depth.depth.astype(np.float64)
     sigma = noise(depth)

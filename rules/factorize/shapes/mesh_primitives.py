@@ -10,6 +10,7 @@ import numpy as np
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import ObjectView, Shape
+from dextera_build.artifacts.pose import Pose
 from dextera_build.errors import listing
 from dextera_build.rule import Backend, Context
 
@@ -129,7 +130,7 @@ def _shape(
     return Shape(
         mesh=mesh,
         walls=tuple(Hull(vertices=corners.astype(np.float32)) for corners in body.walls),
-        world_from_object=body.pose,
+        pose=Pose(parent="world", child="object", matrix=body.pose),
         hypothesis=name,
         hollow=body.hollow,
         residual_m=judged.residual_m,

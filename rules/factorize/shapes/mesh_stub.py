@@ -9,6 +9,7 @@ import numpy as np
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import ObjectView, Shape
+from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import cameras, solids, transforms
 from dextera_build.rule import Backend, Context
 
@@ -30,7 +31,7 @@ def complete(ctx: Context, seen: ObjectView, options: MeshOptions) -> Shape:
             f"the view has {int(valid.sum())} pixels with depth, {options.least_points} are needed",
             hint="lower `least_points`",
         )
-    points = transforms.apply(seen.world_from_camera, cameras.backproject(depth, seen.camera.matrix())[valid])
+    points = transforms.apply(seen.camera_pose.matrix, cameras.backproject(depth, seen.camera.matrix())[valid])
     low, high = np.quantile(points, [0.02, 0.98], axis=0)
     size = np.maximum(high - low, SMALLEST_M)
     size[2] = max(high[2], SMALLEST_M)
@@ -44,10 +45,11 @@ def complete(ctx: Context, seen: ObjectView, options: MeshOptions) -> Shape:
         texture=Image(pixels=np.broadcast_to(colour, (4, 4, 3)).copy()),
     )
     middle = (low + high) / 2
+    place = transforms.rigid(np.eye(3), np.array([middle[0], middle[1], 0.0]))
     return Shape(
         mesh=mesh,
         walls=(Hull(vertices=vertices.copy()),),
-        world_from_object=transforms.rigid(np.eye(3), np.array([middle[0], middle[1], 0.0])),
+        pose=Pose(parent="world", child="object", matrix=place),
         hypothesis="box",
         hollow=False,
         residual_m=0.0,

@@ -54,7 +54,7 @@ def paint(
         symmetry: (3, 3) rotation or mirror of the body's frame that maps the body to itself, or None.
         revolved: Whether the body is rotationally symmetric about z; `symmetry` is then ignored.
     """
-    distance = float(np.linalg.norm(pose[:3, 3] - seen.world_from_camera[:3, 3]))
+    distance = float(np.linalg.norm(pose[:3, 3] - seen.camera_pose.matrix[:3, 3]))
     atlas = texture.unwrap(body.vertices, body.faces, 0.75 * distance / seen.camera.fx, most_px)
     texels = texture.texels(body.vertices, body.faces, atlas)
     photograph = _Photograph(body, pose, seen)
@@ -73,7 +73,7 @@ def paint(
 
 def _facing_mirror(pose: np.ndarray, seen: ObjectView) -> np.ndarray:
     """The mirror (3, 3) at the body's vertical axis that swaps the front, as the camera sees it, and the back."""
-    towards = pose[:3, :3].T @ (seen.world_from_camera[:3, 3] - pose[:3, 3])
+    towards = pose[:3, :3].T @ (seen.camera_pose.matrix[:3, 3] - pose[:3, 3])
     towards[2] = 0.0
     towards /= max(float(np.linalg.norm(towards)), 1e-9)
     return np.asarray(np.eye(3) - 2.0 * np.outer(towards, towards))
@@ -105,7 +105,7 @@ class _Photograph:
         from scipy import ndimage
 
         self.body, self.pose, self.seen = body, pose, seen
-        self.camera_from_object = transforms.invert(seen.world_from_camera) @ pose
+        self.camera_from_object = transforms.invert(seen.camera_pose.matrix) @ pose
         self.eye = transforms.invert(self.camera_from_object)[:3, 3]
         self.k = seen.camera.matrix()
         self.inset = ndimage.distance_transform_edt(without_pinholes(seen.mask) & ~seen.occluder)

@@ -32,14 +32,14 @@ def picture(shape: Shape, seen: ObjectView, turns: tuple[float, ...] = (100.0, 2
 def surface(shape: Shape) -> raycast.Surface:
     """The textured mesh in the world frame."""
     texture = None if shape.mesh.texture is None else shape.mesh.texture.pixels
-    vertices = transforms.apply(shape.world_from_object, shape.mesh.vertices.astype(np.float64))
+    vertices = transforms.apply(shape.pose.matrix, shape.mesh.vertices.astype(np.float64))
     return raycast.Surface(vertices, shape.mesh.faces, shape.mesh.uv, texture, shape.mesh.colour)
 
 
 def _overlay(shape: Shape, seen: ObjectView) -> np.ndarray:
     body = surface(shape)
     height, width = seen.mask.shape
-    shown = raycast.render([body], seen.camera.matrix(), seen.world_from_camera, height, width)
+    shown = raycast.render([body], seen.camera.matrix(), seen.camera_pose.matrix, height, width)
     covered = shown.index >= 0
     pixels = (seen.rgb.pixels * 0.45).astype(np.uint8)
     pixels[covered] = raycast.shade([body], shown)[covered]
@@ -53,7 +53,7 @@ def _from_side(shape: Shape, seen: ObjectView, turn: float) -> np.ndarray:
     body = surface(shape)
     middle = (body.vertices.min(axis=0) + body.vertices.max(axis=0)) / 2
     size = float(np.linalg.norm(np.ptp(body.vertices, axis=0)))
-    start = seen.world_from_camera[:3, 3] - middle
+    start = seen.camera_pose.matrix[:3, 3] - middle
     bearing = np.arctan2(start[1], start[0]) + turn
     rise = np.deg2rad(30.0)
     away = np.array([np.cos(bearing) * np.cos(rise), np.sin(bearing) * np.cos(rise), np.sin(rise)])

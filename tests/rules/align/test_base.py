@@ -17,7 +17,7 @@ SUPPORT = factories.support()
 
 def test_a_measured_base_is_taken_through_the_camera(tmp_path: Path) -> None:
     world_from_base = factories.pose(0.3, 0.5, -0.02, 2.0)
-    measured = Pose(parent="camera", child="base", matrix=np.linalg.inv(SUPPORT.world_from_camera) @ world_from_base)
+    measured = Pose(parent="camera", child="base", matrix=np.linalg.inv(SUPPORT.camera_pose.matrix) @ world_from_base)
     runner = RuleRunner(tmp_path)
     found = runner.run("align.base", support=SUPPORT, measured=measured, options={"position_m": (9.0, 9.0, 9.0)})
     assert (found.parent, found.child) == ("world", "base")

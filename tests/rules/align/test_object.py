@@ -31,7 +31,7 @@ def align(runner, body: Body, seen, **options) -> Placement:
 def worst(mesh, placed: Placement, truth=TRUTH) -> float:
     """Largest distance of a vertex from its true place [m]."""
     vertices = mesh.vertices.astype(np.float64)
-    found = transforms.apply(placed.world_from_object, placed.scale * vertices)
+    found = transforms.apply(placed.pose.matrix, placed.scale * vertices)
     return float(np.linalg.norm(found - transforms.apply(truth, vertices), axis=1).max())
 
 
@@ -40,7 +40,7 @@ def test_a_good_guess_is_kept_to_the_last_bit(runner, mesh):
     seen = object_views.view(mesh, TRUTH, noise_m=0.0015)
     placed = align(runner, object_views.body(mesh, TRUTH), seen)
     assert placed.scale == 1.0
-    assert (placed.world_from_object == TRUTH).all()
+    assert (placed.pose.matrix == TRUTH).all()
     assert placed.method.startswith("guess kept")
     assert placed.overlap > 0.99
     assert placed.residual_m < 0.0015
@@ -54,7 +54,7 @@ def test_a_guess_that_is_off_is_repaired_at_scale_one(runner, mesh):
     assert placed.method.startswith("guess refined")
     assert placed.scale == pytest.approx(1.0, abs=0.003)
     assert worst(mesh, placed) < 0.003
-    assert placed.world_from_object[:3, 2] == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
+    assert placed.pose.matrix[:3, 2] == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
 
 
 def test_an_occluder_does_not_pull_the_box_to_the_part_that_is_seen(runner):
@@ -71,7 +71,7 @@ def test_a_poor_guess_that_nothing_beats_clearly_is_kept(runner):
     seen = object_views.view(BRACKET, TRUTH)
     poor = factories.pose(0.035, 0.04, 0.0, 0.6)
     placed = align(runner, object_views.body(BRACKET, poor), seen, search_gain=2.0, guess_iou=0.9)
-    assert (placed.world_from_object == poor).all()
+    assert (placed.pose.matrix == poor).all()
     assert placed.method.startswith("guess kept (IoU 0.")
     assert placed.method.endswith("gained too little)")
 
@@ -86,7 +86,7 @@ def test_unknown_scale_and_orientation_are_found(runner, scale, turn):
     seen = object_views.view(BRACKET, TRUTH, noise_m=0.0015)
     placed = align(runner, object_views.body(canonical), seen)
     assert placed.scale * scale == pytest.approx(1.0, abs=0.02)
-    found = transforms.apply(placed.world_from_object, placed.scale * canonical.vertices.astype(np.float64))
+    found = transforms.apply(placed.pose.matrix, placed.scale * canonical.vertices.astype(np.float64))
     points = metrics.sample_surface(found, BRACKET.faces, 20000, 0)
     truth = metrics.sample_surface(transforms.apply(TRUTH, BRACKET.vertices), BRACKET.faces, 20000, 1)
     chamfer, within = metrics.chamfer_and_f(points, truth, 0.005)
@@ -102,7 +102,7 @@ def test_a_handle_decides_the_turn_of_a_mug_of_unknown_size(runner):
     seen = object_views.view(mug, TRUTH, noise_m=0.0015)
     placed = align(runner, object_views.body(large), seen)
     assert placed.scale * 7.0 == pytest.approx(1.0, abs=0.02)
-    handle = transforms.apply(placed.world_from_object, placed.scale * np.array([[0.49, 0.0, 0.315]]))[0]
+    handle = transforms.apply(placed.pose.matrix, placed.scale * np.array([[0.49, 0.0, 0.315]]))[0]
     assert np.linalg.norm(handle - transforms.apply(TRUTH, np.array([[0.07, 0.0, 0.045]]))[0]) < 0.006
     assert not placed.ambiguous
 
@@ -139,7 +139,7 @@ def test_only_round_bodies_are_ambiguous(runner, name, round_):
 def test_a_laptop_is_placed_as_its_hinge_stands(runner):
     made = factories.laptop_asset(factories.pose(0.0, 0.0, 0.0, 0.2), opening=1.9)
     whole, _ = object_views.laptop(1.9)
-    seen = object_views.view(object_views.mesh(whole), made.world_from_object, category="laptop")
+    seen = object_views.view(object_views.mesh(whole), made.pose.matrix, category="laptop")
     placed = align(runner, made.body, seen)
     assert runner.outcome.metrics["mask_iou"][0] > 0.9
     assert placed.overlap > 0.9
@@ -180,6 +180,6 @@ def test_the_same_input_gives_the_same_bytes(runner):
 def test_the_stub_believes_the_guess(runner):
     seen = object_views.view(BOX, TRUTH)
     placed = runner.run("align.object", body=object_views.body(BOX, TRUTH), seen=seen, backend="stub")
-    assert (placed.world_from_object == TRUTH).all()
+    assert (placed.pose.matrix == TRUTH).all()
     assert placed.scale == 1.0
     assert runner.outcome.previews == []

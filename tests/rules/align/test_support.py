@@ -22,7 +22,7 @@ def runner(tmp_path):
 
 def error_of(support, truth: np.ndarray) -> tuple[float, float]:
     """Angle between the normals [deg] and difference of the camera's heights [mm]."""
-    found = support.world_from_camera
+    found = support.camera_pose.matrix
     cosine = np.clip(found[2, :3] @ truth[2, :3], -1, 1)
     return float(np.degrees(np.arccos(cosine))), float(abs(found[2, 3] - truth[2, 3]) * 1000)
 
@@ -40,7 +40,7 @@ def test_the_table_is_found_before_floor_and_wall(runner, wall, height):
 def test_the_world_frame_is_as_documented(runner):
     scene = tabletops.tabletop((BOX, factories.pose()))
     support = runner.run("align.support", capture=scene.capture)
-    pose = support.world_from_camera
+    pose = support.camera_pose.matrix
     assert np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-9)
     right, forward = pose[:3, 0], pose[:3, 2]
     assert right[0] > 0.99
@@ -57,7 +57,7 @@ def test_the_polygon_is_the_seen_table(runner):
     assert regions.area(support.polygon) == pytest.approx(0.25, rel=0.06)
     corners = np.array([[-0.25, -0.25, 0], [0.25, 0.25, 0]])
     camera = transforms.apply(transforms.invert(scene.world_from_camera), corners)
-    here = transforms.apply(support.world_from_camera, camera)
+    here = transforms.apply(support.camera_pose.matrix, camera)
     assert regions.inside_convex(here[:, :2], support.polygon, 0.02).all()
     assert not regions.inside_convex(here[:, :2] * 1.15, support.polygon, 0.0).any()
 

@@ -31,7 +31,7 @@ def striped_table() -> tuple[Capture, Support]:
     """A table with fine stripes along y, seen in perspective, no objects."""
     table = factories.support(0.45)
     bare = factories.capture(LENS, table)
-    points = transforms.apply(table.world_from_camera, cameras.backproject(bare.depth.depth, LENS.matrix()))
+    points = transforms.apply(table.camera_pose.matrix, cameras.backproject(bare.depth.depth, LENS.matrix()))
     wave = 18 * np.sin(points[..., 0] * 2 * np.pi / 0.03)
     light = 20 * points[..., 1]
     pixels = np.clip(np.array([168, 140, 110]) + (wave + light)[..., None], 0, 255).astype(np.uint8)
@@ -42,7 +42,7 @@ def with_box(empty: Capture, table: Support, *, shadow: bool = True) -> tuple[Ca
     """The capture with a red box on the table, and its mask."""
     box = factories.box_mesh((-0.06, -0.05, 0.0), (0.06, 0.05, 0.12))
     seen = raycast.render(
-        [raycast.Surface(box.vertices, box.faces)], LENS.matrix(), table.world_from_camera, LENS.height, LENS.width
+        [raycast.Surface(box.vertices, box.faces)], LENS.matrix(), table.camera_pose.matrix, LENS.height, LENS.width
     )
     mask = seen.index >= 0
     pixels = empty.rgb.pixels.astype(np.float64)
@@ -123,7 +123,7 @@ def test_the_surface_rendered_from_the_camera_is_the_cleaned_picture(
     mesh = background.mesh
     assert mesh.texture is not None
     surface = raycast.Surface(mesh.vertices, mesh.faces, mesh.uv, mesh.texture.pixels)
-    seen = raycast.render([surface], LENS.matrix(), table.world_from_camera, LENS.height, LENS.width)
+    seen = raycast.render([surface], LENS.matrix(), table.camera_pose.matrix, LENS.height, LENS.width)
     picture = raycast.shade([surface], seen)
     hit = seen.index >= 0
     assert hit.mean() > 0.5
@@ -216,10 +216,10 @@ def test_a_hole_as_large_as_the_picture_still_gives_a_surface(tmp_path: Path) ->
 
 def test_beyond_the_supports_edge_the_wall_is_filled_with_wall(tmp_path: Path) -> None:
     empty, table = striped_table()
-    points = transforms.apply(table.world_from_camera, cameras.backproject(empty.depth.depth, LENS.matrix()))
-    rays = cameras.rays(LENS.height, LENS.width, LENS.matrix()) @ table.world_from_camera[:3, :3].T
+    points = transforms.apply(table.camera_pose.matrix, cameras.backproject(empty.depth.depth, LENS.matrix()))
+    rays = cameras.rays(LENS.height, LENS.width, LENS.matrix()) @ table.camera_pose.matrix[:3, :3].T
     wall = (points[..., 1] > 0.45) | (empty.depth.depth == 0)
-    depth = np.where(wall, (0.45 - table.world_from_camera[1, 3]) / rays[..., 1], empty.depth.depth).astype(np.float32)
+    depth = np.where(wall, (0.45 - table.camera_pose.matrix[1, 3]) / rays[..., 1], empty.depth.depth).astype(np.float32)
     pixels = np.where(wall[..., None], np.array([60, 80, 200], np.uint8), empty.rgb.pixels)
     room = Capture(rgb=Image(pixels=pixels), depth=DepthImage(depth=depth), camera=LENS)
     edge = int(np.flatnonzero(~wall[:, 160]).min())
@@ -261,7 +261,7 @@ def test_a_real_table_loses_its_object(tmp_path: Path) -> None:
     pixels = np.array(Pillow.open(folder / "rgb.png").convert("RGB"))
     capture = Capture(rgb=Image(pixels=pixels), depth=DepthImage(depth=depth), camera=lens)
     table = support(Context(scratch=tmp_path), capture, options=SupportOptions())
-    world = transforms.apply(table.world_from_camera, cameras.backproject(depth, lens.matrix()))
+    world = transforms.apply(table.camera_pose.matrix, cameras.backproject(depth, lens.matrix()))
     mask = (depth > 0) & (world[..., 2] > 0.006) & (world[..., 2] < 0.4)
     mask = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8)) > 0
     result = build(capture, table, mask, tmp_path, static_planes)

@@ -30,7 +30,7 @@ def mount(folder: Path, world: World, **options: float) -> np.ndarray:
 
 
 def test_without_an_error_it_is_the_truth(world: World, tmp_path: Path) -> None:
-    found = world.world_from_camera @ mount(tmp_path, world, position_sigma_m=0.0, rotation_sigma_deg=0.0)
+    found = world.camera_pose.matrix @ mount(tmp_path, world, position_sigma_m=0.0, rotation_sigma_deg=0.0)
     np.testing.assert_allclose(found[:3, 3], reference_tasks.STAND["position_m"], atol=1e-12)
     angle = np.radians(190.0)
     np.testing.assert_allclose(found[:3, 0], [np.cos(angle), np.sin(angle), 0.0], atol=1e-12)

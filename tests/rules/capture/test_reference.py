@@ -101,7 +101,7 @@ def test_truth_labels_what_the_rays_of_the_camera_hit(pair: tuple[Capture, Truth
     truth = pair[1]
     surfaces = [raycast.Surface(thing.mesh.vertices, thing.mesh.faces) for thing in truth.objects.values()]
     camera = truth.camera
-    seen = raycast.render(surfaces, camera.matrix(), truth.world_from_camera, camera.height, camera.width)
+    seen = raycast.render(surfaces, camera.matrix(), truth.camera_pose.matrix, camera.height, camera.width)
     for number, thing in enumerate(truth.objects.values()):
         cast, labelled = seen.index == number, truth.labels.labels == thing.label
         assert (cast & labelled).sum() / (cast | labelled).sum() > 0.97

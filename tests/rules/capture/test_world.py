@@ -68,9 +68,9 @@ def test_sizes_are_as_described(world: World, name: str, size: tuple[float, floa
 
 def test_things_stand_on_the_table_where_told(world: World) -> None:
     for name, thing in world.objects.items():
-        points = transforms.apply(thing.world_from_thing, thing.surface.vertices)
+        points = transforms.apply(thing.pose.matrix, thing.surface.vertices)
         assert abs(points[:, 2].min()) < 1e-6
-        np.testing.assert_allclose(thing.world_from_thing[:2, 3], WORLD["objects"][name]["at_m"])
+        np.testing.assert_allclose(thing.pose.matrix[:2, 3], WORLD["objects"][name]["at_m"])
 
 
 def volume(world: World, name: str) -> float:
@@ -144,9 +144,9 @@ def test_cavities_are_open(world: World, name: str) -> None:
 
 
 def test_the_camera_looks_at_its_target(world: World) -> None:
-    target = transforms.apply(transforms.invert(world.world_from_camera), np.array([[0.0, 0.0, 0.05]]))
+    target = transforms.apply(transforms.invert(world.camera_pose.matrix), np.array([[0.0, 0.0, 0.05]]))
     np.testing.assert_allclose(cameras.project(target, world.camera.matrix()), [[150.0, 95.0]], atol=1e-9)
-    assert world.world_from_camera[2, 1] < 0  # image down is world down
+    assert world.camera_pose.matrix[2, 1] < 0  # image down is world down
 
 
 def test_the_same_description_gives_the_same_digest(world: World, tmp_path: Path) -> None:

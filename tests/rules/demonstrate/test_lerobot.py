@@ -196,7 +196,7 @@ def test_every_episode_can_be_begun_again() -> None:
     camera = json.loads(folder.files["meta/cameras.json"])["workspace"]
     assert camera["fx"] == episodes.view().camera.fx
     world = episodes.WORLD_FROM_BASE @ np.array(camera["base_from_camera"])
-    np.testing.assert_allclose(world, episodes.view().world_from_camera, atol=1e-12)
+    np.testing.assert_allclose(world, episodes.view().camera_pose.matrix, atol=1e-12)
 
 
 def test_a_data_file_has_a_row_group_per_episode_and_the_declared_features() -> None:

@@ -109,7 +109,7 @@ def test_frames_are_those_of_the_objects_base_and_camera(
     ]
     world_from_base, base_from_camera = (matrix(edge.transform) for edge in still.transforms)
     np.testing.assert_allclose(world_from_base, episodes.WORLD_FROM_BASE, atol=1e-12)
-    np.testing.assert_allclose(world_from_base @ base_from_camera, episodes.view().world_from_camera, atol=1e-12)
+    np.testing.assert_allclose(world_from_base @ base_from_camera, episodes.view().camera_pose.matrix, atol=1e-12)
 
 
 def test_forces_targets_and_pictures_come_back(topics: dict[str, list[tuple[int, Any]]], made: Episodes) -> None:

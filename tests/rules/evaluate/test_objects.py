@@ -17,6 +17,7 @@ from dextera_build.artifacts.table import Table
 from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast, transforms
 from dextera_build.testing import RuleRunner
+from tests import factories
 
 CAMERA = Camera(width=240, height=160, fx=220.0, fy=220.0, cx=117.7, cy=80.6)
 COLOUR = (0.8, 0.2, 0.2)
@@ -46,7 +47,7 @@ def look() -> np.ndarray:
 
 def asset(mesh: Mesh, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Asset:
     """A rigid asset that stands in the twin's world where `mesh` stands in the true one, moved by `shift` [m]."""
-    return placed(Body(links={"base": Link(mesh=mesh)}, world_from_object=np.eye(4)), shift)
+    return placed(Body(links={"base": Link(mesh=mesh)}, pose=factories.placed(np.eye(4))), shift)
 
 
 def placed(body: Body, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Asset:
@@ -54,7 +55,7 @@ def placed(body: Body, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> A
         body=body,
         physics=Physics(links={}, friction=0.5, friction_sigma=0.1, restitution=0.1, material="plastic"),
         collision=Collision(links={}),
-        world_from_object=TWIN_FROM_TRUE @ transforms.rigid(np.eye(3), np.array(shift)),
+        pose=factories.placed(TWIN_FROM_TRUE @ transforms.rigid(np.eye(3), np.array(shift))),
         category="box",
     )
 
@@ -70,7 +71,7 @@ def truth() -> Truth:
         rgb=Image(pixels=raycast.shade(surfaces, seen)),
         depth=DepthImage(depth=seen.depth.astype(np.float32)),
         camera=CAMERA,
-        world_from_camera=look(),
+        camera_pose=factories.placed(look(), "camera", "reference"),
     )
 
 
@@ -79,7 +80,7 @@ def evaluate(
 ) -> tuple[Table, RuleRunner]:
     runner = RuleRunner(tmp_path)
     support = Support(
-        world_from_camera=TWIN_FROM_TRUE @ look(),
+        camera_pose=factories.placed(TWIN_FROM_TRUE @ look(), "camera"),
         polygon=np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]]),
         residual_m=0.0,
         inlier_fraction=1.0,
@@ -164,7 +165,7 @@ def test_links_stand_where_their_joints_put_them(tmp_path: Path, truth: Truth) -
     folded = lid.model_copy(update={"vertices": transforms.apply(back, lid.vertices).astype(np.float32)})
     speck = box((-0.2, 0.05, 0.04), 0.001)
     body = Body(
-        links={"base": Link(mesh=speck), "lid": Link(mesh=folded)}, joints=(hinge,), world_from_object=np.eye(4)
+        links={"base": Link(mesh=speck), "lid": Link(mesh=folded)}, joints=(hinge,), pose=factories.placed(np.eye(4))
     )
     table, _ = evaluate(tmp_path, truth, {"a": placed(body), "b": asset(box(PLACES["right"]))})
     assert cell(table, "left", "Mask IoU") == pytest.approx(1.0, abs=0.005)

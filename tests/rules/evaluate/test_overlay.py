@@ -40,7 +40,7 @@ def test_objects_are_where_ray_casting_says(twin: Scene) -> None:
     surface = raycast.posed(
         box.body.links["base"].mesh.vertices, box.body.links["base"].mesh.faces, factories.pose(-0.15)
     )
-    seen = raycast.render([surface], LENS.matrix(), TABLE.world_from_camera, LENS.height, LENS.width).index >= 0
+    seen = raycast.render([surface], LENS.matrix(), TABLE.camera_pose.matrix, LENS.height, LENS.width).index >= 0
     found = owner == 0
     assert (found & seen).sum() / (found | seen).sum() > 0.97
     assert (owner == 1).sum() > 1000, "the lid belongs to the laptop"

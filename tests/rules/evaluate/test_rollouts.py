@@ -154,7 +154,7 @@ def test_a_checkpoint_for_something_else_is_refused(runner, backend):
 
 def test_starts_that_cannot_be_drawn_are_left_out_and_said(runner):
     crowded = gate.bundle(ball=True)
-    inside = crowded.objects["ball"].model_copy(update={"world_from_object": factories.pose(z=0.05)})
+    inside = crowded.objects["ball"].model_copy(update={"pose": factories.placed(factories.pose(z=0.05))})
     bundle = crowded.model_copy(update={"objects": {"case": crowded.objects["case"], "ball": inside}})
     with pytest.raises(RuleError, match="no trial of `OpenGate` came about") as caught:
         runner.run("evaluate.rollouts", bundle=bundle, checkpoint=saying(0.8, bundle), options={"trials": 2})

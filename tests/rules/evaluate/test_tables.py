@@ -21,9 +21,9 @@ def runner(tmp_path):
 
 def test_dimensions_are_those_of_the_nearest_body(runner):
     near = factories.box_asset(size=(0.06, 0.158, 0.21))
-    away = near.world_from_object.copy()
+    away = near.pose.matrix.copy()
     away[:3, 3] += [0.0, 5.0, 0.0]
-    far = near.model_copy(update={"world_from_object": away})
+    far = near.model_copy(update={"pose": factories.placed(away)})
     table = runner.run(
         "evaluate.dimensions",
         assets=Collection[Asset](items={"far": far, "near": near}),

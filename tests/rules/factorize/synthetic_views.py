@@ -11,6 +11,7 @@ from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import ObjectView
 from dextera_build.geometry import raycast, solids, transforms
 from dextera_build.geometry.solids import Solid
+from tests import factories
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def view(body: Solid, eye: Eye, seed: int = 0, noise_m: float = 0.0015, hidden: 
         mask=mask[box].copy(),
         occluder=(shown.index >= 2)[box].copy(),
         camera=camera,
-        world_from_camera=eye.pose(),
+        camera_pose=factories.placed(eye.pose(), "camera"),
         category="object",
         body_type="rigid",
         material="plastic",

@@ -10,7 +10,7 @@ from dextera_build.artifacts.object import Body, Link, Physics
 from dextera_build.errors import RuleError
 from dextera_build.geometry import massprops, solids
 from dextera_build.testing import RuleRunner
-from tests import object_views
+from tests import factories, object_views
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_published_boxes_lie_inside_their_interval(runner, grams, size):
 
 def test_a_weighed_mass_is_shared_out_by_volume(runner):
     lid = object_views.mesh(solids.box((0.1, 0.2, 0.1), (0.0, 0.0, 0.35)))
-    body = Body(links={"base": Link(mesh=BOX), "lid": Link(mesh=lid)}, world_from_object=np.eye(4))
+    body = Body(links={"base": Link(mesh=BOX), "lid": Link(mesh=lid)}, pose=factories.placed(np.eye(4)))
     found = weigh(runner, body, mass_kg=2.0)
     assert found.links["base"].mass_kg == pytest.approx(1.5, rel=1e-6)
     assert found.links["lid"].mass_kg == pytest.approx(0.5, rel=1e-6)

@@ -80,7 +80,7 @@ def test_every_true_surface_is_where_the_world_has_it(world: World, true: TaskBu
         for part_name, part in thing.parts.items():
             owner = f"{body}_lid" if part_name == "lid" else body
             found = corners_of(model, data, f"{owner}_{part_name}_look_visual")
-            points = transforms.apply(TWIN_FROM_TRUTH @ thing.world_from_thing, part.mesh.vertices.astype(np.float64))
+            points = transforms.apply(TWIN_FROM_TRUTH @ thing.pose.matrix, part.mesh.vertices.astype(np.float64))
             np.testing.assert_allclose(
                 np.unique(found.round(4), axis=0).mean(axis=0),
                 np.unique(points.round(4), axis=0).mean(axis=0),
@@ -145,7 +145,7 @@ def test_it_stands_still(true: TaskBundle) -> None:
 
 
 def test_a_ball_that_is_dropped_into_the_mug_stays_inside(world: World, true: TaskBundle) -> None:
-    middle = (TWIN_FROM_TRUTH @ world.objects["mug"].world_from_thing)[:3, 3]
+    middle = (TWIN_FROM_TRUTH @ world.objects["mug"].pose.matrix)[:3, 3]
     ball = reference_tasks.dropped_ball(true, middle + np.array([0.005, 0.0, 0.13]), radius=0.015)
     assert np.linalg.norm(ball[:2] - middle[:2]) < 0.037
     # It lies on the floor of the cavity, 4 mm above the table.
@@ -156,7 +156,7 @@ def test_an_error_of_the_calibration_moves_everything_but_the_robot(world: World
     off = factories.pose(0.002, 0.0, 0.0, 0.003)
     twin = reference_tasks.bundle(reference_tasks.assets(world), off)
     model, data = opened(build(tmp_path, twin, world))
-    np.testing.assert_allclose(pose_of(data, "robot/base"), twin.world_from_base, atol=1e-5)
+    np.testing.assert_allclose(pose_of(data, "robot/base"), twin.base_pose.matrix, atol=1e-5)
     table = corners_of(model, data, "static_table_look_visual")
     expected = transforms.apply(off @ TWIN_FROM_TRUTH, world.fixtures["table"].surface.vertices.astype(np.float64))
     np.testing.assert_allclose(table.min(axis=0), expected.min(axis=0), atol=1e-4)
@@ -205,7 +205,7 @@ def test_what_the_twin_does_not_know_is_there_too(world: World, tmp_path: Path) 
     assert set(made.objects) == {"red_box", "notebook"}
     assert after.nq == before.nq + 7
     assert after.joint(after.njnt - 1).name == "mug"
-    np.testing.assert_allclose(pose_of(data, "mug"), TWIN_FROM_TRUTH @ world.objects["mug"].world_from_thing, atol=1e-5)
+    np.testing.assert_allclose(pose_of(data, "mug"), TWIN_FROM_TRUTH @ world.objects["mug"].pose.matrix, atol=1e-5)
 
 
 def test_the_stub_has_the_same_form(twin: TaskBundle, true: TaskBundle, world: World, tmp_path: Path) -> None:
@@ -217,7 +217,7 @@ def test_the_stub_has_the_same_form(twin: TaskBundle, true: TaskBundle, world: W
 
 
 def elsewhere(asset: Asset) -> Asset:
-    return asset.model_copy(update={"world_from_object": factories.pose(-0.3, -0.3)})
+    return asset.model_copy(update={"pose": factories.placed(factories.pose(-0.3, -0.3))})
 
 
 def test_an_asset_without_a_thing_is_named(world: World, tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_the_robot_stands_where_its_base_is(make):
     assert np.allclose(environment.data.body("robot/base").xpos, [0.0, -0.5, 0.0])
     poses = dict(zip(bundle.objects, environment.object_poses(), strict=True))
     # The base looks along its x axis, turned by 1.5 rad: the box stands 0.3 m to the right of where it looks.
-    seen = np.linalg.inv(bundle.world_from_base) @ [0.3, 0.0, 0.0, 1.0]
+    seen = np.linalg.inv(bundle.base_pose.matrix) @ [0.3, 0.0, 0.0, 1.0]
     assert np.allclose(poses["blue_box"][:3], seen[:3], atol=1e-6)
 
 

@@ -80,7 +80,7 @@ def test_a_photographed_laptop_comes_back_as_it_stood(runner, tmp_path):
     whole, _ = object_views.laptop(1.885)
     mesh, pose = object_views.mesh(whole), factories.pose(0.02, 0.01, 0.0, 0.3)
     seen = object_views.view(mesh, pose, category="laptop", body_type="articulated", material="electronics")
-    shape = object_views.shape(mesh).model_copy(update={"world_from_object": pose})
+    shape = object_views.shape(mesh).model_copy(update={"pose": factories.placed(pose)})
     body = runner.run("factorize.articulate", shape=shape, seen=seen)
     parts = {
         "physics": runner.run("factorize.physics", body=body, seen=seen),
@@ -96,7 +96,7 @@ def test_a_photographed_laptop_comes_back_as_it_stood(runner, tmp_path):
     found = np.concatenate([geom_vertices(model, data, geom) for geom in visual])
     assert metrics.nearest(found, mesh.vertices.astype(np.float64)).max() < 3e-4
     assert metrics.nearest(mesh.vertices.astype(np.float64), found).max() < 3e-4
-    assert asset.world_from_object == pytest.approx(pose)
+    assert asset.pose.matrix == pytest.approx(pose)
     assert model.body_subtreemass[0] == pytest.approx(1300.0 * whole.volume, rel=0.01)
 
 

@@ -18,7 +18,7 @@ from tests import factories
 
 CAMERA = Camera(width=1280, height=720, fx=912.4, fy=911.8, cx=643.2, cy=357.7)
 POSE = factories.look_at((0.1, -0.9, 0.7))
-SCENE = Scene(model=Folder(files={}), camera=CAMERA, world_from_camera=POSE, bodies=())
+SCENE = Scene(model=Folder(files={}), camera=CAMERA, camera_pose=factories.placed(POSE, "camera"), bodies=())
 
 
 @given(st.integers(8, 400), st.integers(8, 400))
@@ -32,7 +32,7 @@ def test_a_point_lands_where_cropping_and_scaling_the_photograph_puts_it(width: 
     expected = (full[:2] - [639.5, 359.5]) * scale
     np.testing.assert_allclose(seen[:2] - [(width - 1) / 2, (height - 1) / 2], expected, atol=1e-9)
     assert (small.width, small.height) == (width, height)
-    np.testing.assert_array_equal(made.world_from_camera, POSE)
+    np.testing.assert_array_equal(made.camera_pose.matrix, POSE)
 
 
 def test_its_own_size_leaves_the_camera_as_it_is(tmp_path: Path) -> None:
@@ -44,10 +44,10 @@ def test_a_camera_put_by_hand_looks_at_its_target(tmp_path: Path) -> None:
     runner = RuleRunner(tmp_path)
     eye, target = (0.5, -0.8, 0.9), (0.1, 0.2, 0.05)
     made = runner.run("simulate.view", options={"eye_m": eye, "target_m": target}, scene=SCENE)
-    seen = np.linalg.inv(made.world_from_camera) @ [*target, 1.0]
+    seen = np.linalg.inv(made.camera_pose.matrix) @ [*target, 1.0]
     np.testing.assert_allclose(seen[:2], 0.0, atol=1e-12)
     assert seen[2] == pytest.approx(np.linalg.norm(np.subtract(eye, target)))
-    assert made.world_from_camera[2, 0] == pytest.approx(0.0)
+    assert made.camera_pose.matrix[2, 0] == pytest.approx(0.0)
     assert runner.outcome.line == "128 x 96 px, placed by hand"
 
 
@@ -67,5 +67,5 @@ def test_a_shift_moves_the_camera_and_does_not_turn_it(tmp_path: Path) -> None:
     runner = RuleRunner(tmp_path)
     still = runner.run("simulate.view", scene=SCENE)
     moved = runner.run("simulate.view", options={"shift_m": (0.02, 0.0, -0.01)}, scene=SCENE)
-    assert np.allclose(moved.world_from_camera[:3, 3] - still.world_from_camera[:3, 3], [0.02, 0.0, -0.01])
-    assert np.array_equal(moved.world_from_camera[:3, :3], still.world_from_camera[:3, :3])
+    assert np.allclose(moved.camera_pose.matrix[:3, 3] - still.camera_pose.matrix[:3, 3], [0.02, 0.0, -0.01])
+    assert np.array_equal(moved.camera_pose.matrix[:3, :3], still.camera_pose.matrix[:3, :3])

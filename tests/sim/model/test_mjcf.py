@@ -17,7 +17,7 @@ from tests import factories
 def build(assets: dict[str, Asset], lens: object = None) -> object:
     table = factories.support()
     camera = lens or factories.camera()
-    return mjcf.scene(assets, factories.background(), camera, table.world_from_camera)
+    return mjcf.scene(assets, factories.background(), camera, table.camera_pose.matrix)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def test_links_stand_where_forward_kinematics_puts_them(
     wanted = kinematics.link_poses(body, None if angle is None else {"hinge": angle})["lid"]
     origin = np.array(body.joints[0].origin)
     found = transforms.rigid(quaternions.to_matrix(data.body("laptop_lid").xquat), data.body("laptop_lid").xpos)
-    expected = assets["laptop"].world_from_object @ wanted @ transforms.rigid(np.eye(3), origin)
+    expected = assets["laptop"].pose.matrix @ wanted @ transforms.rigid(np.eye(3), origin)
     np.testing.assert_allclose(found, expected, atol=1e-7)
 
 
@@ -101,7 +101,7 @@ def test_chains_of_joints_and_sliders_agree_with_forward_kinematics() -> None:
     data = model.at_home(loaded)
     poses = kinematics.link_poses(body)
     for link, origin in (("lid", body.joints[0].origin), ("flap", slide.origin)):
-        expected = asset.world_from_object @ poses[link] @ transforms.rigid(np.eye(3), np.array(origin))
+        expected = asset.pose.matrix @ poses[link] @ transforms.rigid(np.eye(3), np.array(origin))
         found = data.body(f"x_{link}")
         np.testing.assert_allclose(found.xpos, expected[:3, 3], atol=1e-7)
         np.testing.assert_allclose(quaternions.to_matrix(found.xquat), expected[:3, :3], atol=1e-7)
@@ -115,7 +115,7 @@ def test_the_camera_projects_as_the_intrinsics_say() -> None:
     cubes = {
         f"cube_{i}": factories.box_asset(factories.pose(x, y), (0.02, 0.02, 0.02)) for i, (x, y) in enumerate(places)
     }
-    loaded = model.compile_folder(mjcf.scene(cubes, factories.background(), lens, table.world_from_camera))
+    loaded = model.compile_folder(mjcf.scene(cubes, factories.background(), lens, table.camera_pose.matrix))
     data = model.at_home(loaded)
     with mujoco.Renderer(loaded, lens.height, lens.width) as renderer:
         renderer.update_scene(data, camera="capture")
@@ -124,7 +124,7 @@ def test_the_camera_projects_as_the_intrinsics_say() -> None:
     for i, (x, y) in enumerate(places):
         geom = loaded.geom(f"cube_{i}_visual").id
         found = np.argwhere(seen == geom)[:, ::-1].mean(axis=0)
-        middle = transforms.apply(transforms.invert(table.world_from_camera), np.array([[x, y, 0.01]]))
+        middle = transforms.apply(transforms.invert(table.camera_pose.matrix), np.array([[x, y, 0.01]]))
         assert np.abs(found - cameras.project(middle, lens.matrix())[0]).max() < 0.6
 
 
@@ -217,8 +217,8 @@ def test_the_lid_needs_more_than_its_weight_to_move() -> None:
 
 def test_the_texture_stands_upright_in_the_render() -> None:
     lens, table = factories.camera(), factories.support()
-    loaded = model.compile_folder(mjcf.scene({}, factories.background(), lens, table.world_from_camera))
-    pixels = rendering.render_rgb(loaded, model.at_home(loaded), lens, table.world_from_camera).astype(int)
+    loaded = model.compile_folder(mjcf.scene({}, factories.background(), lens, table.camera_pose.matrix))
+    pixels = rendering.render_rgb(loaded, model.at_home(loaded), lens, table.camera_pose.matrix).astype(int)
     near, far = pixels[-10, 160], pixels[90, 160]
     assert near[1] > far[1] + 10, "green grows towards the picture's lower border, which is the near side"
     assert pixels[-10, 220, 0] > pixels[-10, 100, 0] + 5, "red grows to the right"

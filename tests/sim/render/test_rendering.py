@@ -10,6 +10,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.task import View
 from dextera_build.geometry import cameras, transforms
 from dextera_build.sim.render import rendering
+from tests import factories
 
 CAMERA = Camera(width=200, height=160, fx=230.0, fy=215.0, cx=93.0, cy=88.0)
 POINTS = np.array([[0.0, 0.0, 0.0], [0.25, 0.1, 0.05], [-0.2, 0.15, 0.1], [0.1, -0.2, -0.05]])
@@ -92,7 +93,9 @@ def test_one_sample_per_pixel_keeps_colours_apart_and_four_blend_them(pose: np.n
     behind = rendering.render_segmentation(model, data, CAMERA, pose) < 0
     blended = {}
     for samples in (1, 4):
-        with rendering.through(model, View(camera=CAMERA, world_from_camera=pose, samples=samples)) as eye:
+        with rendering.through(
+            model, View(camera=CAMERA, camera_pose=factories.placed(pose, "camera"), samples=samples)
+        ) as eye:
             blended[samples] = np.any(eye.rgb(data)[behind] != 0, axis=-1).sum()
     assert blended[1] == 0
     assert blended[4] > 20

@@ -196,7 +196,7 @@ def test_objects_stand_in_the_base_frame_with_one_sign_of_their_quaternion():
             joint.qpos[:3], joint.qpos[3:] = pose[:3, 3], sign * quaternion
             mujoco.mj_forward(environment.model, environment.data)
             found = environment.object_poses()[0]
-            wanted = transforms.invert(environment.bundle.world_from_base) @ pose
+            wanted = transforms.invert(environment.bundle.base_pose.matrix) @ pose
             assert found[3] >= 0
             assert np.allclose(found[:3], wanted[:3, 3])
             assert np.allclose(quaternions.to_matrix(found[3:]), wanted[:3, :3], atol=1e-9)

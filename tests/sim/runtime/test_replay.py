@@ -122,7 +122,7 @@ def test_a_reset_for_which_nothing_succeeds_in_the_twin_brings_no_replay(twin):
 def test_a_world_too_crowded_for_a_start_says_so(twin):
     crowded = gate.bundle("reference", ball=True)
     case = crowded.objects["case"]
-    inside = crowded.objects["ball"].model_copy(update={"world_from_object": case.world_from_object})
+    inside = crowded.objects["ball"].model_copy(update={"pose": case.pose})
     world = Environment(crowded.model_copy(update={"objects": {"case": case, "ball": inside}}))
     found = Replay(twin, world, pushing(twin, []), tries=3).attempt(5)
     assert found.reason == "no start of `OpenGate` without collisions was found"

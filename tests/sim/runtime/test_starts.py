@@ -34,14 +34,14 @@ def test_a_seed_decides_a_start_whatever_was_drawn_before(drawn):
 def test_starts_fill_the_ranges_and_stay_inside_them(drawn):
     bundle = task_bundles.close(reset=WIDE)
     qpos = np.array([start.qpos for start in drawn])
-    box = qpos[:, :2] - bundle.objects["box"].world_from_object[:2, 3]
-    case = qpos[:, 7:9] - bundle.objects["case"].world_from_object[:2, 3]
+    box = qpos[:, :2] - bundle.objects["box"].pose.matrix[:2, 3]
+    case = qpos[:, 7:9] - bundle.objects["case"].pose.matrix[:2, 3]
     lid, robot = qpos[:, 14] - 1.5, qpos[:, 15:18]
     for values, reach in ((box, 0.01), (case, 0.03), (lid, 0.1), (robot, 0.01)):
         assert np.abs(values).max() <= reach + 1e-12
         assert np.abs(values).max() > 0.8 * reach
         assert abs(values.mean()) < 0.35 * reach
-    home = bundle.objects["case"].world_from_object[:3, :3]
+    home = bundle.objects["case"].pose.matrix[:3, :3]
     turned = [np.arctan2(*(home.T @ quaternions.to_matrix(row[10:14]))[[1, 0], 0]) for row in qpos]
     assert 0.4 < np.abs(turned).max() <= 0.5
     assert np.array_equal(qpos[:, 15:], [start.ctrl for start in drawn])

@@ -30,7 +30,7 @@ def assets() -> dict[str, Asset]:
 
 @pytest.fixture(scope="module")
 def folder(assets: dict[str, Asset]) -> Folder:
-    return usd.scene(assets, factories.background(), LENS, factories.support().world_from_camera)
+    return usd.scene(assets, factories.background(), LENS, factories.support().camera_pose.matrix)
 
 
 @pytest.fixture(scope="module")
@@ -109,13 +109,13 @@ def test_joint_limits_frames_and_the_observed_angle(stage: Any, assets: dict[str
     np.testing.assert_allclose(between[:3, 3], 0.0, atol=1e-6)
     angle = 1.9
     np.testing.assert_allclose(between[1:3, 1], [np.cos(angle), np.sin(angle)], atol=1e-5)
-    np.testing.assert_allclose(frames[0][:3, 0], assets["laptop"].world_from_object[:3, 0] * -1.0, atol=1e-6)
+    np.testing.assert_allclose(frames[0][:3, 0], assets["laptop"].pose.matrix[:3, 0] * -1.0, atol=1e-6)
     assert stage.GetPrimAtPath("/World/laptop/base").HasAPI(UsdPhysics.ArticulationRootAPI)
 
 
 def test_visuals_stand_where_the_twin_says(stage: Any, assets: dict[str, Asset]) -> None:
     laptop = assets["laptop"]
-    pose = laptop.world_from_object @ kinematics.link_poses(laptop.body)["lid"]
+    pose = laptop.pose.matrix @ kinematics.link_poses(laptop.body)["lid"]
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/World/laptop/lid/Visual"))
     points = transforms.apply(world(stage, "/World/laptop/lid/Visual"), np.array(mesh.GetPointsAttr().Get()))
     np.testing.assert_allclose(points, transforms.apply(pose, laptop.body.links["lid"].mesh.vertices), atol=1e-6)
@@ -135,13 +135,13 @@ def test_the_camera_projects_as_the_intrinsics_say(stage: Any) -> None:
     clip = np.concatenate([points, np.ones((3, 1))], axis=1) @ view @ projection
     ndc = clip[:, :2] / clip[:, 3:]
     found = np.stack([(ndc[:, 0] + 1) / 2 * LENS.width - 0.5, (1 - ndc[:, 1]) / 2 * LENS.height - 0.5], axis=1)
-    back = transforms.invert(factories.support().world_from_camera)
+    back = transforms.invert(factories.support().camera_pose.matrix)
     np.testing.assert_allclose(found, cameras.project(transforms.apply(back, points), LENS.matrix()), atol=1e-2)
 
 
 def test_bytes_are_stable_and_paths_relative(assets: dict[str, Asset], folder: Folder) -> None:
     again = usd.scene(
-        dict(reversed(assets.items())), factories.background(), LENS, factories.support().world_from_camera
+        dict(reversed(assets.items())), factories.background(), LENS, factories.support().camera_pose.matrix
     )
     assert again.files == folder.files
     assert "@/" not in folder.files["scene.usda"].decode()

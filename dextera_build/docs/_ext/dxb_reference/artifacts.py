@@ -7,8 +7,11 @@ import inspect
 import pkgutil
 from types import ModuleType
 
+from pydantic.fields import FieldInfo
+
 from dextera_build import artifacts
 from dextera_build.artifacts.base import Artifact, Value
+from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.meanings import meanings
 from dextera_build.artifacts.schema import array_specs
 from dextera_build.recipe.kinds import type_name
@@ -35,12 +38,17 @@ def _module(module: ModuleType) -> str:
     return join(f"## {module.__name__.rpartition('.')[2]}", about, *shown)
 
 
+def _type(field: FieldInfo) -> str:
+    frames = [mark.describe() for mark in field.metadata if isinstance(mark, Frames)]
+    return " ".join([type_name(field.annotation), *frames])
+
+
 def _kind(kind: type[Artifact] | type[Value]) -> str:
     arrays, said = array_specs(kind), meanings(kind)
     rows = [
         [
             code(name),
-            code(arrays[name].describe() if name in arrays else type_name(field.annotation)),
+            code(arrays[name].describe() if name in arrays else _type(field)),
             said.get(name, ""),
         ]
         for name, field in kind.model_fields.items()

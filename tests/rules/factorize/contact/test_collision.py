@@ -11,7 +11,7 @@ from dextera_build.artifacts.object import Body, Link
 from dextera_build.geometry import convex, solids
 from dextera_build.testing import RuleRunner
 from rules.factorize.contact import cavity
-from tests import object_views
+from tests import factories, object_views
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def test_pieces_cover_the_solid_and_little_else(runner):
 def walled(*walls: Hull) -> Body:
     """A cup with these walls."""
     cup = Link(mesh=object_views.mesh(object_views.cup()), walls=walls)
-    return Body(links={"base": cup}, world_from_object=np.eye(4), hollow=True)
+    return Body(links={"base": cup}, pose=factories.placed(np.eye(4)), hollow=True)
 
 
 def test_walls_are_taken_as_they_are(runner):

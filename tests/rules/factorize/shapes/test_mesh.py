@@ -72,7 +72,7 @@ def test_a_box_within_three_millimetres(tmp_path, size, yaw, eye, seed):
     assert found.hypothesis == "box"
     assert np.sort(found.mesh.extent) == pytest.approx(np.sort(size), abs=0.003)
     assert found.mesh.extent[2] == pytest.approx(size[2], abs=0.003)
-    assert found.world_from_object[:3, 3] == pytest.approx([0.03, 0.02, 0.0], abs=0.003)
+    assert found.pose.matrix[:3, 3] == pytest.approx([0.03, 0.02, 0.0], abs=0.003)
     assert found.mesh.is_closed
     assert found.mask_iou > 0.97
     assert found.unobserved == ()
@@ -170,7 +170,7 @@ def test_a_box_that_leans(tmp_path):
     found = shape_of(seen, tmp_path)
     assert found.hypothesis == "tilted_box"
     assert np.sort(found.mesh.extent) == pytest.approx([0.08, 0.12, 0.16], abs=0.004)
-    assert np.arccos(found.world_from_object[2, 2]) == pytest.approx(turn, abs=0.05)
+    assert np.arccos(found.pose.matrix[2, 2]) == pytest.approx(turn, abs=0.05)
 
 
 def test_a_can_on_a_box_stands_on_the_box(tmp_path):
@@ -180,7 +180,7 @@ def test_a_can_on_a_box_stands_on_the_box(tmp_path):
     seen = seen.model_copy(update={"occluder": np.zeros_like(seen.occluder)})
     found = shape_of(seen, tmp_path)
     assert found.hypothesis == "cylinder"
-    assert found.world_from_object[2, 3] == pytest.approx(0.06, abs=0.006)
+    assert found.pose.matrix[2, 3] == pytest.approx(0.06, abs=0.006)
     assert found.mesh.extent == pytest.approx([0.066, 0.066, 0.1], abs=0.006)
 
 
@@ -243,7 +243,7 @@ def test_the_stub_is_a_closed_box_at_the_right_place(tmp_path):
     )
     assert found.mesh.is_closed
     assert found.mesh.extent == pytest.approx([0.1, 0.1, 0.1], abs=0.02)
-    assert found.world_from_object[0, 3] == pytest.approx(0.05, abs=0.01)
+    assert found.pose.matrix[0, 3] == pytest.approx(0.05, abs=0.01)
 
 
 def test_an_open_mesh_is_not_published(tmp_path):

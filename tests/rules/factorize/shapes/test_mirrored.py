@@ -48,7 +48,7 @@ def lumps() -> Solid:
 
 def distance(shape: Shape, body: Solid) -> float:
     """Chamfer-L1 [m] between a shape, in the world, and a body."""
-    found = transforms.apply(shape.world_from_object, shape.mesh.vertices.astype(np.float64))
+    found = transforms.apply(shape.pose.matrix, shape.mesh.vertices.astype(np.float64))
     points = metrics.sample_surface(found, shape.mesh.faces, 4000, 0)
     return metrics.chamfer_and_f(points, metrics.sample_surface(body.vertices, body.faces, 4000, 1), 0.005)[0]
 
@@ -62,7 +62,7 @@ def check_stands(shape: Shape) -> None:
     assert volume(shape) > 0
     assert len(shape.mesh.faces) <= family.MOST_FACES
     assert shape.mesh.vertices[:, 2].min() == pytest.approx(0.0, abs=1e-6)
-    assert shape.world_from_object[2, 3] == pytest.approx(0.0, abs=1e-6)
+    assert shape.pose.matrix[2, 3] == pytest.approx(0.0, abs=1e-6)
     assert shape.walls == ()
     assert not shape.hollow
 
