@@ -181,9 +181,18 @@ def _header(session: Session, output: str) -> dict[str, Any]:
         if isinstance(value, dict) and "$array" in value:
             dtype, shape, _ = value["$array"]
             rows[f"field {name}"] = f"{dtype} {tuple(shape)}"
+        elif isinstance(value, dict) and session.store.blobs.has(value.get("$ref", "")):
+            rows[f"field {name}"] = _part(json.loads(session.store.blobs.get(value["$ref"])))
         elif isinstance(value, dict):
             rows[f"field {name}"] = ", ".join(value.get("$map", {})) or next(iter(value), "").removeprefix("$")
         else:
             text = json.dumps(value)
             rows[f"field {name}"] = text if len(text) < 100 else f"{text[:97]}..."
     return rows
+
+
+def _part(header: dict[str, Any]) -> str:
+    """`Pose, parent world, child object`: an artifact inside another one, without its arrays and parts."""
+    plain = {name: value for name, value in header["fields"].items() if isinstance(value, str | int | float)}
+    text = ", ".join([header["artifact"], *(f"{name} {value}" for name, value in plain.items())])
+    return text if len(text) < 100 else f"{text[:97]}..."
